@@ -22,7 +22,7 @@ impl Model {
     pub fn equivalent_springs(&self) -> Vec<EquivalentSpring> {
         let mut compiled = CompiledModel::<f64>::new(self);
         let weights = self.soft.inverse_weights.clone().unwrap_or_else(|| inverse_weights(self));
-        compiled.soften(self, &weights, 1.0, self.timestep, false);
+        compiled.soften(self, &weights, self.timestep, false);
         let structure = compiled.structure;
         let laws = structure.softness.expect("it was just added").pairs;
         let spring = |(pair, law): (&CompiledPair<f64>, &SoftContactLaw<f64>)| {

@@ -57,17 +57,6 @@ pub fn inverse_weights(model: &Model) -> InverseWeights {
     InverseWeights { bodies: (0..model.bodies.len()).map(body).collect(), dofs, tendons: model.tendons.iter().map(tendon).collect() }
 }
 
-/// Mean diagonal of the mass matrix at the reference configuration, which noslip's tolerance is relative to (MuJoCo's `stat.meaninertia`).
-pub fn mean_inertia(model: &Model) -> f64 {
-    let compiled: LaneModel<f64> = LaneModel::new(&CompiledModel::new(model));
-    let mut kinematics = Kinematics::new(&compiled);
-    kinematics.update(&compiled, &model.qpos0);
-    let mut smooth = Smooth::new(&compiled);
-    smooth.assemble_mass(&compiled, &kinematics, Implicit::<f64>::none().weights);
-    let diagonal = compiled.dofs.iter().map(|dof| smooth.mass.entries[dof.chain]);
-    diagonal.sum::<f64>() / compiled.nv.max(1) as f64
-}
-
 /// J M^-1 J^T of one row.
 fn quadratic(compiled: &LaneModel<f64>, mass: &MassMatrix<f64>, row: &[f64]) -> f64 {
     let mut x = row.to_vec();

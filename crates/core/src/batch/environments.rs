@@ -4,7 +4,7 @@ use stepper_real::Level;
 
 use crate::actuation::affine_force::ActuatorDynamics;
 use crate::actuation::{ActuatorPipelines, ActuatorSpec};
-use crate::analysis::inverse_weights::{inverse_weights, mean_inertia};
+use crate::analysis::inverse_weights::inverse_weights;
 use crate::batch::capacity::{bytes_per_env, check_memory, room_for_contacts};
 use crate::batch::inputs::Field;
 use crate::batch::randomization::ParameterOverrides;
@@ -142,14 +142,7 @@ pub(super) fn compile<S: LaneScalar>(model: &Model, specs: &[Option<ActuatorSpec
     let mut compiled = CompiledModel::with_actuator_specs(model, specs);
     if settings.contact == ContactLaw::Mujoco {
         let weights = model.soft.inverse_weights.clone().unwrap_or_else(|| inverse_weights(model));
-        let noslip = model.soft.noslip;
-        let mean_inertia = match noslip.mean_inertia {
-            Some(inertia) => inertia,
-            None if noslip.iterations > 0 => mean_inertia(model),
-            // Without sweeps nobody reads it.
-            None => 1.0,
-        };
-        compiled.soften(model, &weights, mean_inertia, settings.timestep, settings.integrator == Integrator::Discrete);
+        compiled.soften(model, &weights, settings.timestep, settings.integrator == Integrator::Discrete);
     }
     compiled
 }

@@ -12,10 +12,9 @@ use crate::model::{Equality, EqualityKind, Filter, InverseWeights, Joint, JointK
 impl<S: Scalar> CompiledModel<S> {
     /// Adds what MuJoCo's contact law needs for steps of `timestep` seconds, `discrete` ones where constraints are taken at the end of the
     /// step. Contacts are no patches then: their forces are determined.
-    pub(crate) fn soften(&mut self, model: &Model, weights: &InverseWeights, mean_inertia: f64, timestep: f64, discrete: bool) {
+    pub(crate) fn soften(&mut self, model: &Model, weights: &InverseWeights, timestep: f64, discrete: bool) {
         let SoftSettings { cone, impratio, refsafe, noslip, .. } = model.soft;
-        let scale = mean_inertia * self.structure.nv.max(1) as f64;
-        let effort = SlipEffort { sweeps: noslip.iterations, improvement: S::from_f64(noslip.tolerance * scale) };
+        let effort = SlipEffort { sweeps: noslip.iterations, tolerance: S::from_f64(noslip.tolerance) };
         let least_time = if refsafe && !discrete { 2.0 * timestep } else { 0.0 };
         let maker = LawMaker { least_time, timestep, yields: refsafe && discrete };
         let geom_weights: Vec<f64> = model.geoms.iter().map(|g| weights.bodies[g.body][0]).collect();

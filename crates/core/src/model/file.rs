@@ -32,8 +32,7 @@ impl Model {
     pub fn digest(&self) -> [u8; 32] {
         // A model without noslip sweeps has the digest that it had before there were any.
         let noslip = self.soft.noslip;
-        let without = NoSlip { mean_inertia: noslip.mean_inertia, ..NoSlip::default() };
-        let held = if noslip == without { encoded(&self.description) } else { encoded(&(&self.description, noslip)) };
+        let held = if noslip == NoSlip::default() { encoded(&self.description) } else { encoded(&(&self.description, noslip)) };
         Sha256::digest(held).into()
     }
 
@@ -117,7 +116,9 @@ fn parse(bytes: &[u8], path: &str) -> Result<Model, ModelError> {
         return refuse("damaged: the contents do not match their SHA-256".into(), "copy the file again, or save the model again");
     }
     let read = match version {
-        WITHOUT_NOSLIP => postcard::take_from_bytes::<(Description, Surfaces)>(payload).map(|((m, s), rest)| ((m, s, NoSlip::default()), rest)),
+        WITHOUT_NOSLIP => {
+            postcard::take_from_bytes::<(Description, Surfaces)>(payload).map(|((m, s), rest)| ((m, s, NoSlip::default()), rest))
+        }
         _ => postcard::take_from_bytes::<(Description, Surfaces, NoSlip)>(payload),
     };
     match read {
@@ -158,7 +159,7 @@ mod tests {
         let old = [&MAGIC[..], &WITHOUT_NOSLIP.to_le_bytes(), &digest, &payload].concat();
         assert_eq!(Model::from_bytes(&old).unwrap(), model);
         let before = model.digest();
-        model.description.soft.noslip = NoSlip { iterations: 7, tolerance: 1e-9, mean_inertia: Some(2.5) };
+        model.description.soft.noslip = NoSlip { iterations: 7, tolerance: 1e-9 };
         let back = Model::from_bytes(&model.to_bytes()).unwrap();
         assert_eq!(back, model);
         assert_ne!(back.digest(), before);

@@ -329,7 +329,6 @@ impl Model {
             write(&mut model, find(name)?, values)?;
             if MOVES_WEIGHTS.contains(&name) {
                 model.soft.inverse_weights = None;
-                model.soft.noslip.mean_inertia = None;
             }
         }
         let strict = !self.omitted.iter().any(|o| o.changes_motion);

@@ -100,16 +100,14 @@ pub struct SoftSettings {
 pub struct NoSlip {
     /// Sweeps at the most; 0 for none.
     pub iterations: u32,
-    /// Improvement of the objective at which they stop, relative to the mean inertia times the number of degrees of freedom.
+    /// Improvement of the objective at which they stop, relative to the sum of the diagonal of an island's mass matrix.
     pub tolerance: f64,
-    /// Mean diagonal of the mass matrix at the reference configuration (MuJoCo's `stat.meaninertia`); `None` lets stepper compute it.
-    pub mean_inertia: Option<f64>,
 }
 
 impl Default for NoSlip {
     /// MuJoCo's own.
     fn default() -> Self {
-        Self { iterations: 0, tolerance: 1e-6, mean_inertia: None }
+        Self { iterations: 0, tolerance: 1e-6 }
     }
 }
 

@@ -166,7 +166,11 @@ impl<R: Real> SoftSolver<R> {
                 }
                 noslip.add_forces(problem, &mut self.forces);
                 self.direction.copy_from_slice(&self.forces);
-                if coupled { self.hessian.solve(&mut self.direction) } else { metric.solve(&mut self.direction) }
+                if coupled {
+                    self.hessian.solve(&mut self.direction)
+                } else {
+                    metric.solve(&mut self.direction)
+                }
                 advance(&mut self.direction, &self.inertial, R::one());
             },
         );

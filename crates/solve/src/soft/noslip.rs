@@ -23,8 +23,8 @@ use crate::soft::problem::{Metric, SoftContacts, SoftProblem};
 pub struct SlipEffort<S> {
     /// Sweeps at the most.
     pub sweeps: u32,
-    /// Improvement of the objective by a sweep at which an island stops.
-    pub improvement: S,
+    /// Improvement of the objective by a sweep at which an island stops, relative to the sum of the diagonal of its part of M.
+    pub tolerance: S,
 }
 
 /// What sweeps have room for.
@@ -174,6 +174,8 @@ pub(super) struct NoSlip<R: Real> {
     /// Improvement by a sweep, and lanes (bits) that go on, of every island.
     improvement: Vec<R>,
     running: Vec<u32>,
+    /// Sum of the diagonal of M of every tree, then of every island.
+    inertia: [Vec<R>; 2],
     /// Island of every row, contact and contact with six rows in every lane, one after the other.
     homes: Vec<u32>,
     work: Vec<R>,
@@ -193,6 +195,7 @@ impl<R: Real> NoSlip<R> {
             parents: vec![0; dimension * R::LANES],
             improvement: vec![R::zero(); dimension],
             running: vec![0; dimension],
+            inertia: [vec![R::zero(); dimension], vec![R::zero(); dimension]],
             homes: Vec::with_capacity((rows + contacts + rolling) * R::LANES),
             work: vec![R::zero(); dimension],
         }
@@ -235,6 +238,7 @@ impl<R: Real> NoSlip<R> {
     /// Numbers the trees of the degrees of freedom.
     fn find_trees(&mut self, metric: &impl Metric<R>) {
         self.count = 0;
+        self.inertia[0].fill(R::zero());
         for i in 0..self.trees.len() {
             self.trees[i] = match *metric.row(i).0 {
                 [_, .., root] => self.trees[root as usize],
@@ -243,12 +247,13 @@ impl<R: Real> NoSlip<R> {
                     self.count as u32 - 1
                 }
             };
+            self.inertia[0][self.trees[i] as usize] += metric.row(i).1[0];
         }
     }
 
     /// Unites the trees that rows join, lane by lane.
     fn find_islands(&mut self, problem: &SoftProblem<R>, constraints: usize) {
-        let Self { trees, count, parents, homes, running, .. } = self;
+        let Self { trees, count, parents, homes, running, inertia, .. } = self;
         homes.clear();
         for l in 0..R::LANES {
             for tree in 0..*count {
@@ -267,6 +272,13 @@ impl<R: Real> NoSlip<R> {
         for contact in &problem.rolling_contacts.items {
             let (support, jacobian) = problem.rolling_contacts.entries(contact);
             unite::<R>(trees, parents, homes, support, |e, l| jacobian[e].iter().any(|j| j.lane(l) != zero));
+        }
+        inertia[1].fill(R::zero());
+        for tree in 0..*count {
+            for l in 0..R::LANES {
+                let sum = &mut inertia[1][find::<R>(parents, tree as u32, l) as usize];
+                sum.set_lane(l, sum.lane(l) + inertia[0][tree].lane(l));
+            }
         }
         running.fill(0);
         for (at, home) in homes.iter_mut().enumerate() {
@@ -313,10 +325,11 @@ impl<R: Real> NoSlip<R> {
                     self.visit_contacts(problem, visits, a);
                 },
             );
-            let enough = R::splat(effort.improvement);
-            for (running, improvement) in self.running[..self.count].iter_mut().zip(&mut self.improvement) {
+            let tolerance = R::splat(effort.tolerance);
+            for ((running, improvement), &inertia) in self.running[..self.count].iter_mut().zip(&mut self.improvement).zip(&self.inertia[1])
+            {
                 // Written so that an improvement that is no number ends it.
-                *running &= improvement.ge(enough).bits();
+                *running &= improvement.ge(tolerance * inertia).bits();
                 *improvement = R::zero();
             }
         }

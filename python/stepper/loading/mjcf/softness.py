@@ -24,7 +24,6 @@ def soft_settings(source: Source) -> Description:
         "noslip": {
             "iterations": max(int(m.opt.noslip_iterations), 0),
             "tolerance": float(m.opt.noslip_tolerance),
-            "mean_inertia": float(m.stat.meaninertia) if m.stat.meaninertia > 0 else None,
         },
     }
 

@@ -273,11 +273,12 @@ impl<R: Real> NoSlip<R> {
             let (support, jacobian) = problem.rolling_contacts.entries(contact);
             unite::<R>(trees, parents, homes, support, |e, l| jacobian[e].iter().any(|j| j.lane(l) != zero));
         }
-        inertia[1].fill(R::zero());
+        let [of_trees, of_islands] = inertia;
+        of_islands.fill(R::zero());
         for tree in 0..*count {
             for l in 0..R::LANES {
-                let sum = &mut inertia[1][find::<R>(parents, tree as u32, l) as usize];
-                sum.set_lane(l, sum.lane(l) + inertia[0][tree].lane(l));
+                let sum = &mut of_islands[find::<R>(parents, tree as u32, l) as usize];
+                sum.set_lane(l, sum.lane(l) + of_trees[tree].lane(l));
             }
         }
         running.fill(0);

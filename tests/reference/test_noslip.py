@@ -64,8 +64,10 @@ BLOCK = """<mujoco><option timestep=".002" cone="{cone}" noslip_iterations="{swe
 
 @pytest.mark.parametrize("cone", ["pyramidal", "elliptic"])
 def test_a_block_on_a_slope_creeps_without_the_sweeps_and_stays_with_them(cone):
-    """tan of the slope is 0.446, friction 0.8: the regularised law creeps by more than a millimetre a second, the sweeps leave less than a
-    hundredth of that; a block with friction 0.3 slides in either."""
+    """The regularised law creeps by more than a millimetre a second, and the sweeps leave less than a hundredth of that.
+
+    The slope is 0.446 and friction 0.8; a block with friction 0.3 slides with the sweeps, too.
+    """
     moved = {}
     for sweeps in (0, 20):
         model = stepper.load(BLOCK.format(cone=cone, sweeps=sweeps, friction=0.8))
@@ -83,7 +85,8 @@ def test_a_block_on_a_slope_creeps_without_the_sweeps_and_stays_with_them(cone):
     assert sim.qpos[0] > 0.1
 
 
-GRIPPER = """<mujoco><option timestep=".002" cone="elliptic" noslip_iterations="{sweeps}"/><default><geom friction="1 .02 .001" condim="4"/></default>
+GRIPPER = """<mujoco><option timestep=".002" cone="elliptic" noslip_iterations="{sweeps}"/>
+  <default><geom friction="1 .02 .001" condim="4"/></default>
   <worldbody><body name="left" pos="-.06 0 .2"><joint name="left" type="slide" axis="1 0 0" damping="5"/>
     <geom type="box" size=".02 .03 .03" mass=".2"/></body>
   <body name="right" pos=".06 0 .2"><joint name="right" type="slide" axis="-1 0 0" damping="5"/>

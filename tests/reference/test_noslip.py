@@ -15,8 +15,12 @@ SWEEPS, TOLERANCE = 20, 1e-6
 
 
 def without_slip(source, sweeps=SWEEPS, tolerance=TOLERANCE, **options):
-    """A compiled model with noslip sweeps."""
-    return compiled(source, noslip_iterations=sweeps, noslip_tolerance=tolerance, **options)
+    """A compiled model with noslip sweeps.
+
+    MuJoCo's solution before them is to the last digit: an error of it that the solution itself hides, of 1e-9 m/s^2 in a stiff contact, is one
+    of 1e-6 N in the normal force that the sweeps hold.
+    """
+    return compiled(source, noslip_iterations=sweeps, noslip_tolerance=tolerance, tolerance=0.0, **options)
 
 
 def changes(model, found):
@@ -31,7 +35,7 @@ def test_every_scene_of_the_law_steps_as_in_mujoco(name, sweeps):
     parts = {part: "" for part in ("option", "geom", "joint", "floor", "ball", "more")} | SCENES[name]
     model = without_slip(SCENE.format(**parts), *sweeps)
     found = states(model, 12)
-    step = compare(stepper.load(model), found)
+    step = compare(stepper.load(model, strict=False), found)
     assert step.touching > 0.5
     assert step.same > 0.5
     assert step.agrees == 1.0
@@ -66,11 +70,11 @@ BLOCK = """<mujoco><option timestep=".002" cone="{cone}" noslip_iterations="{swe
 def test_a_block_on_a_slope_creeps_without_the_sweeps_and_stays_with_them(cone):
     """The regularised law creeps by more than a millimetre a second, and the sweeps leave less than a hundredth of that.
 
-    The slope is 0.446 and friction 0.8; a block with friction 0.3 slides with the sweeps, too.
+    The slope is 0.446 and friction 1.5, of which a pyramid may have half along each axis; a block with friction 0.3 slides with the sweeps, too.
     """
     moved = {}
     for sweeps in (0, 20):
-        model = stepper.load(BLOCK.format(cone=cone, sweeps=sweeps, friction=0.8))
+        model = stepper.load(BLOCK.format(cone=cone, sweeps=sweeps, friction=1.5))
         sim = stepper.Stepper(model, options=stepper.Options.of(model))
         sim.step(nstep=500)
         start = sim.qpos[0]
@@ -162,5 +166,5 @@ def test_the_same_bits_alone_and_among_others(precision):
     for _ in range(60):
         many.step()
         one.step()
-        assert np.array_equal(many.qpos[7], one.qpos)
-        assert np.array_equal(many.sweeps[7], one.sweeps)
+        assert np.array_equal(many.qpos[7], one.qpos[0])
+        assert many.sweeps[7] == np.ravel(one.sweeps)[0]

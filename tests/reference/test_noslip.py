@@ -20,7 +20,7 @@ def without_slip(source, sweeps=SWEEPS, tolerance=TOLERANCE, **options):
     MuJoCo's solution before them is to the last digit: an error of it that the solution itself hides, of 1e-9 m/s^2 in a stiff contact, is one
     of 1e-6 N in the normal force that the sweeps hold.
     """
-    return compiled(source, noslip_iterations=sweeps, noslip_tolerance=tolerance, tolerance=0.0, **options)
+    return compiled(source, noslip_iterations=sweeps, noslip_tolerance=tolerance, tolerance=1e-16, **options)
 
 
 def changes(model, found):

@@ -547,7 +547,8 @@ impl<R: Real, const N: usize> Friction<R, N> {
             matrix[k][k] = R::select(exists, matrix[k][k], R::one());
         }
         let presses = normal.ge(R::of(LEAST_FORCE));
-        let mut next = minimise_in_ball(&matrix, &linear, normal, lanes.and(presses));
+        let single = R::Mask::splat(N == 6).and(contact.weight[N - 1].gt(R::zero()));
+        let mut next = minimise_in_ball(&matrix, &linear, normal, lanes.and(presses), single);
         let (mut change, mut quadratic, mut first) = ([R::zero(); N], R::zero(), R::zero());
         for k in 1..N {
             next[k] = R::select(presses, next[k] * contact.scale[k], R::zero());
@@ -575,9 +576,13 @@ impl<R: Real, const N: usize> Friction<R, N> {
 }
 
 /// Minimises 1/2 x^T A x + b^T x over the ball |x| <= r in the lanes `lanes`: Newton's method for the multiplier from 0, whose equation
-/// |(A + l)^-1 b|^2 = r^2 is convex in it, so that it rises to the solution. What is outside at last is put on the sphere.
+/// |(A + l)^-1 b|^2 = r^2 is convex in it, so that it rises to the solution. What is outside at last is put on the sphere, whatever stopped
+/// the method. Where A is singular to [`LEAST_DETERMINANT`] the answer is 0, as MuJoCo has it: by its pivots one by one in the lanes `single`,
+/// in the others by its determinant.
 #[inline(always)]
-fn minimise_in_ball<R: Real, const N: usize>(matrix: &[[R; N]; N], b: &[R; N], r: R, lanes: R::Mask) -> [R; N] {
+fn minimise_in_ball<R: Real, const N: usize>(matrix: &[[R; N]; N], b: &[R; N], r: R, lanes: R::Mask, single: R::Mask) -> [R; N] {
+    let regular = is_regular(matrix, single);
+    let lanes = lanes.and(regular);
     let (mut multiplier, mut x, mut square) = (R::zero(), [R::zero(); N], R::zero());
     let (mut running, enough, ball) = (lanes, R::of(MULTIPLIER_TOLERANCE), r * r);
     for _ in 0..MULTIPLIER_STEPS {
@@ -605,12 +610,28 @@ fn minimise_in_ball<R: Real, const N: usize>(matrix: &[[R; N]; N], b: &[R; N], r
         }
         multiplier += R::select(running, step, R::zero());
     }
-    let bound = multiplier.gt(R::zero());
+    let bound = multiplier.gt(R::zero()).or((square - ball).ge(enough));
     let scale = R::select(bound, (ball / square.max(R::of(LEAST_FORCE))).sqrt(), R::one());
     x.map(
         #[inline(always)]
-        |x| x * scale,
+        |x| R::select(regular, x * scale, R::zero()),
     )
+}
+
+/// Lanes in which the matrix can be inverted.
+#[inline(always)]
+fn is_regular<R: Real, const N: usize>(matrix: &[[R; N]; N], single: R::Mask) -> R::Mask {
+    let factors = factor(matrix, R::zero());
+    let least = R::of(LEAST_DETERMINANT);
+    let rounding = R::of(ROUNDING * <R::Scalar as Scalar>::EPSILON.to_f64());
+    let (mut determinant, mut smallest, mut sound) = (R::one(), R::of(f64::INFINITY), R::Mask::splat(true));
+    for k in 0..N {
+        let pivot = R::one() / factors[k][k];
+        determinant *= pivot;
+        smallest = smallest.min(pivot);
+        sound = sound.and(pivot.gt(rounding * matrix[k][k]));
+    }
+    sound.and(R::select(single, smallest, determinant).ge(least))
 }
 
 /// Factors L D L^T of A + l: L below the diagonal, 1 / D on it.
@@ -635,8 +656,10 @@ fn factor<R: Real, const N: usize>(matrix: &[[R; N]; N], l: R) -> [[R; N]; N] {
     factors
 }
 
-/// Least pivot of [`factor`]: tangents that nothing moves along have no other.
+/// Least pivot of [`factor`], so that its inverse is finite.
 const LEAST_PIVOT: f64 = 1e-30;
+/// Least determinant, or pivot, of a matrix that counts as regular.
+const LEAST_DETERMINANT: f64 = 1e-10;
 
 /// (A + l)^-1 b
 #[inline(always)]

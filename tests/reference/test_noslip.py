@@ -17,8 +17,8 @@ SWEEPS, TOLERANCE = 20, 1e-6
 def without_slip(source, sweeps=SWEEPS, tolerance=TOLERANCE, **options):
     """A compiled model with noslip sweeps.
 
-    MuJoCo's solution before them is to the last digit: an error of it that the solution itself hides, of 1e-9 m/s^2 in a stiff contact, is one
-    of 1e-6 N in the normal force that the sweeps hold.
+    MuJoCo's solution before them is to the last digit: an error of 1e-9 m/s^2 in a stiff contact, which the solution itself hides, is one of
+    1e-6 N in the normal force that the sweeps hold.
     """
     return compiled(source, noslip_iterations=sweeps, noslip_tolerance=tolerance, tolerance=1e-16, **options)
 
@@ -70,7 +70,7 @@ BLOCK = """<mujoco><option timestep=".002" cone="{cone}" noslip_iterations="{swe
 def test_a_block_on_a_slope_creeps_without_the_sweeps_and_stays_with_them(cone):
     """The regularised law creeps by more than a millimetre a second, and the sweeps leave less than a hundredth of that.
 
-    The slope is 0.446 and friction 1.5, of which a pyramid may have half along each axis; a block with friction 0.3 slides with the sweeps, too.
+    The slope is 0.446 and friction 1.5, of which a pyramid may have half along each axis; friction 0.3 slides with the sweeps, too.
     """
     moved = {}
     for sweeps in (0, 20):

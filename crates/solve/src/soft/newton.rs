@@ -127,7 +127,7 @@ impl<R: Real> SoftSolver<R> {
         outcome
     }
 
-    /// Sweeps over the forces of friction after [`SoftSolver::solve`] found the solution `a` of the same problem in the lanes `lanes`, which
+    /// Sweeps over the forces of friction after [`SoftSolver::solve`] found the solution `a` of the same problem in the lanes `lanes`; it
     /// becomes the acceleration with the new forces; see the module of the sweeps. `visits` are the contacts in their order. Rows from
     /// `constraints` on are couplings of the metric. Returns the sweeps of each lane.
     ///

@@ -6,8 +6,8 @@
 //! allows, a pyramid's opposing edges with their sum fixed. A is never formed: the acceleration is carried along, and each row has the
 //! acceleration that a unit force makes.
 //!
-//! Rows that share no tree, directly or by others, are an island; islands stop one by one, where a sweep improves the objective by less than
-//! the tolerance, and other islands of the same lane go on.
+//! Rows that share no tree, directly or by others, are an island; islands stop one by one, where a sweep improves the objective by less
+//! than the tolerance, and other islands of the same lane go on.
 
 use std::ops::Range;
 
@@ -577,7 +577,7 @@ impl<R: Real, const N: usize> Friction<R, N> {
 
 /// Minimises 1/2 x^T A x + b^T x over the ball |x| <= r in the lanes `lanes`: Newton's method for the multiplier from 0, whose equation
 /// |(A + l)^-1 b|^2 = r^2 is convex in it, so that it rises to the solution. What is outside at last is put on the sphere, whatever stopped
-/// the method. Where A is singular to [`LEAST_DETERMINANT`] the answer is 0, as MuJoCo has it: by its pivots one by one in the lanes `single`,
+/// the method. Where A is singular to [`LEAST_DETERMINANT`] the answer is 0, as MuJoCo has it: by each pivot in the lanes `single`,
 /// in the others by its determinant.
 #[inline(always)]
 fn minimise_in_ball<R: Real, const N: usize>(matrix: &[[R; N]; N], b: &[R; N], r: R, lanes: R::Mask, single: R::Mask) -> [R; N] {

@@ -13,6 +13,7 @@ mod input;
 mod rows;
 mod slip;
 mod system;
+mod visit_order;
 
 pub use effective_mass::EffectiveMass;
 pub use input::SoftInput;

@@ -9,34 +9,8 @@ use stepper_solve::soft::{ContactVisit, SlipEffort};
 use crate::collision::contact_set::Contacts;
 use crate::compile::LaneModel;
 use crate::constraints::constraint_set::Constraints;
+use crate::constraints::soft::visit_order::{Key, VisitOrder};
 use crate::dynamics::inertia::MassMatrix;
-
-/// Where a pair of geoms comes: the lower body, the other, the geoms.
-type Key = [u32; 4];
-
-/// The order of contacts, and room to find it.
-#[derive(Clone, Debug)]
-pub(super) struct VisitOrder<R: Real> {
-    pub(super) visits: Vec<ContactVisit<R::Mask>>,
-    /// Places among the contacts with three rows and among those with six of every slot.
-    places: Vec<[Option<u32>; 2]>,
-    /// Key and slot of the contacts of one lane.
-    keyed: Vec<(Key, u32)>,
-    /// Slots of every lane in their order, lane by lane.
-    order: Vec<u32>,
-}
-
-impl<R: Real> VisitOrder<R> {
-    /// Room for so many contacts in a lane.
-    pub(super) fn new(contacts: usize) -> Self {
-        Self {
-            visits: Vec::with_capacity(contacts * R::LANES),
-            places: Vec::with_capacity(contacts),
-            keyed: Vec::with_capacity(contacts),
-            order: Vec::with_capacity(contacts * R::LANES),
-        }
-    }
-}
 
 impl<R: Real> Constraints<R> {
     /// Takes the slip out of friction in the lanes that have constraints, once the soft problem is solved. Returns the sweeps of each lane.

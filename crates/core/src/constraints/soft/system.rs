@@ -4,7 +4,7 @@ use stepper_real::Real;
 use stepper_solve::soft::{Effort, Metric, SlipEffort, SlipRoom, SoftOutcome, SoftProblem, SoftSolver};
 
 use crate::compile::{LaneModel, ModelStructure};
-use crate::constraints::soft::slip::VisitOrder;
+use crate::constraints::soft::visit_order::VisitOrder;
 use crate::dynamics::inertia::MassMatrix;
 use crate::math::spatial::*;
 

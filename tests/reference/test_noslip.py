@@ -17,7 +17,7 @@ SWEEPS, TOLERANCE = 20, 1e-6
 def without_slip(source, sweeps=SWEEPS, tolerance=TOLERANCE, **options):
     """A compiled model with noslip sweeps.
 
-    MuJoCo's solution before them is to the last digit: an error of 1e-9 m/s^2 in a stiff contact, which the solution itself hides, is one of
+    MuJoCo's solution before them is to the last digit: an error of 1e-9 m/s^2 in a stiff contact, which the solution hides, is one of
     1e-6 N in the normal force that the sweeps hold.
     """
     return compiled(source, noslip_iterations=sweeps, noslip_tolerance=tolerance, tolerance=1e-16, **options)

@@ -38,6 +38,7 @@ static ALLOCATOR: Counting = Counting;
 fn a_step_allocates_nothing_the_second_time() {
     // Sweeps without slip are those of MuJoCo's law alone.
     let model = walker().replace_all(&[("noslip_iterations", &[8.0]), ("noslip_tolerance", &[0.0])]).unwrap();
+    let model = std::sync::Arc::new(model);
     let level = *Level::available().last().unwrap();
     let base = Options { timestep: Some(0.004), ..Options::default() };
     let settings = [

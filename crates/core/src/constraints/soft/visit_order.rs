@@ -24,9 +24,9 @@ impl<R: Real> VisitOrder<R> {
     pub(super) fn new(contacts: usize) -> Self {
         Self {
             visits: Vec::with_capacity(contacts * R::LANES),
-            pub(super) places: Vec::with_capacity(contacts),
-            pub(super) keyed: Vec::with_capacity(contacts),
-            pub(super) order: Vec::with_capacity(contacts * R::LANES),
+            places: Vec::with_capacity(contacts),
+            keyed: Vec::with_capacity(contacts),
+            order: Vec::with_capacity(contacts * R::LANES),
         }
     }
 }

@@ -24,6 +24,7 @@ def main() -> None:
     parser.add_argument("--states", type=int, default=100, help="states of each model; default: 100")
     parser.add_argument("--integrator", choices=("euler", "implicitfast", "implicit", "discrete", "rk4"), help="instead of the model's own")
     parser.add_argument("--cone", choices=("pyramidal", "elliptic"), help="instead of the model's own")
+    parser.add_argument("--noslip", type=int, metavar="SWEEPS", help="sweeps that take the slip out of friction at the most; default: none")
     parser.add_argument("--out", type=Path, help="folder of mujoco_law.csv and, if it has one, of the page whose table is renewed")
     args = parser.parse_args()
     rows = []
@@ -45,6 +46,8 @@ def _measure(source: Source, args: argparse.Namespace) -> Row:
             if args.integrator:
                 name = args.integrator.upper()
                 compiled.opt.integrator = getattr(mujoco.mjtIntegrator, f"mjINT_{name}")
+            if args.noslip:
+                compiled.opt.noslip_iterations = args.noslip
             if args.cone:
                 compiled.opt.cone = getattr(mujoco.mjtCone, f"mjCONE_{args.cone.upper()}")
             model = stepper.load(compiled, strict=False)

@@ -86,7 +86,9 @@ class Options:
 
     @classmethod
     def of(cls, model: Model) -> Options:
-        """What the model's source asks for: MuJoCo's law of contact, with the softness, cone and impratio of the model, and its integrator.
+        """What the model's source asks for: MuJoCo's law of contact with the numbers of the model, and its integrator.
+
+        The numbers are softness, cone, impratio and noslip sweeps.
 
         The iterations are at least those of the source: a bound, which costs nothing where a step is solved before. Whatever solver the
         source names, the problem is the same, and Newton's method solves it to the tolerance, in m/s; MuJoCo's own tolerance is none and is

@@ -481,6 +481,12 @@ class Model:
     def impratio(self) -> _Array:
         """Ratio of the impedance of friction to that of normal forces by MuJoCo's law."""
     @property
+    def noslip_iterations(self) -> _Array:
+        """Sweeps at the most that take the slip out of friction by MuJoCo's law."""
+    @property
+    def noslip_tolerance(self) -> _Array:
+        """Relative improvement at which the noslip sweeps stop."""
+    @property
     def actuator_gear(self) -> _Array:
         """Scale of length, velocity and force: (nu,)."""
     @property

@@ -54,7 +54,7 @@ def test_the_table_of_models_that_load_is_true(name):
     else:
         # What is left out has no effect on the motion (sensors, flags for MuJoCo's solver), or is how MuJoCo softens contacts and limits.
         harmless = {kind for kind, _, _ in stepper_model(name).omitted if not kind.startswith(("sensor ", "flag "))}
-        assert harmless <= {"joint margin", "tendon margin", "noslip"}
+        assert harmless <= {"joint margin", "tendon margin"}
 
 
 def states(name: str, strict: bool = True):

@@ -18,9 +18,11 @@ mod cone;
 mod contact;
 mod hessian;
 mod newton;
+mod noslip;
 mod problem;
 
 pub use cone::Cone;
 pub use contact::SoftContact;
 pub use newton::{Effort, SoftOutcome, SoftSolver};
+pub use noslip::{ContactVisit, SlipEffort, SlipRoom};
 pub use problem::{Metric, SoftContacts, SoftProblem, SoftRow};

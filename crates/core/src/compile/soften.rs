@@ -1,6 +1,7 @@
 //! A compiled model takes up MuJoCo's contact law.
 
 use stepper_real::Scalar;
+use stepper_solve::soft::SlipEffort;
 
 use crate::compile::compiled_model::CompiledModel;
 use crate::compile::limits::is_scalar;
@@ -12,7 +13,8 @@ impl<S: Scalar> CompiledModel<S> {
     /// Adds what MuJoCo's contact law needs for steps of `timestep` seconds, `discrete` ones where constraints are taken at the end of the
     /// step. Contacts are no patches then: their forces are determined.
     pub(crate) fn soften(&mut self, model: &Model, weights: &InverseWeights, timestep: f64, discrete: bool) {
-        let SoftSettings { cone, impratio, refsafe, .. } = model.soft;
+        let SoftSettings { cone, impratio, refsafe, noslip, .. } = model.soft;
+        let effort = SlipEffort { sweeps: noslip.iterations, tolerance: S::from_f64(noslip.tolerance) };
         let least_time = if refsafe && !discrete { 2.0 * timestep } else { 0.0 };
         let maker = LawMaker { least_time, timestep, yields: refsafe && discrete };
         let geom_weights: Vec<f64> = model.geoms.iter().map(|g| weights.bodies[g.body][0]).collect();
@@ -43,6 +45,7 @@ impl<S: Scalar> CompiledModel<S> {
         let softness = CompiledSoftness {
             cone,
             impratio: S::from_f64(impratio.max(MIN_VALUE)),
+            noslip: (noslip.iterations > 0).then_some(effort),
             pairs: pairs.collect(),
             limits,
             frictions: self.structure.frictions.iter().map(friction).collect(),
@@ -51,6 +54,7 @@ impl<S: Scalar> CompiledModel<S> {
             equalities: equalities.collect(),
             maker,
             geom_weights,
+            geom_bodies: model.geoms.iter().map(|g| g.body as u32).collect(),
         };
         self.structure.patches.clear();
         self.structure.softness = Some(softness);

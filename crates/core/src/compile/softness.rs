@@ -1,6 +1,7 @@
 //! Softness of constraints, compiled: what MuJoCo's contact law makes of solref, solimp and the inverse weights of a model.
 
 use stepper_real::{Real, Scalar};
+use stepper_solve::soft::SlipEffort;
 
 use crate::compile::tree::scalars;
 use crate::model::{Cone, ContactSpring, GeomPair, MIN_VALUE, Softness};
@@ -58,6 +59,8 @@ pub struct CompiledSoftness<S> {
     pub cone: Cone,
     /// Ratio of the impedance of friction to that of normal forces.
     pub impratio: S,
+    /// Sweeps that take the slip out of friction, if there are any.
+    pub noslip: Option<SlipEffort<S>>,
     /// Laws of the listed pairs.
     pub pairs: Vec<SoftContactLaw<S>>,
     /// Laws of limits, dry friction and limits of ball joints, as the compiled model lists them.
@@ -74,6 +77,8 @@ pub struct CompiledSoftness<S> {
     pub(super) maker: LawMaker,
     /// Inverse weight of every geom's body, of translation.
     pub(super) geom_weights: Vec<f64>,
+    /// Body of every geom of the model.
+    pub geom_bodies: Vec<u32>,
 }
 
 /// What a law is made with, besides its softness.

@@ -58,8 +58,17 @@ impl Model {
     /// at its own simulator's defaults.
     pub fn deviations(&self, implied: bool) -> Vec<String> {
         let Some(asked) = &self.requested else { return vec![] };
-        let lines = [asked.integrator_line(), asked.softness_line(), asked.cone_line()];
+        let lines = [asked.integrator_line(), asked.softness_line(), asked.cone_line(), self.noslip_line()];
         lines.into_iter().flatten().filter(|(express, _)| *express || implied).map(|(_, line)| line).collect()
+    }
+
+    fn noslip_line(&self) -> Deviation {
+        let sweeps = self.soft.noslip.iterations;
+        let line = format!(
+            "noslip: the source asks for {sweeps} sweeps at the most that take the slip out of friction; hard contact has no such slip and \
+             makes none. Options.of(model) takes them"
+        );
+        (sweeps > 0).then_some((true, line))
     }
 
     fn links(&self) -> Vec<Line> {
@@ -117,6 +126,11 @@ impl Model {
                 turning,
                 format!("{turning} pairs with torsional or rolling friction too: 6 rows a contact, one elliptic cone"),
                 "torsional or rolling friction",
+            ),
+            Line::new(
+                self.soft.noslip.iterations as usize,
+                format!("{} noslip sweeps at the most after MuJoCo's law; hard contact makes none", self.soft.noslip.iterations),
+                "noslip sweeps",
             ),
             Line::new(slick, format!("{slick} frictionless pairs: 1 row a contact"), "frictionless contacts"),
             Line::new(bouncing, format!("{bouncing} pairs bounce (Newton's restitution)"), "restitution"),

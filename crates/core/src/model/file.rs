@@ -6,7 +6,7 @@
 //! | 4 | [`FORMAT_VERSION`], little endian |
 //! | 32 | SHA-256 of the payload |
 //! | rest | payload in postcard's encoding (numbers as their IEEE 754 bits, little endian): the [`Description`], then for every mesh the triangles |
-//! |   | of its convex hull, where the model has it |
+//! |   | of its convex hull, where the model has it, then its [`NoSlip`], which version 12 does not have |
 
 use std::path::Path;
 
@@ -14,13 +14,15 @@ use serde::Serialize;
 use sha2::{Digest, Sha256};
 
 use crate::model::hulls::{Source, Surfaces};
-use crate::model::{Description, Model, ModelError};
+use crate::model::{Description, Model, ModelError, NoSlip};
 
 /// The first bytes of every saved model. The last is no valid UTF-8, so no text file begins so.
 const MAGIC: [u8; 8] = *b"stepper\xff";
 
 /// Version of the format of saved models; changes whenever the payload does.
-pub const FORMAT_VERSION: u32 = 12;
+pub const FORMAT_VERSION: u32 = 13;
+/// The version before, which is read too: its models have no noslip sweeps.
+const WITHOUT_NOSLIP: u32 = 12;
 
 const HEADER: usize = 8 + 4 + 32;
 const MEMORY: &str = "saved model";
@@ -28,7 +30,10 @@ const MEMORY: &str = "saved model";
 impl Model {
     /// SHA-256 of all that the model holds: equal for equal models, on any machine.
     pub fn digest(&self) -> [u8; 32] {
-        Sha256::digest(encoded(&self.description)).into()
+        // A model without noslip sweeps has the digest that it had before there were any.
+        let noslip = self.soft.noslip;
+        let held = if noslip == NoSlip::default() { encoded(&self.description) } else { encoded(&(&self.description, noslip)) };
+        Sha256::digest(held).into()
     }
 
     /// The model as bytes, see [`Model::from_bytes`].
@@ -70,7 +75,7 @@ impl Model {
     }
 
     fn payload(&self) -> Vec<u8> {
-        encoded(&(&self.description, self.hulls.surfaces()))
+        encoded(&(&self.description, self.hulls.surfaces(), self.soft.noslip))
     }
 }
 
@@ -100,7 +105,7 @@ fn parse(bytes: &[u8], path: &str) -> Result<Model, ModelError> {
         return refuse(format!("cut off after {} bytes", bytes.len()), "copy the file again, or save the model again");
     }
     let version = u32::from_le_bytes(bytes[8..12].try_into().expect("4 bytes"));
-    if version != FORMAT_VERSION {
+    if version != FORMAT_VERSION && version != WITHOUT_NOSLIP {
         return refuse(
             format!("format version {version}, this stepper reads {FORMAT_VERSION}"),
             "load the original description and save it again with this version of stepper, or use the version that saved it",
@@ -110,8 +115,17 @@ fn parse(bytes: &[u8], path: &str) -> Result<Model, ModelError> {
     if digest != &Sha256::digest(payload)[..] {
         return refuse("damaged: the contents do not match their SHA-256".into(), "copy the file again, or save the model again");
     }
-    match postcard::take_from_bytes::<(Description, Surfaces)>(payload) {
-        Ok(((model, surfaces), [])) => model.check(Source::Kept(&surfaces)),
+    let read = match version {
+        WITHOUT_NOSLIP => {
+            postcard::take_from_bytes::<(Description, Surfaces)>(payload).map(|((m, s), rest)| ((m, s, NoSlip::default()), rest))
+        }
+        _ => postcard::take_from_bytes::<(Description, Surfaces, NoSlip)>(payload),
+    };
+    match read {
+        Ok(((mut model, surfaces, noslip), [])) => {
+            model.soft.noslip = noslip;
+            model.check(Source::Kept(&surfaces))
+        }
         _ => refuse("not readable by this version, though undamaged".into(), "save the model again with this version of stepper"),
     }
 }
@@ -135,6 +149,20 @@ mod tests {
         assert_eq!(back.to_bytes(), model.to_bytes());
         assert_eq!(back.digest(), model.digest());
         assert!(back.gravity[0].is_sign_negative());
+    }
+
+    #[test]
+    fn a_file_of_the_version_before_is_read_without_noslip_sweeps() {
+        let mut model = rich_model();
+        let payload = encoded(&(&model.description, model.hulls.surfaces()));
+        let digest: [u8; 32] = Sha256::digest(&payload).into();
+        let old = [&MAGIC[..], &WITHOUT_NOSLIP.to_le_bytes(), &digest, &payload].concat();
+        assert_eq!(Model::from_bytes(&old).unwrap(), model);
+        let before = model.digest();
+        model.description.soft.noslip = NoSlip { iterations: 7, tolerance: 1e-9 };
+        let back = Model::from_bytes(&model.to_bytes()).unwrap();
+        assert_eq!(back, model);
+        assert_ne!(back.digest(), before);
     }
 
     #[test]

@@ -50,7 +50,7 @@ pub use sensor::{
 };
 pub use shape::Shape;
 pub(crate) use softness::MIN_VALUE;
-pub use softness::{Cone, ContactSpring, InverseWeights, SoftSettings, Softness};
+pub use softness::{Cone, ContactSpring, InverseWeights, NoSlip, SoftSettings, Softness};
 pub use tendon::Tendon;
 pub use variant::Parameter;
 pub(crate) use variant::Variants;

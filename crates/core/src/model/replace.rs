@@ -107,6 +107,10 @@ pub const REPLACEABLE: &[Field] = &[
     }),
     rows("eq_damping", 1, "damping beside the spring of a soft equality", |m, f| m.equalities.iter_mut().for_each(|e| f(&mut e.damping))),
     scalar("impratio", "ratio of the impedance of friction to that of normal forces by MuJoCo's law", |m, f| f(&mut m.soft.impratio)),
+    scalar("noslip_iterations", "sweeps at the most that take the slip out of friction by MuJoCo's law", |m, f| {
+        whole(&mut m.soft.noslip.iterations, f);
+    }),
+    scalar("noslip_tolerance", "relative improvement at which the noslip sweeps stop", |m, f| f(&mut m.soft.noslip.tolerance)),
     rows("actuator_gear", 1, "scale of length, velocity and force", |m, f| m.actuators.iter_mut().for_each(|a| f(&mut a.gear))),
     rows("actuator_gain", 3, "affine gain", |m, f| m.actuators.iter_mut().flat_map(|a| &mut a.gain).for_each(f)),
     rows("actuator_bias", 3, "affine bias", |m, f| m.actuators.iter_mut().flat_map(|a| &mut a.bias).for_each(f)),
@@ -196,10 +200,27 @@ fn bounds(range: &mut Option<[f64; 2]>, f: &mut dyn FnMut(&mut f64)) {
 }
 
 /// A whole number; what is written saturates.
-fn whole(number: &mut u8, f: &mut dyn FnMut(&mut f64)) {
-    let mut value = f64::from(*number);
+fn whole<T: Copy + Into<f64> + Saturates>(number: &mut T, f: &mut dyn FnMut(&mut f64)) {
+    let mut value = (*number).into();
     f(&mut value);
-    *number = value as u8;
+    *number = T::saturated(value);
+}
+
+/// A whole number made of any.
+trait Saturates {
+    fn saturated(value: f64) -> Self;
+}
+
+impl Saturates for u8 {
+    fn saturated(value: f64) -> Self {
+        value as Self
+    }
+}
+
+impl Saturates for u32 {
+    fn saturated(value: f64) -> Self {
+        value as Self
+    }
 }
 
 /// 0 or 1; what is written is taken for 1 unless it is 0.

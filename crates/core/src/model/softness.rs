@@ -1,6 +1,6 @@
 //! What MuJoCo's contact law needs of a scene: how soft its constraints are, and what softness is relative to.
 
-use serde::{Deserialize, Serialize};
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 pub use stepper_solve::soft::Cone;
 
@@ -89,11 +89,48 @@ pub struct SoftSettings {
     pub refsafe: bool,
     /// What softness is relative to; `None` lets stepper compute it.
     pub inverse_weights: Option<InverseWeights>,
+    /// Sweeps after the solution that take the slip out of friction.
+    #[serde(default, with = "beside_the_description")]
+    pub noslip: NoSlip,
+}
+
+/// MuJoCo's noslip post-processing: what is left of slip where the regularisation of friction lets contacts creep.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct NoSlip {
+    /// Sweeps at the most; 0 for none.
+    pub iterations: u32,
+    /// Improvement of the objective at which they stop, relative to the sum of the diagonal of an island's mass matrix.
+    pub tolerance: f64,
+}
+
+impl Default for NoSlip {
+    /// MuJoCo's own.
+    fn default() -> Self {
+        Self { iterations: 0, tolerance: 1e-6 }
+    }
+}
+
+/// In text a field of the description; in binary, where it came with version 13 of saved models, it is beside the description.
+mod beside_the_description {
+    use super::{Deserialize, Deserializer, NoSlip, Serialize, Serializer};
+
+    pub(super) fn serialize<S: Serializer>(noslip: &NoSlip, serializer: S) -> Result<S::Ok, S::Error> {
+        if serializer.is_human_readable() { noslip.serialize(serializer) } else { serializer.serialize_unit() }
+    }
+
+    pub(super) fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<NoSlip, D::Error> {
+        if deserializer.is_human_readable() {
+            NoSlip::deserialize(deserializer)
+        } else {
+            <()>::deserialize(deserializer).map(|()| NoSlip::default())
+        }
+    }
 }
 
 impl Default for SoftSettings {
     fn default() -> Self {
-        Self { cone: Cone::Pyramidal, impratio: 1.0, refsafe: true, inverse_weights: None }
+        Self { cone: Cone::Pyramidal, impratio: 1.0, refsafe: true, inverse_weights: None, noslip: NoSlip::default() }
     }
 }
 

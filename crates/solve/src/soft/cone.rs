@@ -75,6 +75,18 @@ impl Cone {
         force
     }
 
+    /// Sum of the forces of the two edges along each friction row of a pyramid.
+    #[inline(always)]
+    pub(super) fn edges<R: Real, const N: usize>(self, contact: &SoftContact<R, N>, u: &[R; N]) -> [R; N] {
+        let mut sum = [R::zero(); N];
+        for k in 1..N {
+            let (slope, weight) = (contact.scale[k] * u[k], contact.weight[k]);
+            let [up, down] = [-(u[0] + slope) * weight, -(u[0] - slope) * weight];
+            sum[k] = up.max(R::zero()) + down.max(R::zero());
+        }
+        sum
+    }
+
     /// Second derivative of s: symmetric, positive semidefinite.
     #[inline(always)]
     pub(crate) fn curvature<R: Real, const N: usize>(self, contact: &SoftContact<R, N>, u: &[R; N]) -> [[R; N]; N] {

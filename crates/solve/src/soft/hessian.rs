@@ -101,6 +101,33 @@ impl<R: Real> Hessian<R> {
         self.add_contacts(&problem.rolling_contacts, problem.cone, &argument.rolling_contacts);
     }
 
+    /// Makes the metric with the couplings among the rows, those from `first` on; `lumped`, with no more of each than its diagonal. The
+    /// pattern must be that of the problem.
+    #[inline(always)]
+    pub(super) fn assemble_metric(&mut self, problem: &SoftProblem<R>, metric: &impl Metric<R>, first: usize, lumped: bool) {
+        let n = self.dimension;
+        for (i, runs) in self.runs.iter().enumerate() {
+            let row = &mut self.entries[i * n..][..=i];
+            for run in runs {
+                row[run.clone()].fill(R::zero());
+            }
+            let (columns, entries) = metric.row(i);
+            for (&c, &entry) in columns.iter().zip(entries) {
+                row[c as usize] = entry;
+            }
+        }
+        for row in &problem.rows[first..] {
+            let (support, jacobian) = problem.entries(row);
+            for (k, (&d, &j)) in support.iter().zip(jacobian).enumerate() {
+                let (entries, scaled) = (&mut self.entries[d as usize * n..][..=d as usize], j * row.weight);
+                let from = if lumped { k } else { 0 };
+                for (&c, &j) in support[from..=k].iter().zip(&jacobian[from..=k]) {
+                    entries[c as usize] += scaled * j;
+                }
+            }
+        }
+    }
+
     #[inline(always)]
     fn add_contacts<const N: usize>(&mut self, contacts: &SoftContacts<R, N>, cone: Cone, u: &[[R; N]]) {
         let n = self.dimension;

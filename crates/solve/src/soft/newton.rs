@@ -6,6 +6,7 @@
 use stepper_real::{Mask, Real};
 
 use crate::soft::hessian::{Argument, Hessian, advance};
+use crate::soft::noslip::{ContactVisit, NoSlip, Responds, SlipEffort, SlipRoom};
 use crate::soft::problem::{Metric, SoftProblem};
 
 /// What a solve may cost, and how good it is to be.
@@ -40,6 +41,9 @@ pub struct SoftSolver<R: Real> {
     inertial: Vec<R>,
     inertial_change: Vec<R>,
     forces: Vec<R>,
+    /// Sweeps after the solution, where friction is not to slip, and whether forces are those that they left.
+    noslip: Option<Box<NoSlip<R>>>,
+    without_slip: bool,
 }
 
 /// Evaluations of the slope in a line search at the most. Newton's method on a convex piecewise quadratic takes two to four.
@@ -65,7 +69,16 @@ impl<R: Real> SoftSolver<R> {
             inertial: zeros(),
             inertial_change: zeros(),
             forces: zeros(),
+            noslip: None,
+            without_slip: false,
         }
+    }
+
+    /// With room for [`SoftSolver::remove_slip`].
+    #[must_use]
+    pub fn with_noslip(mut self, room: SlipRoom) -> Self {
+        self.noslip = Some(Box::new(NoSlip::new(self.forces.len(), room)));
+        self
     }
 
     /// Solves the lanes `lanes` from the acceleration `a`, which becomes the solution; `free` is a0.
@@ -78,6 +91,7 @@ impl<R: Real> SoftSolver<R> {
         lanes: R::Mask,
         a: &mut [R],
     ) -> SoftOutcome<R> {
+        self.without_slip = false;
         self.hessian.find_pattern(problem, metric);
         R::vectorize(
             #[inline(always)]
@@ -111,6 +125,92 @@ impl<R: Real> SoftSolver<R> {
             );
         }
         outcome
+    }
+
+    /// Sweeps over the forces of friction after [`SoftSolver::solve`] found the solution `a` of the same problem in the lanes `lanes`; it
+    /// becomes the acceleration with the new forces; see the module of the sweeps. `visits` are the contacts in their order. Rows from
+    /// `constraints` on are couplings of the metric. Returns the sweeps of each lane.
+    ///
+    /// With couplings the sweeps take no more of each than its diagonal, as MuJoCo's do; the acceleration at last has all of it.
+    ///
+    /// # Panics
+    /// If it was made without [`SoftSolver::with_noslip`].
+    #[allow(clippy::too_many_arguments, reason = "the arguments of a solve, and those of the sweeps")]
+    pub fn remove_slip(
+        &mut self,
+        problem: &SoftProblem<R>,
+        metric: &impl Metric<R>,
+        free: &[R],
+        constraints: usize,
+        visits: &[ContactVisit<R::Mask>],
+        effort: SlipEffort<R::Scalar>,
+        lanes: R::Mask,
+        a: &mut [R],
+    ) -> R {
+        let mut noslip = self.noslip.take().expect("made with room for it");
+        let coupled = constraints < problem.rows.len();
+        noslip.begin(problem, metric, constraints, &self.argument);
+        if coupled {
+            self.hessian.find_pattern(problem, metric);
+        }
+        // `inertial` is the acceleration without constraints, `direction` that with them.
+        R::vectorize(
+            #[inline(always)]
+            || {
+                self.inertial.copy_from_slice(free);
+                if coupled {
+                    multiply(metric, free, &mut self.inertial);
+                    self.factor_metric(problem, metric, constraints, false);
+                    self.hessian.solve(&mut self.inertial);
+                    self.factor_metric(problem, metric, constraints, true);
+                }
+                noslip.add_forces(problem, &mut self.forces);
+                self.direction.copy_from_slice(&self.forces);
+                if coupled {
+                    self.hessian.solve(&mut self.direction)
+                } else {
+                    metric.solve(&mut self.direction)
+                }
+                advance(&mut self.direction, &self.inertial, R::one());
+            },
+        );
+        let running = &mut self.direction;
+        let sweeps = if coupled {
+            noslip.sweep(problem, &self.hessian, constraints, visits, effort, lanes, running)
+        } else {
+            noslip.sweep(problem, &Uncoupled(metric), constraints, visits, effort, lanes, running)
+        };
+        R::vectorize(
+            #[inline(always)]
+            || {
+                noslip.add_forces(problem, &mut self.forces);
+                self.direction.copy_from_slice(&self.forces);
+                if coupled {
+                    self.factor_metric(problem, metric, constraints, false);
+                    self.hessian.solve(&mut self.direction);
+                } else {
+                    metric.solve(&mut self.direction);
+                }
+                for ((a, &free), &change) in a.iter_mut().zip(&self.inertial).zip(&self.direction) {
+                    *a = R::select(lanes, free + change, *a);
+                }
+            },
+        );
+        self.noslip = Some(noslip);
+        self.without_slip = true;
+        sweeps
+    }
+
+    /// Factors the metric with the couplings, of which `lumped` leaves the diagonals.
+    #[inline(always)]
+    fn factor_metric(&mut self, problem: &SoftProblem<R>, metric: &impl Metric<R>, constraints: usize, lumped: bool) {
+        self.hessian.assemble_metric(problem, metric, constraints, lumped);
+        self.hessian.factor();
+    }
+
+    /// The sweeps whose forces are the present ones, if there were any.
+    fn slipless(&self) -> Option<&NoSlip<R>> {
+        self.noslip.as_deref().filter(|_| self.without_slip)
     }
 
     /// Keeps the factors of the Hessian at the solution `a`, for [`SoftSolver::respond`].
@@ -154,19 +254,25 @@ impl<R: Real> SoftSolver<R> {
 
     /// Force of every scalar row at the solution.
     pub fn row_force(&self, problem: &SoftProblem<R>, i: usize) -> R {
-        problem.rows[i].force(self.argument.rows[i])
+        self.slipless().map_or_else(|| problem.rows[i].force(self.argument.rows[i]), |noslip| noslip.row(i))
     }
 
     /// Force of a contact at the solution.
     #[inline(always)]
     pub fn contact_force(&self, problem: &SoftProblem<R>, i: usize) -> [R; 3] {
-        problem.cone.force(&problem.contacts.items[i], &self.argument.contacts[i])
+        match self.slipless() {
+            Some(noslip) => noslip.contact(i),
+            None => problem.cone.force(&problem.contacts.items[i], &self.argument.contacts[i]),
+        }
     }
 
     /// Force of a contact with six rows at the solution.
     #[inline(always)]
     pub fn rolling_contact_force(&self, problem: &SoftProblem<R>, i: usize) -> [R; 6] {
-        problem.cone.force(&problem.rolling_contacts.items[i], &self.argument.rolling_contacts[i])
+        match self.slipless() {
+            Some(noslip) => noslip.rolling_contact(i),
+            None => problem.cone.force(&problem.rolling_contacts.items[i], &self.argument.rolling_contacts[i]),
+        }
     }
 
     #[inline(always)]
@@ -276,6 +382,23 @@ impl<R: Real> SoftSolver<R> {
         }
         let sum = problem.contacts.add_curvatures(problem.cone, &argument.contacts, &change.contacts, step, sum);
         problem.rolling_contacts.add_curvatures(problem.cone, &argument.rolling_contacts, &change.rolling_contacts, step, sum)
+    }
+}
+
+/// Metric without couplings.
+struct Uncoupled<'a, M>(&'a M);
+
+impl<R: Real, M: Metric<R>> Responds<R> for Uncoupled<'_, M> {
+    #[inline(always)]
+    fn respond(&self, x: &mut [R]) {
+        self.0.solve(x);
+    }
+}
+
+impl<R: Real> Responds<R> for Hessian<R> {
+    #[inline(always)]
+    fn respond(&self, x: &mut [R]) {
+        self.solve(x);
     }
 }
 

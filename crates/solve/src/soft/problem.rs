@@ -134,6 +134,21 @@ impl<R: Real, const N: usize> SoftContacts<R, N> {
         }
     }
 
+    /// `out` += J^T f of forces f.
+    #[inline(always)]
+    pub(super) fn add(&self, forces: &[[R; N]], out: &mut [R]) {
+        for (contact, force) in self.items.iter().zip(forces) {
+            let (support, jacobian) = self.entries(contact);
+            for (&d, j) in support.iter().zip(jacobian) {
+                let mut sum = j[0] * force[0];
+                for k in 1..N {
+                    sum += j[k] * force[k];
+                }
+                out[d as usize] += sum;
+            }
+        }
+    }
+
     /// `slope` less f(u + step du) . du of all contacts.
     #[inline(always)]
     pub(super) fn add_slopes(&self, cone: Cone, u: &[[R; N]], du: &[[R; N]], step: R, mut slope: R) -> R {

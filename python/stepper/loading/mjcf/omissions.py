@@ -107,9 +107,6 @@ def _scene(source: Source) -> None:
         for name, (bit, reason, changes_motion) in FLAGS[kind].items():
             if flags >> bit & 1 and _matters(source, name):
                 source.leave_out(f"flag {name}", f"{kind}d", reason, changes_motion=changes_motion)
-    if source.collides and m.opt.noslip_iterations:
-        reason = "hard contact does not slip while it sticks, and MuJoCo's law runs without iterations after its solution"
-        source.leave_out("noslip", f"{int(m.opt.noslip_iterations)} iterations", reason, changes_motion=False)
     if source.overrides and m.opt.o_friction[0] != m.opt.o_friction[1]:
         source.leave_out("o_friction", "option", f"{m.opt.o_friction.tolist()} differ between the tangents; both get the first")
     for i in range(m.nflex):

@@ -21,6 +21,10 @@ def soft_settings(source: Source) -> Description:
             "dofs": m.dof_invweight0.tolist(),
             "tendons": [float(m.tendon_invweight0[i]) for i in source.tendons],
         },
+        "noslip": {
+            "iterations": max(int(m.opt.noslip_iterations), 0),
+            "tolerance": float(m.opt.noslip_tolerance),
+        },
     }
 
 

@@ -55,6 +55,11 @@ impl Simulation {
                 return wrong("integrator", other.name(), "euler, implicitfast or implicit for method='implicit'; method='fd' takes all");
             }
         }
+        let noslip = self.model().soft.noslip.iterations;
+        if contact == ContactLaw::Mujoco && noslip > 0 {
+            let must = "0 for method='implicit', since the sweeps after the solution have no derivative here; method='fd' takes all";
+            return wrong("noslip_iterations", &noslip.to_string(), must);
+        }
         if self.precision == Precision::F32 {
             return wrong("precision", "f32", "f64 for derivatives");
         }

@@ -11,7 +11,9 @@ mod equalities;
 mod frames;
 mod input;
 mod rows;
+mod slip;
 mod system;
+mod visit_order;
 
 pub use effective_mass::EffectiveMass;
 pub use input::SoftInput;

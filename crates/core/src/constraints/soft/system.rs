@@ -1,9 +1,10 @@
 //! The soft constraint problem of a step with its solver, and which of the model's elements its rows belong to.
 
 use stepper_real::Real;
-use stepper_solve::soft::{Effort, Metric, SoftOutcome, SoftProblem, SoftSolver};
+use stepper_solve::soft::{Effort, Metric, SlipEffort, SlipRoom, SoftOutcome, SoftProblem, SoftSolver};
 
 use crate::compile::{LaneModel, ModelStructure};
+use crate::constraints::soft::visit_order::VisitOrder;
 use crate::dynamics::inertia::MassMatrix;
 use crate::math::spatial::*;
 
@@ -18,6 +19,8 @@ pub struct SoftSystem<R: Real> {
     pub acceleration: Vec<R>,
     /// Entries of the mass matrix, not factored.
     pub mass: Vec<R>,
+    /// Contacts in the order in which sweeps without slip visit them.
+    pub(super) order: VisitOrder<R>,
     /// Angular parts of the rows of a contact.
     pub(super) angular: Vec<V3<R>>,
     /// Degrees of freedom of a row, ascending.
@@ -31,9 +34,20 @@ impl<R: Real> SoftSystem<R> {
         let zeros = || vec![R::zero(); compiled.nv];
         let rows = compiled.scalar_impulses;
         let problem = SoftProblem::new(softness.cone, rows, rows * compiled.nv.min(16), contacts, support, compiled.has_rolling_friction);
+        let mut solver = SoftSolver::new(compiled.nv);
+        let visited = if softness.noslip.is_some() { contacts } else { 0 };
+        if softness.noslip.is_some() {
+            // A contact may join two trees in every lane.
+            let mut sizes: Vec<usize> = vec![0; compiled.nv];
+            (0..compiled.nv).for_each(|d| sizes[*compiled.chain_of(d).last().expect("a dof is in its own chain") as usize] += 1);
+            sizes.sort_unstable();
+            let support = sizes.iter().rev().take(2 * R::LANES).sum();
+            solver = solver.with_noslip(SlipRoom { rows, contacts, support, rolls: compiled.has_rolling_friction });
+        }
         Some(Box::new(Self {
             problem,
-            solver: SoftSolver::new(compiled.nv),
+            solver,
+            order: VisitOrder::new(visited),
             acceleration: zeros(),
             mass: vec![R::zero(); compiled.chain.len()],
             angular: vec![zero(); if compiled.has_rolling_friction { compiled.nv } else { 0 }],
@@ -52,6 +66,22 @@ impl<R: Real> SoftSystem<R> {
     ) -> SoftOutcome<R> {
         let Self { problem, solver, acceleration, mass, .. } = self;
         solver.solve(problem, &TreeMass { compiled, mass, factors }, free, effort, lanes, acceleration)
+    }
+
+    /// Takes the slip out of friction in the lanes `lanes`, once they are solved. Rows from `constraints` on are couplings of the mass
+    /// matrix. Returns the sweeps of each lane.
+    pub fn remove_slip(
+        &mut self,
+        compiled: &LaneModel<R>,
+        factors: &MassMatrix<R>,
+        free: &[R],
+        constraints: usize,
+        effort: SlipEffort<R::Scalar>,
+        lanes: R::Mask,
+    ) -> R {
+        let Self { problem, solver, acceleration, mass, order, .. } = self;
+        let visits = &order.visits;
+        solver.remove_slip(problem, &TreeMass { compiled, mass, factors }, free, constraints, visits, effort, lanes, acceleration)
     }
 
     /// Keeps how the acceleration follows its rows and forces near the present solution; see [`SoftSolver::settle`].

@@ -164,7 +164,7 @@ fn assemble<R: Real>(compiled: &LaneModel<R>, options: &StepSettings, h: R, s: &
 fn solve<R: Real>(compiled: &LaneModel<R>, options: &StepSettings, h: R, s: &mut Workspace<R>, from_impulse: bool) -> Outcome<R> {
     let constrained = s.constraints.constrained;
     let mut outcome = Outcome { residual: R::zero(), sweeps: R::zero(), newton_steps: R::zero() };
-    let (smooth, constraints) = (&s.free_motion.smooth, &mut s.constraints);
+    let (smooth, constraints, contacts) = (&s.free_motion.smooth, &mut s.constraints, &s.evaluation.contacts);
     if let Some(system) = &mut constraints.soft {
         if from_impulse && constrained.any() {
             system.start_from_impulse(compiled, &smooth.mass, &smooth.acc, &s.state.impulse, h);
@@ -175,6 +175,9 @@ fn solve<R: Real>(compiled: &LaneModel<R>, options: &StepSettings, h: R, s: &mut
             let solved = system.solve(compiled, &smooth.mass, &smooth.acc, effort, constrained);
             (outcome.residual, outcome.newton_steps) = (solved.residual * h, solved.steps);
         }
+    }
+    if let Some(effort) = compiled.softness.as_ref().and_then(|softness| softness.noslip).filter(|_| constrained.any()) {
+        outcome.sweeps = constraints.remove_slip(compiled, &smooth.mass, &smooth.acc, effort, contacts);
     }
     constraints.keep_soft_impulses(h, &mut s.evaluation.contacts, &mut s.state.impulse);
     outcome

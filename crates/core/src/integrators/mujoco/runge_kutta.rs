@@ -45,7 +45,7 @@ pub(super) fn runge_kutta<R: Real>(
                 #[inline(always)]
                 || Outcome {
                     residual: before.residual.max(now.residual),
-                    sweeps: before.sweeps,
+                    sweeps: before.sweeps + now.sweeps,
                     newton_steps: before.newton_steps + now.newton_steps,
                 },
             ),

@@ -7,6 +7,7 @@ use crate::model::{Description, Softness};
 pub(super) fn check(model: &Description) -> Checked {
     let scene = Element("model".into());
     scene.positive("impratio", &[model.soft.impratio], "")?;
+    scene.size("noslip_tolerance", &[model.soft.noslip.tolerance], "")?;
     if let Some(weights) = &model.soft.inverse_weights {
         let bodies = weights.bodies.as_flattened();
         scene.length("inverse weights of bodies", bodies, 2 * model.bodies.len(), "two for every body")?;

@@ -1,0 +1,84 @@
+//! Friction without slip, after the solution: which contacts are visited in which order.
+//!
+//! Sweeps that stop before they converge depend on the order. It is MuJoCo's: pairs of bodies ascending, then pairs of geoms, in every lane
+//! by itself. Points of one pair come in stepper's own order.
+
+use stepper_real::{Mask, Real};
+use stepper_solve::soft::{ContactVisit, SlipEffort};
+
+use crate::collision::contact_set::Contacts;
+use crate::compile::LaneModel;
+use crate::constraints::constraint_set::Constraints;
+use crate::constraints::soft::visit_order::{Key, VisitOrder};
+use crate::dynamics::inertia::MassMatrix;
+
+impl<R: Real> Constraints<R> {
+    /// Takes the slip out of friction in the lanes that have constraints, once the soft problem is solved. Returns the sweeps of each lane.
+    pub fn remove_slip(
+        &mut self,
+        compiled: &LaneModel<R>,
+        factors: &MassMatrix<R>,
+        free: &[R],
+        effort: SlipEffort<R::Scalar>,
+        contacts: &Contacts<R>,
+    ) -> R {
+        let Some(mut system) = self.soft.take() else { return R::zero() };
+        self.order_contacts(compiled, contacts, &mut system.order);
+        let sweeps = system.remove_slip(compiled, factors, free, self.owners.len(), effort, self.constrained);
+        self.soft = Some(system);
+        sweeps
+    }
+
+    /// Lists the contacts that push.
+    fn order_contacts(&self, compiled: &LaneModel<R>, contacts: &Contacts<R>, order: &mut VisitOrder<R>) {
+        let VisitOrder { visits, places, keyed, order } = order;
+        let slots = contacts.slots();
+        places.clear();
+        places.resize(slots, [None; 2]);
+        for (index, slot) in self.slots.iter().enumerate() {
+            places[slot.0][0] = Some(index as u32);
+        }
+        for (index, slot) in self.rolling_slots.iter().enumerate() {
+            places[slot.0][1] = Some(index as u32);
+        }
+        order.clear();
+        order.resize(slots * R::LANES, u32::MAX);
+        for l in 0..R::LANES {
+            keyed.clear();
+            for k in (0..slots).filter(|&k| contacts.lanes_of(k) >> l & 1 == 1) {
+                keyed.push((self.visit_key(compiled, contacts.ids[k][l].pair()), k as u32));
+            }
+            // Of equal keys the lower slot is first. Most often they are in order.
+            keyed.sort_unstable();
+            for (to, &(_, k)) in order[l * slots..].iter_mut().zip(&*keyed) {
+                *to = k;
+            }
+        }
+        visits.clear();
+        for p in 0..slots {
+            let mut rest = u32::MAX >> (32 - R::LANES);
+            while rest != 0 {
+                let first = order[rest.trailing_zeros() as usize * slots + p];
+                let same = (0..R::LANES).filter(|l| order[l * slots + p] == first).fold(0, |bits, l| bits | 1 << l);
+                rest &= !same;
+                let Some(places) = places.get(first as usize) else { continue };
+                let there = R::Mask::from_bits(same);
+                for (rolling, place) in places.iter().enumerate() {
+                    let Some(index) = place.map(|place| place as usize) else { continue };
+                    let active = if rolling == 1 { self.rolling_slots[index].1 } else { self.slots[index].1 };
+                    let lanes = active.and(there);
+                    if lanes.any() {
+                        visits.push(ContactVisit { rolling: rolling == 1, index, lanes });
+                    }
+                }
+            }
+        }
+    }
+
+    fn visit_key(&self, compiled: &LaneModel<R>, pair: usize) -> Key {
+        let (Some(geoms), Some(softness)) = (compiled.pair_geoms(pair), &compiled.softness) else { return [u32::MAX; 4] };
+        let [a, b] = geoms.map(|g| compiled.geoms[g].index);
+        let bodies = [a, b].map(|g| softness.geom_bodies[g]);
+        [bodies[0].min(bodies[1]), bodies[0].max(bodies[1]), a as u32, b as u32]
+    }
+}

@@ -1,0 +1,32 @@
+//! Order in which sweeps without slip visit contacts.
+
+use stepper_real::Real;
+use stepper_solve::soft::ContactVisit;
+
+/// Where a pair of geoms comes: the lower body, the other, the geoms.
+pub(super) type Key = [u32; 4];
+
+/// The order of contacts, and room to find it.
+#[derive(Clone, Debug)]
+pub(super) struct VisitOrder<R: Real> {
+    /// Contacts to visit.
+    pub(super) visits: Vec<ContactVisit<R::Mask>>,
+    /// Places among the contacts with three rows and among those with six of every slot.
+    pub(super) places: Vec<[Option<u32>; 2]>,
+    /// Key and slot of the contacts of one lane.
+    pub(super) keyed: Vec<(Key, u32)>,
+    /// Slots of every lane in their order, lane by lane.
+    pub(super) order: Vec<u32>,
+}
+
+impl<R: Real> VisitOrder<R> {
+    /// Room for so many contacts in a lane.
+    pub(super) fn new(contacts: usize) -> Self {
+        Self {
+            visits: Vec::with_capacity(contacts * R::LANES),
+            places: Vec::with_capacity(contacts),
+            keyed: Vec::with_capacity(contacts),
+            order: Vec::with_capacity(contacts * R::LANES),
+        }
+    }
+}

@@ -1,0 +1,758 @@
+//! Friction without slip: forces of friction after the solution, without the regularisation that lets them creep (MuJoCo's documentation,
+//! computation chapter, "Algorithms", NoSlip).
+//!
+//! Sweeps of projected Gauss-Seidel minimise 1/2 f^T A f + f^T b over the forces of dry friction and of the friction rows of contacts, with
+//! A = J M^-1 J^T and all other forces as the solution left them: an elliptic contact's tangents within the ellipse that its normal force
+//! allows, a pyramid's opposing edges with their sum fixed. A is never formed: the acceleration is carried along, and each row has the
+//! acceleration that a unit force makes.
+//!
+//! Rows that share no tree, directly or by others, are an island; islands stop one by one, where a sweep improves the objective by less
+//! than the tolerance, and other islands of the same lane go on.
+
+use std::ops::Range;
+
+use stepper_real::{Mask, Real, Scalar};
+
+use crate::soft::cone::Cone;
+use crate::soft::contact::SoftContact;
+use crate::soft::hessian::Argument;
+use crate::soft::problem::{Metric, SoftContacts, SoftProblem};
+
+/// What sweeps of [`NoSlip`] may cost, and where they stop.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SlipEffort<S> {
+    /// Sweeps at the most.
+    pub sweeps: u32,
+    /// Improvement of the objective by a sweep at which an island stops, relative to the sum of the diagonal of its part of M.
+    pub tolerance: S,
+}
+
+/// What sweeps have room for.
+#[derive(Clone, Copy, Debug)]
+pub struct SlipRoom {
+    /// Scalar rows.
+    pub rows: usize,
+    /// Contacts, and whether any may have six rows.
+    pub contacts: usize,
+    /// Degrees of freedom of all trees that a row or a contact joins, in all lanes together.
+    pub support: usize,
+    /// See `contacts`.
+    pub rolls: bool,
+}
+
+/// A contact to visit in some lanes.
+#[derive(Clone, Copy, Debug)]
+pub struct ContactVisit<M> {
+    /// Whether it is one of those with six rows.
+    pub rolling: bool,
+    /// Its index among those of its kind.
+    pub index: usize,
+    /// Lanes in which it is visited.
+    pub lanes: M,
+}
+
+/// Force below which a contact presses no tangents, N.
+const LEAST_FORCE: f64 = 1e-15;
+/// Least diagonal entry of A in a row, 1/kg, of dry friction and of tangents.
+const LEAST_INVERSE_INERTIA: [f64; 2] = [1e-15, 1e-10];
+/// Steps of Newton's method for the multiplier of an ellipse, what it is solved to (N^2), and its least step.
+const MULTIPLIER_STEPS: u32 = 20;
+const MULTIPLIER_TOLERANCE: f64 = 1e-10;
+/// Rise of the objective, J, that undoes the visit of a contact; rounding adds to it.
+const LEAST_RISE: f64 = 1e-10;
+/// Parts of a change of the objective that rounding may make, in units of the last place.
+const ROUNDING: f64 = 16.0;
+
+/// Forces of a kind of row, and what a unit force of its friction rows does to the acceleration.
+#[derive(Clone, Debug)]
+struct Friction<R: Real, const N: usize> {
+    force: Vec<[R; N]>,
+    /// Bound on each friction force: of an elliptic contact's first the normal force; of a pyramid's the coefficient times the sum of its
+    /// two edges.
+    bound: Vec<[R; N]>,
+    /// Degrees of freedom that each moves, and their accelerations by a unit force of every row.
+    spans: Vec<Range<usize>>,
+    dofs: Vec<u32>,
+    response: Vec<[R; N]>,
+    /// A of the rows of one, tangents only.
+    inertia: Vec<[[R; N]; N]>,
+}
+
+impl<R: Real, const N: usize> Friction<R, N> {
+    fn with_capacity(items: usize, support: usize) -> Self {
+        let entries = items * support;
+        Self {
+            force: Vec::with_capacity(items),
+            bound: Vec::with_capacity(items),
+            spans: Vec::with_capacity(items),
+            dofs: Vec::with_capacity(entries),
+            response: Vec::with_capacity(entries),
+            inertia: Vec::with_capacity(items),
+        }
+    }
+
+    fn clear(&mut self) {
+        self.force.clear();
+        self.bound.clear();
+        self.spans.clear();
+        self.dofs.clear();
+        self.response.clear();
+        self.inertia.clear();
+    }
+
+    /// Appends the responses of the rows `rows` whose Jacobian is `jacobian` on `support`; `trees` are those of all degrees of freedom.
+    #[inline(always)]
+    fn push_responses(
+        &mut self,
+        metric: &impl Responds<R>,
+        trees: &[u32],
+        (support, jacobian): (&[u32], &[[R; N]]),
+        rows: Range<usize>,
+        work: &mut [R],
+        least: f64,
+    ) {
+        let start = self.dofs.len();
+        for (d, tree) in trees.iter().enumerate() {
+            if support.iter().any(|&s| trees[s as usize] == *tree) {
+                self.dofs.push(d as u32);
+                self.response.push([R::zero(); N]);
+            }
+        }
+        let mut inertia = [[R::zero(); N]; N];
+        for k in rows {
+            work.fill(R::zero());
+            for (&d, j) in support.iter().zip(jacobian) {
+                work[d as usize] = j[k];
+            }
+            metric.respond(work);
+            for (&d, response) in self.dofs[start..].iter().zip(&mut self.response[start..]) {
+                response[k] = work[d as usize];
+            }
+            for (i, row) in inertia.iter_mut().enumerate() {
+                let mut sum = R::zero();
+                for (&d, j) in support.iter().zip(jacobian) {
+                    sum += j[i] * work[d as usize];
+                }
+                row[k] = if i == k { sum.max(R::of(least)) } else { sum };
+            }
+        }
+        self.spans.push(start..self.dofs.len());
+        self.inertia.push(inertia);
+    }
+
+    /// a += what a change of the forces does.
+    #[inline(always)]
+    fn accelerate(&self, i: usize, change: &[R; N], a: &mut [R]) {
+        let span = self.spans[i].clone();
+        for (&d, response) in self.dofs[span.clone()].iter().zip(&self.response[span]) {
+            let mut sum = response[0] * change[0];
+            for k in 1..N {
+                sum += response[k] * change[k];
+            }
+            a[d as usize] += sum;
+        }
+    }
+}
+
+/// What forces do to the acceleration.
+pub(super) trait Responds<R: Real> {
+    /// x <- M^-1 x
+    fn respond(&self, x: &mut [R]);
+}
+
+/// Sweeps over the forces of friction, with their workspace.
+#[derive(Clone, Debug)]
+pub(super) struct NoSlip<R: Real> {
+    rows: Friction<R, 1>,
+    contacts: Friction<R, 3>,
+    rolling: Friction<R, 6>,
+    /// Number of the tree of every degree of freedom, and how many there are.
+    trees: Vec<u32>,
+    count: usize,
+    /// Island of every tree in every lane: the least tree of it.
+    parents: Vec<u32>,
+    /// Improvement by a sweep, and lanes (bits) that go on, of every island.
+    improvement: Vec<R>,
+    running: Vec<u32>,
+    /// Sum of the diagonal of M of every tree, then of every island.
+    inertia: [Vec<R>; 2],
+    /// Island of every row, contact and contact with six rows in every lane, one after the other.
+    homes: Vec<u32>,
+    work: Vec<R>,
+}
+
+impl<R: Real> NoSlip<R> {
+    /// Room for problems of this dimension.
+    pub(super) fn new(dimension: usize, room: SlipRoom) -> Self {
+        let SlipRoom { rows, contacts, support, rolls } = room;
+        let rolling = if rolls { contacts } else { 0 };
+        Self {
+            rows: Friction::with_capacity(rows, dimension.min(support)),
+            contacts: Friction::with_capacity(contacts, support),
+            rolling: Friction::with_capacity(rolling, support),
+            trees: vec![0; dimension],
+            count: 0,
+            parents: vec![0; dimension * R::LANES],
+            improvement: vec![R::zero(); dimension],
+            running: vec![0; dimension],
+            inertia: [vec![R::zero(); dimension], vec![R::zero(); dimension]],
+            homes: Vec::with_capacity((rows + contacts + rolling) * R::LANES),
+            work: vec![R::zero(); dimension],
+        }
+    }
+
+    /// Force of a scalar row.
+    pub(super) fn row(&self, i: usize) -> R {
+        self.rows.force[i][0]
+    }
+
+    /// Forces of a contact.
+    pub(super) fn contact(&self, i: usize) -> [R; 3] {
+        self.contacts.force[i]
+    }
+
+    /// Forces of a contact with six rows.
+    pub(super) fn rolling_contact(&self, i: usize) -> [R; 6] {
+        self.rolling.force[i]
+    }
+
+    /// Takes up the forces at a solution where the rows of the problem are `argument`; rows from `constraints` on are no constraints and
+    /// have none.
+    pub(super) fn begin(&mut self, problem: &SoftProblem<R>, metric: &impl Metric<R>, constraints: usize, argument: &Argument<R>) {
+        self.find_trees(metric);
+        let Self { rows, contacts, rolling, .. } = self;
+        R::vectorize(
+            #[inline(always)]
+            || {
+                rows.clear();
+                for (i, (row, &u)) in problem.rows.iter().zip(&argument.rows).enumerate() {
+                    rows.force.push([if i < constraints { row.force(u) } else { R::zero() }]);
+                }
+                contacts.begin(problem.cone, &problem.contacts, &argument.contacts);
+                rolling.begin(problem.cone, &problem.rolling_contacts, &argument.rolling_contacts);
+            },
+        );
+        self.find_islands(problem, constraints);
+    }
+
+    /// Numbers the trees of the degrees of freedom.
+    fn find_trees(&mut self, metric: &impl Metric<R>) {
+        self.count = 0;
+        self.inertia[0].fill(R::zero());
+        for i in 0..self.trees.len() {
+            self.trees[i] = match *metric.row(i).0 {
+                [_, .., root] => self.trees[root as usize],
+                _ => {
+                    self.count += 1;
+                    self.count as u32 - 1
+                }
+            };
+            self.inertia[0][self.trees[i] as usize] += metric.row(i).1[0];
+        }
+    }
+
+    /// Unites the trees that rows join, lane by lane.
+    fn find_islands(&mut self, problem: &SoftProblem<R>, constraints: usize) {
+        let Self { trees, count, parents, homes, running, inertia, .. } = self;
+        homes.clear();
+        for l in 0..R::LANES {
+            for tree in 0..*count {
+                parents[tree * R::LANES + l] = tree as u32;
+            }
+        }
+        let zero = <R::Scalar as Default>::default();
+        for row in &problem.rows[..constraints] {
+            let (support, jacobian) = problem.entries(row);
+            unite::<R>(trees, parents, homes, support, |e, l| jacobian[e].lane(l) != zero);
+        }
+        for contact in &problem.contacts.items {
+            let (support, jacobian) = problem.contacts.entries(contact);
+            unite::<R>(trees, parents, homes, support, |e, l| jacobian[e].iter().any(|j| j.lane(l) != zero));
+        }
+        for contact in &problem.rolling_contacts.items {
+            let (support, jacobian) = problem.rolling_contacts.entries(contact);
+            unite::<R>(trees, parents, homes, support, |e, l| jacobian[e].iter().any(|j| j.lane(l) != zero));
+        }
+        let [of_trees, of_islands] = inertia;
+        of_islands.fill(R::zero());
+        for tree in 0..*count {
+            for l in 0..R::LANES {
+                let sum = &mut of_islands[find::<R>(parents, tree as u32, l) as usize];
+                sum.set_lane(l, sum.lane(l) + of_trees[tree].lane(l));
+            }
+        }
+        running.fill(0);
+        for (at, home) in homes.iter_mut().enumerate() {
+            let l = at % R::LANES;
+            if *home == NOWHERE {
+                *home = 0;
+            } else {
+                *home = find::<R>(parents, *home, l);
+                running[*home as usize] |= 1 << l;
+            }
+        }
+    }
+
+    /// Sweeps in the lanes `lanes`, from the acceleration `a` that the forces make; it follows them. `visits` are the contacts in their
+    /// order. Returns the sweeps of each lane.
+    pub(super) fn sweep(
+        &mut self,
+        problem: &SoftProblem<R>,
+        metric: &impl Responds<R>,
+        constraints: usize,
+        visits: &[ContactVisit<R::Mask>],
+        effort: SlipEffort<R::Scalar>,
+        lanes: R::Mask,
+        a: &mut [R],
+    ) -> R {
+        R::vectorize(
+            #[inline(always)]
+            || self.find_responses(problem, metric, constraints),
+        );
+        self.running.iter_mut().for_each(|running| *running &= lanes.bits());
+        self.improvement[..self.count].fill(R::zero());
+        let mut sweeps = R::zero();
+        self.add_regularisation(problem, constraints);
+        for _ in 0..effort.sweeps {
+            let any = self.running[..self.count].iter().fold(0, |all, &bits| all | bits);
+            if any == 0 {
+                break;
+            }
+            R::vectorize(
+                #[inline(always)]
+                || {
+                    sweeps += R::select(R::Mask::from_bits(any), R::one(), R::zero());
+                    self.visit_rows(problem, constraints, a);
+                    self.visit_contacts(problem, visits, a);
+                },
+            );
+            let tolerance = R::splat(effort.tolerance);
+            for ((running, improvement), &inertia) in self.running[..self.count].iter_mut().zip(&mut self.improvement).zip(&self.inertia[1])
+            {
+                // Written so that an improvement that is no number ends it.
+                *running &= improvement.ge(tolerance * inertia).bits();
+                *improvement = R::zero();
+            }
+        }
+        sweeps
+    }
+
+    #[inline(always)]
+    fn find_responses(&mut self, problem: &SoftProblem<R>, metric: &impl Responds<R>, constraints: usize) {
+        let Self { rows, contacts, rolling, trees, work, .. } = self;
+        for (i, row) in problem.rows.iter().enumerate() {
+            let (support, jacobian) = problem.entries(row);
+            if i < constraints && is_dry_friction(row.bounds) {
+                let least = LEAST_INVERSE_INERTIA[0];
+                rows.push_responses(metric, trees, (support, as_rows(jacobian)), 0..1, work, least);
+            } else {
+                rows.spans.push(0..0);
+                rows.inertia.push([[R::zero()]]);
+            }
+        }
+        for contact in &problem.contacts.items {
+            contacts.push_responses(metric, trees, problem.contacts.entries(contact), 1..3, work, LEAST_INVERSE_INERTIA[1]);
+        }
+        for contact in &problem.rolling_contacts.items {
+            rolling.push_responses(metric, trees, problem.rolling_contacts.entries(contact), 1..6, work, LEAST_INVERSE_INERTIA[1]);
+        }
+    }
+
+    /// Adds what leaving the regularisation out improves, which the first sweep counts.
+    fn add_regularisation(&mut self, problem: &SoftProblem<R>, constraints: usize) {
+        let half = R::of(0.5);
+        for (i, row) in problem.rows[..constraints].iter().enumerate() {
+            let force = self.rows.force[i][0];
+            self.improve(i, half * force * force * inverse(row.weight));
+        }
+        let sliding = constraints + problem.contacts.items.len();
+        for (i, contact) in problem.contacts.items.iter().enumerate() {
+            let energy = regularisation(problem.cone, contact, &self.contacts.force[i], &self.contacts.bound[i]);
+            self.improve(constraints + i, half * energy);
+        }
+        for (i, contact) in problem.rolling_contacts.items.iter().enumerate() {
+            let energy = regularisation(problem.cone, contact, &self.rolling.force[i], &self.rolling.bound[i]);
+            self.improve(sliding + i, half * energy);
+        }
+    }
+
+    /// Adds to the improvement of the islands of an item.
+    #[inline(always)]
+    fn improve(&mut self, item: usize, by: R) {
+        let homes = &self.homes[item * R::LANES..][..R::LANES];
+        if homes.iter().all(|&home| home == homes[0]) {
+            self.improvement[homes[0] as usize] += by;
+            return;
+        }
+        for (l, &home) in homes.iter().enumerate() {
+            let sum = &mut self.improvement[home as usize];
+            sum.set_lane(l, sum.lane(l) + by.lane(l));
+        }
+    }
+
+    /// Lanes in which the island of an item goes on.
+    #[inline(always)]
+    fn goes_on(&self, item: usize) -> R::Mask {
+        let homes = &self.homes[item * R::LANES..][..R::LANES];
+        if homes.iter().all(|&home| home == homes[0]) {
+            return R::Mask::from_bits(self.running[homes[0] as usize]);
+        }
+        R::Mask::from_bits(homes.iter().enumerate().fold(0, |bits, (l, &home)| bits | (self.running[home as usize] & 1 << l)))
+    }
+
+    #[inline(always)]
+    fn visit_rows(&mut self, problem: &SoftProblem<R>, constraints: usize, a: &mut [R]) {
+        for (i, row) in problem.rows[..constraints].iter().enumerate() {
+            if !is_dry_friction(row.bounds) {
+                continue;
+            }
+            let lanes = self.goes_on(i).and(row.weight.gt(R::zero()));
+            if lanes.none() {
+                continue;
+            }
+            let (support, jacobian) = problem.entries(row);
+            let mut slip = -row.reference;
+            for (&d, &j) in support.iter().zip(jacobian) {
+                slip += j * a[d as usize];
+            }
+            let (inertia, force) = (self.rows.inertia[i][0][0], self.rows.force[i][0]);
+            let next = (force - slip / inertia).max(row.bounds[0]).min(row.bounds[1]);
+            let change = R::select(lanes, next - force, R::zero());
+            self.rows.force[i][0] = R::select(lanes, next, force);
+            self.rows.accelerate(i, &[change], a);
+            self.improve(i, -(R::of(0.5) * change * change * inertia + change * slip));
+        }
+    }
+
+    #[inline(always)]
+    fn visit_contacts(&mut self, problem: &SoftProblem<R>, visits: &[ContactVisit<R::Mask>], a: &mut [R]) {
+        let constraints = self.homes.len() / R::LANES - problem.contacts.items.len() - problem.rolling_contacts.items.len();
+        for visit in visits {
+            let before = if visit.rolling { problem.contacts.items.len() } else { 0 };
+            let item = constraints + before + visit.index;
+            let lanes = self.goes_on(item).and(visit.lanes);
+            if lanes.none() {
+                continue;
+            }
+            let improvement = if visit.rolling {
+                self.rolling.visit(problem.cone, &problem.rolling_contacts, visit.index, lanes, a)
+            } else {
+                self.contacts.visit(problem.cone, &problem.contacts, visit.index, lanes, a)
+            };
+            self.improve(item, improvement);
+        }
+    }
+
+    /// Leaves the generalized forces of all rows.
+    #[inline(always)]
+    pub(super) fn add_forces(&self, problem: &SoftProblem<R>, out: &mut [R]) {
+        out.fill(R::zero());
+        for (row, force) in problem.rows.iter().zip(&self.rows.force) {
+            let (support, jacobian) = problem.entries(row);
+            for (&d, &j) in support.iter().zip(jacobian) {
+                out[d as usize] += j * force[0];
+            }
+        }
+        problem.contacts.add(&self.contacts.force, out);
+        problem.rolling_contacts.add(&self.rolling.force, out);
+    }
+}
+
+impl<R: Real, const N: usize> Friction<R, N> {
+    #[inline(always)]
+    fn begin(&mut self, cone: Cone, contacts: &SoftContacts<R, N>, argument: &[[R; N]]) {
+        self.clear();
+        for (contact, u) in contacts.items.iter().zip(argument) {
+            let force = cone.force(contact, u);
+            self.force.push(force);
+            self.bound.push(match cone {
+                Cone::Elliptic => [force[0]; N],
+                Cone::Pyramidal => cone.edges(contact, u),
+            });
+        }
+    }
+
+    /// Visits contact `i` in the lanes `lanes`; returns by how much that lowers the objective.
+    #[inline(always)]
+    fn visit(&mut self, cone: Cone, contacts: &SoftContacts<R, N>, i: usize, lanes: R::Mask, a: &mut [R]) -> R {
+        let contact = &contacts.items[i];
+        let entries = contacts.entries(contact);
+        match cone {
+            Cone::Pyramidal => self.visit_pyramid(contact, entries, i, lanes, a),
+            Cone::Elliptic => self.visit_ellipse(contact, entries, i, lanes, a),
+        }
+    }
+
+    #[inline(always)]
+    fn visit_pyramid(
+        &mut self,
+        contact: &SoftContact<R, N>,
+        (support, jacobian): (&[u32], &[[R; N]]),
+        i: usize,
+        lanes: R::Mask,
+        a: &mut [R],
+    ) -> R {
+        let mut improvement = R::zero();
+        for k in 1..N {
+            let mu = contact.scale[k];
+            let lanes = lanes.and(mu.gt(R::zero())).and(contact.weight[k].gt(R::zero()));
+            if lanes.none() {
+                continue;
+            }
+            let mut slip = -contact.reference[k];
+            for (&d, j) in support.iter().zip(jacobian) {
+                slip += j[k] * a[d as usize];
+            }
+            let (inertia, force, most) = (self.inertia[i][k][k], self.force[i][k], self.bound[i][k] * mu);
+            // Both edges move by the difference alone, where that does not move at all.
+            let moves = (R::of(4.0) * mu * mu * inertia).ge(R::of(LEAST_FORCE));
+            let next = R::select(moves, (force - slip / inertia).max(-most).min(most), R::zero());
+            let mut change = [R::zero(); N];
+            change[k] = R::select(lanes, next - force, R::zero());
+            self.force[i][k] = R::select(lanes, next, force);
+            self.accelerate(i, &change, a);
+            improvement -= R::of(0.5) * change[k] * change[k] * inertia + change[k] * slip;
+        }
+        improvement
+    }
+
+    #[inline(always)]
+    fn visit_ellipse(
+        &mut self,
+        contact: &SoftContact<R, N>,
+        (support, jacobian): (&[u32], &[[R; N]]),
+        i: usize,
+        lanes: R::Mask,
+        a: &mut [R],
+    ) -> R {
+        let (inertia, force, normal) = (&self.inertia[i], self.force[i], self.bound[i][0]);
+        let mut slip = [R::zero(); N];
+        for (&d, j) in support.iter().zip(jacobian) {
+            for k in 1..N {
+                slip[k] += j[k] * a[d as usize];
+            }
+        }
+        // In the space in which the ellipse is a circle; a row that a lane does not have, and the normal's, stay at zero.
+        let (mut matrix, mut linear) = ([[R::zero(); N]; N], [R::zero(); N]);
+        matrix[0][0] = R::one();
+        for k in 1..N {
+            let exists = contact.weight[k].gt(R::zero());
+            slip[k] = R::select(exists, slip[k] - contact.reference[k], R::zero());
+            let mut rest = slip[k];
+            for m in 1..N {
+                rest -= inertia[k][m] * force[m];
+                matrix[k][m] = inertia[k][m] * contact.scale[k] * contact.scale[m];
+            }
+            linear[k] = R::select(exists, rest * contact.scale[k], R::zero());
+            matrix[k][k] = R::select(exists, matrix[k][k], R::one());
+        }
+        let presses = normal.ge(R::of(LEAST_FORCE));
+        let single = R::Mask::splat(N == 6).and(contact.weight[N - 1].gt(R::zero()));
+        let mut next = minimise_in_ball(&matrix, &linear, normal, lanes.and(presses), single);
+        let (mut change, mut quadratic, mut first) = ([R::zero(); N], R::zero(), R::zero());
+        for k in 1..N {
+            next[k] = R::select(presses, next[k] * contact.scale[k], R::zero());
+            change[k] = R::select(lanes.and(contact.weight[k].gt(R::zero())), next[k] - force[k], R::zero());
+            first += change[k] * slip[k];
+        }
+        for k in 1..N {
+            let mut sum = R::zero();
+            for m in 1..N {
+                sum += inertia[k][m] * change[m];
+            }
+            quadratic += change[k] * sum;
+        }
+        let quadratic = R::of(0.5) * quadratic;
+        let epsilon = <R::Scalar as Scalar>::EPSILON.to_f64();
+        let least = R::of(LEAST_RISE) + R::of(ROUNDING * epsilon) * (quadratic.abs() + first.abs());
+        let falls = (quadratic + first).le(least);
+        for k in 1..N {
+            change[k] = R::select(falls, change[k], R::zero());
+            self.force[i][k] = R::select(lanes.and(falls).and(contact.weight[k].gt(R::zero())), next[k], force[k]);
+        }
+        self.accelerate(i, &change, a);
+        R::select(falls, -(quadratic + first), R::zero())
+    }
+}
+
+/// Minimises 1/2 x^T A x + b^T x over the ball |x| <= r in the lanes `lanes`: Newton's method for the multiplier from 0, whose equation
+/// |(A + l)^-1 b|^2 = r^2 is convex in it, so that it rises to the solution. What is outside at last is put on the sphere, whatever stopped
+/// the method. Where A is singular to [`LEAST_DETERMINANT`] the answer is 0, as MuJoCo has it: by each pivot in the lanes `single`,
+/// in the others by its determinant.
+#[inline(always)]
+fn minimise_in_ball<R: Real, const N: usize>(matrix: &[[R; N]; N], b: &[R; N], r: R, lanes: R::Mask, single: R::Mask) -> [R; N] {
+    let regular = is_regular(matrix, single);
+    let lanes = lanes.and(regular);
+    let (mut multiplier, mut x, mut square) = (R::zero(), [R::zero(); N], R::zero());
+    let (mut running, enough, ball) = (lanes, R::of(MULTIPLIER_TOLERANCE), r * r);
+    for _ in 0..MULTIPLIER_STEPS {
+        let factors = factor(matrix, multiplier);
+        x = substitute(&factors, b);
+        square = R::zero();
+        for x in &mut x {
+            *x = -*x;
+            square += *x * *x;
+        }
+        let excess = square - ball;
+        running = running.and(excess.ge(enough));
+        if running.none() {
+            break;
+        }
+        let slope = substitute(&factors, &x);
+        let mut rate = R::zero();
+        for k in 0..N {
+            rate += x[k] * slope[k];
+        }
+        let step = excess / (rate + rate);
+        running = running.and(step.ge(enough));
+        if running.none() {
+            break;
+        }
+        multiplier += R::select(running, step, R::zero());
+    }
+    let bound = multiplier.gt(R::zero()).or((square - ball).ge(enough));
+    let scale = R::select(bound, (ball / square.max(R::of(LEAST_FORCE))).sqrt(), R::one());
+    x.map(
+        #[inline(always)]
+        |x| R::select(regular, x * scale, R::zero()),
+    )
+}
+
+/// Lanes in which the matrix can be inverted.
+#[inline(always)]
+fn is_regular<R: Real, const N: usize>(matrix: &[[R; N]; N], single: R::Mask) -> R::Mask {
+    let factors = factor(matrix, R::zero());
+    let least = R::of(LEAST_DETERMINANT);
+    let rounding = R::of(ROUNDING * <R::Scalar as Scalar>::EPSILON.to_f64());
+    let (mut determinant, mut smallest, mut sound) = (R::one(), R::of(f64::INFINITY), R::Mask::splat(true));
+    for k in 0..N {
+        let pivot = R::one() / factors[k][k];
+        determinant *= pivot;
+        smallest = smallest.min(pivot);
+        sound = sound.and(pivot.gt(rounding * matrix[k][k]));
+    }
+    sound.and(R::select(single, smallest, determinant).ge(least))
+}
+
+/// Factors L D L^T of A + l: L below the diagonal, 1 / D on it.
+#[inline(always)]
+fn factor<R: Real, const N: usize>(matrix: &[[R; N]; N], l: R) -> [[R; N]; N] {
+    let mut factors = [[R::zero(); N]; N];
+    for i in 0..N {
+        for j in 0..=i {
+            let mut sum = if i == j { matrix[i][i] + l } else { matrix[i][j] };
+            for k in 0..j {
+                // L_ik D_k L_jk, with L_ik D_k kept above the diagonal.
+                sum -= factors[k][i] * factors[j][k];
+            }
+            if i == j {
+                factors[i][i] = R::one() / sum.max(R::of(LEAST_PIVOT));
+            } else {
+                factors[j][i] = sum;
+                factors[i][j] = sum * factors[j][j];
+            }
+        }
+    }
+    factors
+}
+
+/// Least pivot of [`factor`], so that its inverse is finite.
+const LEAST_PIVOT: f64 = 1e-30;
+/// Least determinant, or pivot, of a matrix that counts as regular.
+const LEAST_DETERMINANT: f64 = 1e-10;
+
+/// (A + l)^-1 b
+#[inline(always)]
+fn substitute<R: Real, const N: usize>(factors: &[[R; N]; N], b: &[R; N]) -> [R; N] {
+    let mut x = *b;
+    for i in 0..N {
+        for k in 0..i {
+            let before = x[k];
+            x[i] -= factors[i][k] * before;
+        }
+    }
+    for i in (0..N).rev() {
+        x[i] *= factors[i][i];
+        for k in i + 1..N {
+            let after = x[k];
+            x[i] -= factors[k][i] * after;
+        }
+    }
+    x
+}
+
+/// Sum of R f^2 over the rows of a contact, of a pyramid over its edges, whose sums are `edges`.
+#[inline(always)]
+fn regularisation<R: Real, const N: usize>(cone: Cone, contact: &SoftContact<R, N>, force: &[R; N], edges: &[R; N]) -> R {
+    let mut energy = R::zero();
+    match cone {
+        Cone::Elliptic => {
+            for k in 0..N {
+                energy += force[k] * force[k] * inverse(contact.weight[k]);
+            }
+        }
+        Cone::Pyramidal => {
+            for k in 1..N {
+                let difference = force[k] * inverse(contact.scale[k]);
+                let squares = (edges[k] * edges[k] + difference * difference) * R::of(0.5);
+                energy += squares * inverse(contact.weight[k]);
+            }
+        }
+    }
+    energy
+}
+
+/// 1 / x, 0 where x is not positive.
+#[inline(always)]
+fn inverse<R: Real>(x: R) -> R {
+    let positive = x.gt(R::zero());
+    R::select(positive, R::one() / R::select(positive, x, R::one()), R::zero())
+}
+
+/// Whether a row with these bounds is one of dry friction: the only one that is bounded on both sides.
+#[inline(always)]
+fn is_dry_friction<R: Real>(bounds: [R; 2]) -> bool {
+    bounds[0].gt(R::of(f64::NEG_INFINITY)).and(bounds[1].lt(R::of(f64::INFINITY))).any()
+}
+
+/// A row's entries as those of a kind with one row.
+#[inline(always)]
+fn as_rows<R: Real>(jacobian: &[R]) -> &[[R; 1]] {
+    jacobian.as_chunks::<1>().0
+}
+
+/// Tree of an item in a lane that does not have it.
+const NOWHERE: u32 = u32::MAX;
+
+/// Unites the trees that an item joins in every lane, and appends one of them; `is_there` says which of its entries a lane has.
+fn unite<R: Real>(trees: &[u32], parents: &mut [u32], homes: &mut Vec<u32>, support: &[u32], is_there: impl Fn(usize, usize) -> bool) {
+    for l in 0..R::LANES {
+        let mut home = None;
+        let mut last = u32::MAX;
+        for (e, &d) in support.iter().enumerate() {
+            let tree = trees[d as usize];
+            if tree == last || !is_there(e, l) {
+                continue;
+            }
+            last = tree;
+            let root = find::<R>(parents, tree, l);
+            home = Some(match home {
+                None => root,
+                Some(other) => {
+                    let (low, high) = (root.min(other), root.max(other));
+                    parents[high as usize * R::LANES + l] = low;
+                    low
+                }
+            });
+        }
+        homes.push(home.unwrap_or(NOWHERE));
+    }
+}
+
+/// The least tree of the island of a tree in lane `l`.
+fn find<R: Real>(parents: &[u32], mut tree: u32, l: usize) -> u32 {
+    while parents[tree as usize * R::LANES + l] != tree {
+        tree = parents[tree as usize * R::LANES + l];
+    }
+    tree
+}

@@ -175,11 +175,17 @@ impl<R: Real> SoftSolver<R> {
             },
         );
         let running = &mut self.direction;
-        let sweeps = if coupled {
-            noslip.sweep(problem, &self.hessian, constraints, visits, effort, lanes, running)
-        } else {
-            noslip.sweep(problem, &Uncoupled(metric), constraints, visits, effort, lanes, running)
-        };
+        R::vectorize(
+            #[inline(always)]
+            || {
+                if coupled {
+                    noslip.find_responses(problem, &self.hessian, constraints)
+                } else {
+                    noslip.find_responses(problem, &Uncoupled(metric), constraints)
+                }
+            },
+        );
+        let sweeps = noslip.sweep(problem, constraints, visits, effort, lanes, running);
         R::vectorize(
             #[inline(always)]
             || {

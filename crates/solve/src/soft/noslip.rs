@@ -298,17 +298,12 @@ impl<R: Real> NoSlip<R> {
     pub(super) fn sweep(
         &mut self,
         problem: &SoftProblem<R>,
-        metric: &impl Responds<R>,
         constraints: usize,
         visits: &[ContactVisit<R::Mask>],
         effort: SlipEffort<R::Scalar>,
         lanes: R::Mask,
         a: &mut [R],
     ) -> R {
-        R::vectorize(
-            #[inline(always)]
-            || self.find_responses(problem, metric, constraints),
-        );
         self.running.iter_mut().for_each(|running| *running &= lanes.bits());
         self.improvement[..self.count].fill(R::zero());
         let mut sweeps = R::zero();
@@ -337,8 +332,9 @@ impl<R: Real> NoSlip<R> {
         sweeps
     }
 
+    /// What every force that is swept does to the acceleration, by `metric`: once, before [`Noslip::sweep`].
     #[inline(always)]
-    fn find_responses(&mut self, problem: &SoftProblem<R>, metric: &impl Responds<R>, constraints: usize) {
+    pub(super) fn find_responses(&mut self, problem: &SoftProblem<R>, metric: &impl Responds<R>, constraints: usize) {
         let Self { rows, contacts, rolling, trees, work, .. } = self;
         for (i, row) in problem.rows.iter().enumerate() {
             let (support, jacobian) = problem.entries(row);

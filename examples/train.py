@@ -130,6 +130,7 @@ SMALL: Mapping[str, Any] = {
 TASKS: Mapping[str, Mapping[str, Any]] = {
     "Hopper-v5": SMALL,
     "Walker2d-v5": SMALL,
+    "Ant-v5": {**SMALL, "steps": 10_000_000, "initial_std": 0.5},
     "InvertedPendulum-v5": {"steps": 2_000_000},
     "InvertedDoublePendulum-v5": {"steps": 3_000_000},
     "Go1Velocity-v0": {"steps": 13_000_000, "epochs": 5},

@@ -216,7 +216,7 @@ mod tests {
     fn with_surface(model: &Model, change: impl FnOnce(&mut Surfaces)) -> Vec<u8> {
         let mut surfaces = model.hulls.surfaces();
         change(&mut surfaces);
-        let payload = encoded(&(&model.description, surfaces));
+        let payload = encoded(&(&model.description, surfaces, model.soft.noslip));
         let digest: [u8; 32] = Sha256::digest(&payload).into();
         [&MAGIC[..], &FORMAT_VERSION.to_le_bytes(), &digest, &payload].concat()
     }

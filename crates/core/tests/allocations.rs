@@ -37,7 +37,7 @@ static ALLOCATOR: Counting = Counting;
 #[test]
 fn a_step_allocates_nothing_the_second_time() {
     // Sweeps without slip are those of MuJoCo's law alone, which refuses a tendon with an armature.
-    let fields: [(&str, &[f64]); 3] = [("noslip_iterations", &[8.0]), ("noslip_tolerance", &[0.0]), ("tendon_armature", &[0.0])];
+    let fields: [(&str, &[f64]); 3] = [("noslip_iterations", &[8.0]), ("noslip_tolerance", &[0.0]), ("tendon_armature", &[0.0; 2])];
     let model = walker().replace_all(&fields).unwrap();
     let model = std::sync::Arc::new(model);
     let level = *Level::available().last().unwrap();

@@ -18,7 +18,7 @@ use crate::soft::contact::SoftContact;
 use crate::soft::hessian::Argument;
 use crate::soft::problem::{Metric, SoftContacts, SoftProblem};
 
-/// What sweeps of [`NoSlip`] may cost, and where they stop.
+/// What sweeps of noslip may cost, and where they stop.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SlipEffort<S> {
     /// Sweeps at the most.

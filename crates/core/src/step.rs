@@ -17,8 +17,24 @@ use crate::stages::s10_record::Record;
 
 /// One step of `options.timestep` seconds: state and inputs in, next state, observation and record out.
 ///
-/// This is ordinary code that calls kernels: each stage is compiled once for every lane type and CPU level.
+/// Each stage is a kernel that is compiled once for every lane type and CPU level. What stands between them is compiled into this one, since
+/// sets of lanes are vectors, too: a function that does not know the CPU calls another for each operation on them.
 pub fn step<R: Real>(
+    compiled: &LaneModel<R>,
+    options: &StepSettings,
+    s: &mut Workspace<R>,
+    devices: &mut Devices<'_, R::Scalar>,
+    probe: impl Probe,
+) -> Record<R> {
+    R::vectorize(
+        #[inline(always)]
+        || stages(compiled, options, s, devices, probe),
+    )
+}
+
+/// The ten stages.
+#[inline(always)]
+fn stages<R: Real>(
     compiled: &LaneModel<R>,
     options: &StepSettings,
     s: &mut Workspace<R>,
@@ -45,6 +61,7 @@ pub fn step<R: Real>(
 }
 
 /// Stages 1 to 8 with hard contact. Returns the lanes in which something may have passed through something thin, too.
+#[inline(always)]
 fn solve_step<R: Real>(compiled: &LaneModel<R>, options: &StepSettings, s: &mut Workspace<R>, probe: impl Probe) -> (Solution<R>, R::Mask) {
     let mut scheme = scheme(options);
     // 1 actuate, 2 smooth dynamics, 3 detect: at the configuration where the scheme takes the step.

@@ -17,7 +17,7 @@ use crate::integrators::mujoco;
 use crate::integrators::renewed::Renewed;
 use crate::integrators::response::HardResponse;
 use crate::integrators::workspace::{State, Workspace};
-use crate::math::lanes::each_of;
+use crate::math::lanes::{MAX_LANES, each_of};
 use crate::math::spatial::*;
 use crate::model::JointKind;
 use crate::options::{ContactLaw, StepSettings};
@@ -213,9 +213,11 @@ impl<R: Real> StepDerivative<R> {
         for (kept, now) in self.after.iter_mut().zip([&s.state.q, &s.state.v, &s.state.act]) {
             kept.copy_from_slice(now);
         }
+        let mut flags = [0; MAX_LANES];
+        record.add_flags(&mut flags);
         for l in each_of(s.alive.bits()) {
             rows.residual[l] = record.residual.lane(l).to_f64();
-            rows.status[l] = record.status(l).bits();
+            rows.status[l] = flags[l];
             rows.distance[l] = f64::INFINITY;
             for (out, after) in rows.state.iter_mut().zip(&self.after) {
                 let n = after.len();

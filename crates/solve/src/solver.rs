@@ -79,6 +79,20 @@ pub fn solve<'a, R: Real>(
     newton: &mut Newton,
 ) -> Outcome<R> {
     let system = system.into();
+    R::vectorize(
+        #[inline(always)]
+        || solve_system(system, iterate, settings, lanes, newton),
+    )
+}
+
+#[inline(always)]
+fn solve_system<R: Real>(
+    system: System<'_, R>,
+    iterate: &mut Iterate<R>,
+    settings: Settings<R>,
+    lanes: R::Mask,
+    newton: &mut Newton,
+) -> Outcome<R> {
     let Settings { sweeps, newton_steps, tolerance, newton_threshold } = settings;
     let mut outcome = Outcome { residual: R::zero(), sweeps: R::zero(), newton_steps: R::zero() };
     let (mut rest, hyperstatic) = (lanes, lanes.and(system.problem.hyperstatic));
@@ -129,6 +143,7 @@ pub fn solve<'a, R: Real>(
 }
 
 /// Improves the impulses of the lanes `lanes` by sweeps.
+#[inline(always)]
 fn sweep_lanes<R: Real>(
     system: System<'_, R>,
     iterate: &mut Iterate<R>,

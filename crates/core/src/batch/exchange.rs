@@ -12,15 +12,12 @@ pub(super) fn store_state<R: Real>(group: &mut Group<R::Scalar>, s: &Workspace<R
     R::vectorize(
         #[inline(always)]
         || {
-            for (x, out) in [
-                (&s.state.q, &mut group.q),
-                (&s.state.v, &mut group.v),
-                (&s.state.act, &mut group.act),
-                (&s.constraints.scalar_impulse, &mut group.scalar_impulse),
-                (&s.state.impulse, &mut group.impulse),
-            ] {
-                R::store_all(x, out);
-            }
+            // One by one: pairs in an array would be moved through memory, which takes longer than their numbers.
+            R::store_all(&s.state.q, &mut group.q);
+            R::store_all(&s.state.v, &mut group.v);
+            R::store_all(&s.state.act, &mut group.act);
+            R::store_all(&s.constraints.scalar_impulse, &mut group.scalar_impulse);
+            R::store_all(&s.state.impulse, &mut group.impulse);
             group.time.copy_from_slice(&s.state.time);
             group.store_contacts(&s.state.contacts);
         },
@@ -56,19 +53,15 @@ pub(super) fn load_state<R: Real>(group: &Group<R::Scalar>, s: &mut Workspace<R>
 
 /// The part of [`load_state`] that says where the environments are and how they move, and the impulses of scalar rows: without contacts.
 pub(super) fn load_motion<R: Real>(group: &Group<R::Scalar>, s: &mut Workspace<R>) {
-    s.alive = R::Mask::from_bits(group.alive);
     R::vectorize(
         #[inline(always)]
         || {
-            for (x, from) in [
-                (&mut s.state.q, &group.q),
-                (&mut s.state.v, &group.v),
-                (&mut s.state.act, &group.act),
-                (&mut s.constraints.scalar_impulse, &group.scalar_impulse),
-                (&mut s.state.impulse, &group.impulse),
-            ] {
-                R::load_all(from, x);
-            }
+            s.alive = R::Mask::from_bits(group.alive);
+            R::load_all(&group.q, &mut s.state.q);
+            R::load_all(&group.v, &mut s.state.v);
+            R::load_all(&group.act, &mut s.state.act);
+            R::load_all(&group.scalar_impulse, &mut s.constraints.scalar_impulse);
+            R::load_all(&group.impulse, &mut s.state.impulse);
         },
     )
 }

@@ -382,9 +382,7 @@ impl<R: Real, P: Probe> LaneWorker<R, P> {
             };
             let record = step(compiled, call.settings, s, &mut devices, probe);
             probe.span(Span::Record, || {
-                for (l, flags) in flags.iter_mut().enumerate() {
-                    *flags |= record.status(l).bits();
-                }
+                record.add_flags(flags);
                 if !group.saturated.is_empty() {
                     count_saturated(compiled, s, &mut group.saturated);
                 }

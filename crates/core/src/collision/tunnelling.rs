@@ -10,6 +10,7 @@ use crate::math::spatial::*;
 /// Lanes in which the step, now that its velocity `v_next` is known, may have taken something through something thin: a pair was faster
 /// than [`detect`](crate::stages::s03_detect::detect) looked out for, or turned so far that its way bends by more than it is thick. `free`
 /// says that this velocity is the free one that it looked out with.
+#[inline(always)]
 pub fn may_have_passed<R: Real>(
     compiled: &LaneModel<R>,
     kinematics: &Kinematics<R>,

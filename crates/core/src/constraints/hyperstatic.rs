@@ -168,6 +168,7 @@ impl<R: Real> Patches<R> {
     }
 
     /// Lanes with a patch.
+    #[inline(always)]
     pub(crate) fn lanes(&self) -> R::Mask {
         R::Mask::from_bits(self.patches.iter().fold(0, |bits, p| bits | 1 << p.lane))
     }
@@ -195,19 +196,19 @@ impl<R: Real> Patches<R> {
 
     /// Finds the patches of the lanes `lanes` that slip; returns the lanes in which any does.
     pub(crate) fn find_slips(&mut self, assembled: &AssembledRows<'_, R>, iterate: &Iterate<R>, lanes: R::Mask) -> R::Mask {
-        let contacts = &assembled.problem.contacts;
-        self.velocities.clear();
-        if lanes.any() {
-            let velocities = &mut self.velocities;
-            R::vectorize(
-                #[inline(always)]
-                || {
-                    for contact in contacts.iter() {
-                        velocities.push(contacts.velocity(contact, &iterate.w));
-                    }
-                },
-            );
+        if lanes.none() {
+            return lanes;
         }
+        let (contacts, velocities) = (&assembled.problem.contacts, &mut self.velocities);
+        velocities.clear();
+        R::vectorize(
+            #[inline(always)]
+            || {
+                for contact in contacts.iter() {
+                    velocities.push(contacts.velocity(contact, &iterate.w));
+                }
+            },
+        );
         let (all, mut slipping) = (lanes.bits(), 0);
         let Self { patches, slots, velocities, .. } = self;
         for patch in patches.iter_mut().filter(|p| all >> p.lane & 1 == 1) {

@@ -40,6 +40,7 @@ pub(crate) fn keep_impulse<R: Real>(compiled: &LaneModel<R>, s: &mut Workspace<R
 
 /// Takes the next state over in the lanes where it is finite, `h` seconds later; the others stay where they were and start cold. Returns
 /// the former.
+#[inline(always)]
 pub(crate) fn accept<R: Real>(compiled: &LaneModel<R>, s: &mut Workspace<R>, h: f64) -> R::Mask {
     let finite = R::vectorize(
         #[inline(always)]

@@ -18,6 +18,7 @@ use crate::stages::s05_solve::{estimate, restore_hyperstatic_impulses};
 /// middle of the step, Euler's at its beginning.
 ///
 /// Returns the lanes that the midpoint rule takes at the beginning.
+#[inline(always)]
 pub(crate) fn evaluate<R: Real>(
     compiled: &LaneModel<R>,
     options: &StepSettings,
@@ -45,6 +46,7 @@ pub(crate) fn evaluate<R: Real>(
 }
 
 /// Stage 4, and stages 1 and 2 again for forces that depend on the velocity at the end of the step, of which stage 5 makes an estimate.
+#[inline(always)]
 pub(crate) fn assemble_rows<R: Real>(
     compiled: &LaneModel<R>,
     options: &StepSettings,
@@ -74,6 +76,7 @@ pub(crate) fn assemble_rows<R: Real>(
 }
 
 /// Stage 4 at the configuration of the scheme.
+#[inline(always)]
 pub(crate) fn assemble_here<R: Real>(
     compiled: &LaneModel<R>,
     options: &StepSettings,

@@ -13,6 +13,7 @@ use crate::stages::s01_actuate::{actuate, advance_activation, regather};
 use crate::stages::s03_detect::detect;
 
 /// Stage 3. Returns the lanes that are taken too far from the beginning of the step.
+#[inline(always)]
 pub(crate) fn find_contacts<R: Real>(compiled: &LaneModel<R>, scheme: &Scheme<R>, s: &mut Workspace<R>, probe: impl Probe) -> R::Mask {
     detect(
         compiled,
@@ -27,6 +28,7 @@ pub(crate) fn find_contacts<R: Real>(compiled: &LaneModel<R>, scheme: &Scheme<R>
 }
 
 /// Goes to the configuration at which forces are taken, with poses and transmissions there.
+#[inline(always)]
 pub(crate) fn place_bodies<R: Real>(compiled: &LaneModel<R>, scheme: &Scheme<R>, s: &mut Workspace<R>, probe: impl Probe) {
     probe.span(Span::Displace, || displace_evaluation(compiled, scheme, s));
     probe.span(Span::Kinematics, || {
@@ -37,6 +39,7 @@ pub(crate) fn place_bodies<R: Real>(compiled: &LaneModel<R>, scheme: &Scheme<R>,
 }
 
 /// The configuration and activations at which forces are taken.
+#[inline(always)]
 fn displace_evaluation<R: Real>(compiled: &LaneModel<R>, scheme: &Scheme<R>, s: &mut Workspace<R>) {
     if scheme.in_the_middle {
         displace(compiled, &s.state.q, &s.state.v, scheme.time_before, &mut s.evaluation.q);
@@ -51,6 +54,7 @@ fn displace_evaluation<R: Real>(compiled: &LaneModel<R>, scheme: &Scheme<R>, s: 
 }
 
 /// Stages 1 and 2: the velocity at the end of the step if nothing were in the way.
+#[inline(always)]
 pub(crate) fn free_motion<R: Real>(compiled: &LaneModel<R>, scheme: &Scheme<R>, s: &mut Workspace<R>, probe: impl Probe) {
     probe.count(Counter::Evaluations, || 1.0);
     probe.span(Span::Actuate, || {

@@ -149,6 +149,7 @@ fn normal_velocities<R: Real>(
 /// velocity for stage 8: positions went on from `time_before` with the velocity after the step, so it also holds what they lack,
 /// (time_before - t) / h of each impulse's velocity change and (time_before / h - 1/2) of the smooth forces', because the step was not
 /// taken in its middle. Returns these lanes.
+#[inline(always)]
 pub(crate) fn prepare_position_solve<R: Real>(compiled: &LaneModel<R>, scheme: &Scheme<R>, s: &mut Workspace<R>) -> R::Mask {
     let lanes = s.impacts.lanes.or(s.constraints.bouncing()).and(s.alive);
     if s.constraints.needs_position_solve.or(lanes).any() {

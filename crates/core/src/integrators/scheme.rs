@@ -33,6 +33,7 @@ pub(crate) struct Scheme<R> {
 impl<R: Real> Scheme<R> {
     /// The part of a gap that may close in a step: the next step is to meet the surface exactly in its middle, instead of beyond it. That
     /// is two thirds where the midpoint rule is taken at the beginning of a step; `impacts` are taken anywhere.
+    #[inline(always)]
     pub(crate) fn closing_fraction(&self, at_beginning: R::Mask, impacts: R::Mask) -> R {
         let whole = R::select(at_beginning, R::of(2.0 / 3.0), R::one());
         if impacts.none() {

@@ -35,6 +35,7 @@ pub(crate) struct Solution<R: Real> {
 }
 
 /// Stages 5 and 6, and again 2, 4, 5 and 6 where impacts made the velocity jump.
+#[inline(always)]
 pub(crate) fn solve_velocities<R: Real>(
     compiled: &LaneModel<R>,
     options: &StepSettings,
@@ -66,6 +67,7 @@ pub(crate) fn solve_velocities<R: Real>(
 
 /// Where the step is too long for the motion, or the impulses do not decide it, speed and energy are kept from growing by force: the former
 /// here, the latter once positions have moved. Returns the lanes that impulses do not decide, and all that are guarded.
+#[inline(always)]
 fn guard_speed<R: Real>(
     compiled: &LaneModel<R>,
     options: &StepSettings,
@@ -86,6 +88,7 @@ fn guard_speed<R: Real>(
 }
 
 /// Counts the effort of the solver.
+#[inline(always)]
 fn count_effort<R: Real>(outcome: &Outcome<R>, probe: impl Probe) {
     let lanes = |x: R| (0..R::LANES).map(move |l| x.lane(l).to_f64());
     probe.count(Counter::Sweeps, || lanes(outcome.sweeps).sum());
@@ -94,6 +97,7 @@ fn count_effort<R: Real>(outcome: &Outcome<R>, probe: impl Probe) {
 }
 
 /// Stage 7, with the activations. Returns the lanes in which something may have passed through something thin.
+#[inline(always)]
 pub(crate) fn integrate_positions<R: Real>(
     compiled: &LaneModel<R>,
     scheme: &Scheme<R>,
@@ -113,6 +117,7 @@ pub(crate) fn integrate_positions<R: Real>(
 
 /// Stage 8. With the Runge-Kutta scheme, lanes without any constraint row that the step resolves then take the Runge-Kutta result in place
 /// of the midpoint step's.
+#[inline(always)]
 pub(crate) fn correct_positions<R: Real>(
     compiled: &LaneModel<R>,
     options: &StepSettings,
@@ -133,6 +138,7 @@ pub(crate) fn correct_positions<R: Real>(
 }
 
 /// Corrects the positions after the step. Returns the lanes in which demands cannot be met.
+#[inline(always)]
 fn stabilise_positions<R: Real>(compiled: &LaneModel<R>, options: &StepSettings, scheme: &Scheme<R>, s: &mut Workspace<R>) -> R::Mask {
     let impacts = impact::prepare_position_solve(compiled, scheme, s);
     let v_free = if impacts.any() { &s.work.v_positions } else { &s.free_motion.v };
@@ -143,6 +149,7 @@ fn stabilise_positions<R: Real>(compiled: &LaneModel<R>, options: &StepSettings,
 }
 
 /// Keeps the energy of guarded lanes from growing.
+#[inline(always)]
 pub(crate) fn guard_energy<R: Real>(compiled: &LaneModel<R>, s: &mut Workspace<R>, solution: &Solution<R>) {
     if solution.guarded.any() {
         let (before, after) = ([&s.state.q[..], &s.state.v[..]], [&s.next.q[..], &s.next.v[..]]);
@@ -160,6 +167,7 @@ pub(crate) fn guard_energy<R: Real>(compiled: &LaneModel<R>, s: &mut Workspace<R
 }
 
 /// Stage 10: what the step says of itself, once the next state was taken over in the lanes `finite`.
+#[inline(always)]
 pub(crate) fn record<R: Real>(
     compiled: &LaneModel<R>,
     options: &StepSettings,

@@ -20,6 +20,7 @@ use crate::probe::{Counter, Probe, Span};
 /// Finds the contacts of the lanes `alive` at poses that are `time_before` seconds from the beginning of the step. Returns the lanes whose
 /// contacts cannot be trusted so far from it.
 #[expect(clippy::too_many_arguments, reason = "where all is, what is found, and who measures it")]
+#[inline(always)]
 pub fn detect<R: Real>(
     compiled: &LaneModel<R>,
     kinematics: &Kinematics<R>,

@@ -12,6 +12,7 @@ use crate::options::StepSettings;
 ///
 /// What moves slowly is solved more tightly, to a part of its own speed `v`: else a robot at rest would creep at the speed of the
 /// tolerance.
+#[inline(always)]
 pub fn solve<R: Real>(
     options: &StepSettings,
     v: &[R],
@@ -54,6 +55,7 @@ pub fn solve<R: Real>(
 
 /// Shares the loads of hyperstatic patches that slip in the lanes `solved` (see [`crate::constraints::hyperstatic`]). Lanes that it
 /// unsettles, since a patch turns while it slips, are solved again from the shared loads.
+#[inline(always)]
 fn share_loads<R: Real>(
     rows: &AssembledRows<'_, R>,
     settings: Settings<R>,
@@ -103,6 +105,7 @@ const ROUGHEST_ESTIMATE: f64 = 1e-2;
 /// contacts then, and not from those of the step before.
 ///
 /// What rests keeps the impulses of the step before: they hold it, and sweeps of a stack would leave less.
+#[inline(always)]
 pub fn estimate<R: Real>(options: &StepSettings, v: &[R], h: R, lanes: R::Mask, constraints: &mut Constraints<R>) {
     let (error, sweeps) = match options.is_tight() {
         true => (ESTIMATE_RATIO * options.tolerance, ESTIMATE_SWEEPS.max(options.iterations)),
@@ -125,6 +128,7 @@ pub fn estimate<R: Real>(options: &StepSettings, v: &[R], h: R, lanes: R::Mask, 
 }
 
 /// Gives the lanes whose loads are shared evenly their impulses back after an estimate.
+#[inline(always)]
 pub fn restore_hyperstatic_impulses<R: Real>(lanes: R::Mask, constraints: &mut Constraints<R>) {
     let Constraints { iterate, shared, patches, .. } = constraints;
     shared.restore(iterate, lanes.and(patches.lanes()));

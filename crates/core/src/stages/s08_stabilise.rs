@@ -94,6 +94,7 @@ pub struct Solved<'a, R: Real> {
 }
 
 /// Corrects `q_next`, which has moved with `v_next`, in the lanes that need it. Returns those of them in which the demands cannot be met.
+#[inline(always)]
 pub fn stabilise<R: Real>(
     compiled: &LaneModel<R>,
     options: &StepSettings,
@@ -123,6 +124,7 @@ pub fn stabilise<R: Real>(
 /// Limits Baumgarte's method in lanes with a bias where constraints change a velocity by more than four times what a correction may, or
 /// where a row that nothing can move demands more than 1 cm/s. There the velocity `v_next` becomes that of the rows without their bias,
 /// with the bounded correction that the split form would give positions. Returns the lanes in which demands cannot be met.
+#[inline(always)]
 pub fn limit_baumgarte<R: Real>(
     compiled: &LaneModel<R>,
     options: &StepSettings,

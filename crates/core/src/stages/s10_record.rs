@@ -9,6 +9,7 @@ use crate::collision::contact_set::Contacts;
 use crate::compile::LaneModel;
 use crate::constraints::Constraints;
 use crate::dynamics::kinematics::quat_at;
+use crate::math::lanes::each_of;
 use crate::math::spatial::*;
 
 /// Overlap of a contact above which a step is [`Status::DEEP`], m: a hundred times the default slop, more than any contact that is solved
@@ -97,19 +98,26 @@ pub struct Record<R: Real> {
 }
 
 impl<R: Real> Record<R> {
-    /// Flags of one lane.
-    #[inline(always)]
-    pub fn status(&self, lane: usize) -> Status {
-        let flag = |bits: u32, status: Status| if bits >> lane & 1 == 1 { status.bits() } else { 0 };
-        Status::from_bits_retain(
-            flag(self.not_converged.bits(), Status::NOT_CONVERGED)
-                | flag(self.non_finite.bits(), Status::NON_FINITE)
-                | flag(self.contacts_full, Status::CONTACTS_FULL)
-                | flag(self.unresolved.bits(), Status::UNRESOLVED)
-                | flag(self.tunnelled.bits(), Status::TUNNELLED)
-                | flag(self.infeasible.bits(), Status::INFEASIBLE)
-                | flag(self.deep.bits(), Status::DEEP)
-                | flag(self.over_limit.bits(), Status::OVER_LIMIT),
+    /// Adds the flags of every lane to `statuses`, bits of [`Status`] one per lane.
+    pub fn add_flags(&self, statuses: &mut [u32]) {
+        R::vectorize(
+            #[inline(always)]
+            || {
+                for (lanes, flag) in [
+                    (self.not_converged.bits(), Status::NOT_CONVERGED),
+                    (self.non_finite.bits(), Status::NON_FINITE),
+                    (self.contacts_full, Status::CONTACTS_FULL),
+                    (self.unresolved.bits(), Status::UNRESOLVED),
+                    (self.tunnelled.bits(), Status::TUNNELLED),
+                    (self.infeasible.bits(), Status::INFEASIBLE),
+                    (self.deep.bits(), Status::DEEP),
+                    (self.over_limit.bits(), Status::OVER_LIMIT),
+                ] {
+                    for lane in each_of(lanes) {
+                        statuses[lane] |= flag.bits();
+                    }
+                }
+            },
         )
     }
 }

@@ -95,7 +95,7 @@ macro_rules! avx2_lanes {
             #[inline(always)]
             fn store(self, s: &mut [$scalar]) {
                 let s = &mut s[..$n];
-                for (i, register) in self.0.into_iter().enumerate() {
+                for (i, &register) in self.0.iter().enumerate() {
                     // SAFETY: the module's contract, and within `s`.
                     unsafe { storeu(s.as_mut_ptr().add(i * WIDTH), register) }
                 }
@@ -181,7 +181,7 @@ macro_rules! avx2_lanes {
             #[inline(always)]
             fn bits(self) -> u32 {
                 let mut bits = 0;
-                for (i, register) in self.0.into_iter().enumerate() {
+                for (i, &register) in self.0.iter().enumerate() {
                     // SAFETY: the module's contract.
                     bits |= (unsafe { movemask(register) } as u32) << (i * WIDTH);
                 }

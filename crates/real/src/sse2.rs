@@ -82,7 +82,7 @@ macro_rules! sse2_lanes {
             #[inline(always)]
             fn store(self, s: &mut [$scalar]) {
                 let s = &mut s[..$n];
-                for (i, half) in self.0.into_iter().enumerate() {
+                for (i, &half) in self.0.iter().enumerate() {
                     // SAFETY: within `s`, and every x86-64 CPU has SSE2.
                     unsafe { storeu(s.as_mut_ptr().add(i * HALF), half) }
                 }

@@ -12,7 +12,7 @@ pub(super) fn store_state<R: Real>(group: &mut Group<R::Scalar>, s: &Workspace<R
     R::vectorize(
         #[inline(always)]
         || {
-            // One by one: pairs in an array would be moved through memory, which takes longer than their numbers.
+            // One by one: pairs in an array would be moved through memory.
             R::store_all(&s.state.q, &mut group.q);
             R::store_all(&s.state.v, &mut group.v);
             R::store_all(&s.state.act, &mut group.act);

@@ -1,0 +1,47 @@
+"""Worker of versions.py: times steps in the build of stepper that it finds, of which it asks nothing but what the first version had.
+
+python benches/comparison/step_times.py INTEGRATOR PRECISION NUM_ENVS
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+import time
+import warnings
+from typing import Any
+
+import numpy as np
+from stepper import Options, Stepper, load
+
+WARM_UP, STEPS = 50, 150
+"""Steps of a turn that are not timed, and that are."""
+
+
+def main(integrator: str, precision: Any, num_envs: int) -> None:
+    """Steps what lines of the input name, a file and a seed, and writes how long a step of an environment took, us."""
+    warnings.simplefilter("ignore")
+    if hasattr(os, "sched_setaffinity"):
+        os.sched_setaffinity(0, {max(os.sched_getaffinity(0))})
+    settings: dict[str, Any] = {} if integrator == "default" else {"integrator": integrator}
+    sims = {}
+    for line in sys.stdin:
+        path, seed = json.loads(line)
+        if path not in sims:
+            model = load(path, strict=False)
+            sims[path] = (model, Stepper(model, num_envs, options=Options(**settings), precision=precision, threads=1))
+        model, sim = sims[path]
+        low, high = np.nan_to_num(np.asarray(model.actuator_ctrlrange), neginf=-1.0, posinf=1.0).T
+        controls = np.random.default_rng(seed).uniform(low, high, (WARM_UP + STEPS, num_envs, len(low)))
+        sim.reset()
+        for control in controls[:WARM_UP]:
+            sim.step(control)
+        begin = time.process_time()
+        for control in controls[WARM_UP:]:
+            sim.step(control)
+        print((time.process_time() - begin) / STEPS / num_envs * 1e6, flush=True)
+
+
+if __name__ == "__main__":
+    main(sys.argv[1], sys.argv[2], int(sys.argv[3]))

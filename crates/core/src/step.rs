@@ -17,8 +17,8 @@ use crate::stages::s10_record::Record;
 
 /// One step of `options.timestep` seconds: state and inputs in, next state, observation and record out.
 ///
-/// Each stage is a kernel that is compiled once for every lane type and CPU level. What stands between them is compiled into this one, since
-/// sets of lanes are vectors, too: a function that does not know the CPU calls another for each operation on them.
+/// Each stage is a kernel that is compiled once for every lane type and CPU level. What stands between them is compiled into this one,
+/// since sets of lanes are vectors, too: a function that does not know the CPU calls another for each operation on them.
 pub fn step<R: Real>(
     compiled: &LaneModel<R>,
     options: &StepSettings,

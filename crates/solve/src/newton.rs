@@ -34,13 +34,10 @@ use crate::problem::System;
 use island::Island;
 use lane::Lane;
 use ordering::{Islands, Ordering};
-pub use proximal::EXACT_RATIO;
-use proximal::{Criteria, ProximalPoint};
+use proximal::{Criteria, ProximalPoint, SMALL};
+pub use proximal::{EXACT_RATIO, Terms};
 pub use response::{Followed, Response, Switch};
 use stepper_real::{Mask, Real, Scalar};
-
-/// Number of coordinates of a small island: of larger ones (a struck wall, a heap of thirty boxes) hundreds of contacts switch at once.
-const SMALL: usize = 64;
 
 /// Newton's method with its workspace, made once per thread; it grows with the largest problem that it has seen.
 #[derive(Clone, Debug, Default)]
@@ -67,17 +64,6 @@ pub struct Work {
     pub steps: u32,
     /// Number of rounds of the outer loop: each evaluates the problem a few times.
     pub rounds: u32,
-}
-
-/// Which law Newton's steps are of.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Terms {
-    /// De Saxce's terms are held, which leaves convex problems, and renewed.
-    Held,
-    /// The exact law; then, where an island with few contacts is not solved, terms are held.
-    ExactThenHeld,
-    /// The exact law.
-    Exact,
 }
 
 /// What [`Newton::solve`] is asked for.

@@ -28,13 +28,15 @@ by_kind! {
     pub struct System['a, R: Real] {
         /// What all solves share.
         pub(crate) problem: &'a Problem<R>,
+        /// Whether it is that of [`PositionRows`](crate::PositionRows).
+        pub(crate) of_positions: bool,
     } each rows
 }
 
 impl<'a, R: Real> From<&'a Problem<R>> for System<'a, R> {
     #[inline(always)]
     fn from(problem: &'a Problem<R>) -> Self {
-        make_kinds!(System { problem, } [set: &problem] => set.rows())
+        make_kinds!(System { problem, of_positions: false, } [set: &problem] => set.rows())
     }
 }
 
@@ -133,13 +135,6 @@ impl<R: Real> System<'_, R> {
     #[inline(always)]
     pub(crate) fn gather(&self, map: &LaneMap, out: &mut Problem<R::Half>) {
         each_kind!([set: &self.problem] [rows: self] [out: &mut out] => set.gather(rows, map, out));
-    }
-
-    /// Whether any contact has a compliance, of its own or since its position is damped.
-    pub(crate) fn is_compliant(&self) -> bool {
-        let mut compliant = false;
-        each_kind!([rows: self] => compliant |= rows.compliant);
-        compliant
     }
 
     /// Calls `f` for every row or contact that exists in a lane with the coordinates that it touches there, ascending.

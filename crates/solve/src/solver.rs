@@ -126,8 +126,8 @@ fn solve_system<R: Real>(
         return outcome;
     }
     let search = |terms| Search { steps: newton_steps, tolerance, terms };
-    // Where rows are damped, as those of positions are, Newton's method with De Saxce's terms held takes fewer steps.
-    let terms = if system.is_compliant() { Terms::Held } else { Terms::ExactThenHeld };
+    // Rows of positions are damped: with De Saxce's terms held Newton's method takes fewer steps there.
+    let terms = if system.of_positions { Terms::Held } else { Terms::ExactThenHeld };
     let sweeps = SweepSettings { sweeps, tolerance };
     newton.solve(system, iterate, search(terms), left, [&mut outcome.residual, &mut outcome.newton_steps]);
     // Sweeps would undo an even distribution.

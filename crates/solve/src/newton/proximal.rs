@@ -11,7 +11,6 @@
 use crate::newton::anderson::Anderson;
 use crate::newton::augmented_lagrangian::AugmentedLagrangian;
 use crate::newton::island::Island;
-use crate::newton::{SMALL, Terms};
 use stepper_real::Real;
 
 /// Ratios kappa of the first proximal step, which corrects what sweeps left, and of the others.
@@ -36,12 +35,28 @@ const LEAST_EXACT_KAPPA: f64 = 0.3;
 /// Number of Newton steps of a proximal step at the most, and of one after which the next is longer.
 const MOST_STEPS: u32 = 6;
 const FEW_STEPS: u32 = 4;
+/// Number of Newton steps at the most of the proximal step after one that meets the tolerance.
+const LAST_STEPS: u32 = 2;
 /// Ratio of the Newton steps that a search with the exact law gets to those that are asked for: half of those 53 problems need more than
 /// 75, the hardest 280.
 pub const EXACT_RATIO: u32 = 6;
 
 /// Number of steps of a try of the exact law that need not lower its error.
 const PATIENCE: u32 = 3;
+
+/// Number of coordinates of a small island: of larger ones (a struck wall, a heap of thirty boxes) hundreds of contacts switch at once.
+pub(super) const SMALL: usize = 64;
+
+/// Which law Newton's steps are of.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Terms {
+    /// De Saxce's terms are held, which leaves convex problems, and renewed.
+    Held,
+    /// The exact law; then, where an island with few contacts is not solved, terms are held.
+    ExactThenHeld,
+    /// The exact law.
+    Exact,
+}
 
 /// Criteria at which a search stops.
 #[derive(Clone, Copy, Debug)]
@@ -188,16 +203,22 @@ impl ProximalPoint {
                 None => kappa = (0.3 * kappa).max(LEAST_EXACT_KAPPA),
             }
         }
+        // What is left of a contact that holds would add up while it holds: a long step more takes nearly all of it.
+        if self.steps > 0 && self.best.residual <= criteria.tolerance {
+            self.rounds += 1;
+            self.lagrangian.kappa = KAPPA[1];
+            self.step_exactly::<R>(rows, criteria, most_steps.min(self.steps + LAST_STEPS));
+        }
         self.best.restore(rows);
         self.steps
     }
 
-    /// Makes a proximal step of the exact law, to an error no larger than the present residual; returns its Newton steps and whether it
-    /// changed any impulse. None where Newton's method does not get there: nothing has changed then.
+    /// Makes a proximal step of the exact law, to an error no larger than a tenth of the present residual; returns its Newton steps and
+    /// whether it changed any impulse. None where Newton's method does not get there: nothing has changed then.
     fn step_exactly<R: Real>(&mut self, rows: &mut Island, criteria: Criteria, most_steps: u32) -> Option<(u32, bool)> {
         self.before.save(rows, self.now);
         let start = self.lagrangian.evaluate(rows, true);
-        let enough = self.now.max(0.1 * criteria.tolerance);
+        let enough = 0.1 * self.now.max(criteria.tolerance);
         for taken in 1..=MOST_STEPS {
             if self.steps >= most_steps {
                 break;

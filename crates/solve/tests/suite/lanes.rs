@@ -1,10 +1,12 @@
-//! A lane has the bits of the problem alone, also after most of its neighbours are done and the rest has gone on in half the registers.
+//! A lane has the bits of the problem alone, also after most of its neighbours are done and the rest has gone on in half the registers, and
+//! where its neighbours have springs and it has none.
 
 use crate::common::cases;
 use proptest::prelude::*;
 use stepper_real::{Mask, Real, Two};
-use stepper_solve::gauss_seidel::{SweepSettings, solve};
-use stepper_solve::{Iterate, Problem};
+use stepper_solve::gauss_seidel::{self, SweepSettings};
+use stepper_solve::newton::Newton;
+use stepper_solve::{Iterate, Problem, Settings};
 
 /// Two registers of one lane: what goes on in one of them is the code for numbers alone, which is compiled anyway. Lanes of every CPU
 /// level are compared by the tests of the core.
@@ -12,9 +14,9 @@ type Lanes = Two<f64>;
 
 const N: usize = 9;
 const CONTACTS: usize = 3;
-/// Numbers of a problem: of a limit in every coordinate, of contacts with sliding friction and of one with rolling friction, and whether
-/// each is there.
-const NUMBERS: usize = N * (N + 1) + CONTACTS * (3 * N + 3) + 6 * N + 6;
+/// Numbers of a problem: of a limit in every coordinate, of contacts with sliding friction, with the compliance of each where it is above
+/// zero, and of one with rolling friction; and whether each is there.
+const NUMBERS: usize = N * (N + 1) + CONTACTS * (3 * N + 4) + 6 * N + 6;
 const ROWS: usize = N + CONTACTS + 1;
 
 /// Numbers of some problems of one shape, and which rows they have.
@@ -51,6 +53,11 @@ fn build<R: Real<Scalar = f64>>(problems: &Problems) -> (Problem<R>, Iterate<R>)
         let y: Vec<[R; 3]> = support.iter().map(|_| [keep(row, next()), keep(row, next()), keep(row, next())]).collect();
         let g = [next(), next(), next()];
         problem.push_contact(&support, |i| y[i], active(row), R::of(0.4), g);
+        // As where some lanes touch what is soft: nobody says of a lane alone that its contact is hard.
+        let compliance = keep(row, next().max(R::zero()));
+        if compliance.gt(R::zero()).any() {
+            problem.contacts.set_compliance(compliance);
+        }
         iterate.contacts.push([keep(row, R::of(0.2)), R::zero(), R::zero()]);
     }
     let row = N + CONTACTS;
@@ -61,12 +68,20 @@ fn build<R: Real<Scalar = f64>>(problems: &Problems) -> (Problem<R>, Iterate<R>)
     (problem, iterate)
 }
 
-/// What a solve leaves of lane `l`.
-fn left<R: Real<Scalar = f64>>(problems: &Problems, tolerance: f64) -> Vec<Vec<u64>> {
+/// What a solve leaves of every lane: of sweeps alone, or of few sweeps and Newton's method.
+fn left<R: Real<Scalar = f64>>(problems: &Problems, tolerance: f64, sweeps_alone: bool) -> Vec<Vec<u64>> {
     let (problem, mut iterate) = build::<R>(problems);
-    let outcome = solve(&problem, &mut iterate, SweepSettings { sweeps: 60, tolerance: R::of(tolerance) }, R::Mask::splat(true));
+    let (tolerance, all) = (R::of(tolerance), R::Mask::splat(true));
+    let [residual, effort] = if sweeps_alone {
+        let outcome = gauss_seidel::solve(&problem, &mut iterate, SweepSettings { sweeps: 60, tolerance }, all);
+        [outcome.residual, outcome.sweeps]
+    } else {
+        let settings = Settings { sweeps: 3, newton_steps: 20, tolerance, newton_threshold: tolerance };
+        let outcome = stepper_solve::solve(&problem, &mut iterate, settings, all, &mut Newton::default());
+        [outcome.residual, outcome.newton_steps]
+    };
     let impulses = [iterate.contacts.as_flattened(), iterate.rolling_contacts.as_flattened(), &iterate.scalars, &iterate.w].concat();
-    let all = [&[outcome.residual, outcome.sweeps], &impulses[..]].concat();
+    let all = [&[residual, effort], &impulses[..]].concat();
     (0..R::LANES).map(|l| all.iter().map(|x| x.lane(l).to_bits()).collect()).collect()
 }
 
@@ -74,10 +89,14 @@ proptest! {
     #![proptest_config(cases(60))]
 
     #[test]
-    fn a_lane_has_the_bits_of_its_problem_alone(problems in problems(), tolerance in prop_oneof![Just(1e-3), Just(1e-9)]) {
-        let together = left::<Lanes>(&problems, tolerance);
+    fn a_lane_has_the_bits_of_its_problem_alone(
+        problems in problems(),
+        tolerance in prop_oneof![Just(1e-3), Just(1e-9)],
+        sweeps_alone in any::<bool>(),
+    ) {
+        let together = left::<Lanes>(&problems, tolerance, sweeps_alone);
         for (l, problem) in problems.into_iter().enumerate() {
-            let alone = left::<f64>(&vec![problem], tolerance);
+            let alone = left::<f64>(&vec![problem], tolerance, sweeps_alone);
             prop_assert_eq!(&together[l], &alone[0], "lane {}", l);
         }
     }

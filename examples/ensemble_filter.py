@@ -4,9 +4,9 @@
 
 The robot has encoders on its joints, a gyroscope, and an attitude from its IMU; nothing says its velocity, nor how high it is. The ensemble
 is 128 environments, each of which has controls of its own beside those that were given, as nobody knows what pushes the robot. Every
-20 ms readings correct all of them by the covariance that the ensemble itself has (Evensen 1994, https://doi.org/10.1029/94JC00572, with perturbed readings:
-Burgers et al. 1998). Configurations have a free joint, so that means and corrections are of displacements: `Model.differentiate_pos` and
-`integrate_pos`. Corrected environments go on (`set_state(..., cold=False)`), contacts and drives included.
+20 ms readings correct all of them by the covariance that the ensemble itself has (Evensen 1994, https://doi.org/10.1029/94JC00572, with
+perturbed readings: Burgers et al. 1998). Configurations have a free joint, so that means and corrections are of displacements:
+`Model.differentiate_pos` and `integrate_pos`. Corrected environments go on (`set_state(..., cold=False)`), contacts and drives included.
 """
 
 from __future__ import annotations
@@ -47,7 +47,8 @@ def model_of() -> stepper.Model:
 
 def readings_of(model: stepper.Model) -> tuple[Array, Array]:
     """Columns of `sensor_truth` that the filter is told, and the standard deviations of their noise, (m,) each."""
-    columns, deviations = [], []
+    columns: list[int] = []
+    deviations: list[float] = []
     for name in model.sensor_names:
         deviation = {"rate": GYRO, "attitude": ATTITUDE, "heading": ATTITUDE}.get(name, ENCODER if name.startswith("encoder ") else None)
         if deviation is not None:
@@ -110,7 +111,7 @@ class EnsembleFilter:
 def mean_configuration(model: stepper.Model, qpos: Array) -> tuple[Array, Array]:
     """The configuration from which displacements to others (n, nq) have no mean, (nq,), and these displacements, (n, nv)."""
     middle = np.asarray(qpos[0], dtype=np.float64)
-    for _ in range(3):
+    for _ in range(6):
         displacements = model.differentiate_pos(middle, qpos)
         middle = model.integrate_pos(middle, displacements.mean(axis=0))
     found: Array = model.differentiate_pos(middle, qpos)
@@ -176,7 +177,7 @@ def run(seconds: float = 10.0, members: int = 128, seed: int = 0, **settings: An
     kept = [np.array(column) for column in zip(*rows[round(1.0 / (NSTEP * robot.timestep)) :], strict=True)]
     filtered, alone, true, high, deviation = kept
     rms = [float(np.sqrt(np.mean(np.square(part)))) for part in (filtered, alone, true, high)]
-    return Outcome(*rms, float(np.mean(np.abs(filtered) < 2.0 * deviation)), 1e3 * spent / count)
+    return Outcome(rms[0], rms[1], rms[2], rms[3], float(np.mean(np.abs(filtered) < 2.0 * deviation)), 1e3 * spent / count)
 
 
 def _standing(model: stepper.Model) -> Array:
@@ -195,9 +196,7 @@ def main() -> None:
     parser.add_argument("--threads", type=int, default=1, help="0 is all [1]")
     given = parser.parse_args()
     found = run(given.seconds, given.members, given.seed, threads=given.threads)
-    print(
-        f"velocity of the trunk, root mean square error: {found.velocity:.3f} m/s; without readings {found.alone:.3f}; it is {found.moved:.3f}"
-    )
+    print(f"velocity of the trunk, rms error: {found.velocity:.3f} m/s; without readings {found.alone:.3f}; it is {found.moved:.3f}")
     print(f"height: {1e3 * found.height:.0f} mm; {found.covered:.0%} of the velocities lie within two standard deviations")
     print(f"{found.milliseconds:.1f} ms for a prediction of {NSTEP} steps and its correction, {given.members} members")
 

@@ -51,7 +51,8 @@ def _walker(qpos: Array, qvel: Array) -> Array:
     """High, upright, at 1 m/s: height of the torso, its pitch and its speed are the first coordinates."""
     high = np.clip((qpos[..., 0] + 1.3) / 1.2, 0.0, 1.0)
     speed: Array = np.clip(1.0 - np.abs(qvel[..., 1] - 1.0), -1.0, 1.0)
-    return 3.0 * high + np.cos(qpos[..., 2]) + 2.0 * speed
+    reward: Array = 3.0 * high + np.cos(qpos[..., 2]) + 2.0 * speed
+    return reward
 
 
 def _quadruped(qpos: Array, qvel: Array) -> Array:

@@ -3,6 +3,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 LIBRARIES := .venv-adapters
+MJBATCH := .venv-mjbatch
 DENY := 0.20.2
 
 .PHONY: demo test wheel bench loading many-contacts floors atlas corpus adapters identify studies study-libraries fuzz training viewer check advisories build format clean
@@ -30,7 +31,7 @@ wheel: build
 	$(BIN)/python tests/wheel.py
 
 # Speed, as ratios: stages and steps in Rust, side by side with MuJoCo, and what sensors, drives and environments cost. Downloads six packages for
-# the scenes with many contacts, of which only files are read, and EnvPool.
+# the scenes with many contacts, of which only files are read, EnvPool, and mjbatch into an environment of its own: it asks for MuJoCo 3.
 bench: build
 	cargo bench -p stepper-benches
 	$(BIN)/python benches/comparison/throughput.py
@@ -40,7 +41,9 @@ bench: build
 	$(BIN)/python benches/sensing.py
 	$(BIN)/python benches/drives.py
 	$(BIN)/python -m pip install --quiet 'envpool>=1.2'
-	$(BIN)/python benches/environments.py
+	test -d $(MJBATCH) || $(PYTHON) -m venv $(MJBATCH)
+	$(MJBATCH)/bin/python -m pip install --quiet 'mjbatch>=0.1.4' 'gymnasium>=1.2'
+	$(BIN)/python benches/environments.py --mjbatch $(MJBATCH)/bin/python
 	$(BIN)/python benches/derivatives.py
 	$(BIN)/python benches/states.py
 
@@ -175,4 +178,4 @@ $(VENV)/identify.stamp: $(VENV)/setup.stamp
 
 clean:
 	cargo clean
-	rm -rf $(VENV) $(LIBRARIES) out
+	rm -rf $(VENV) $(LIBRARIES) $(MJBATCH) out

@@ -59,7 +59,8 @@ def _quadruped(qpos: Array, qvel: Array) -> Array:
     """Upright, at 0.5 m/s along x."""
     upright = 1.0 - 2.0 * np.square(qpos[..., 4:6]).sum(axis=-1)
     speed: Array = np.clip(1.0 - 2.0 * np.abs(qvel[..., 0] - 0.5), -1.0, 1.0)
-    return 2.0 * upright + speed - 0.2 * np.square(qvel[..., 1]) - 0.05 * np.square(qvel[..., 5])
+    reward: Array = 2.0 * upright + speed - 0.2 * np.square(qvel[..., 1]) - 0.05 * np.square(qvel[..., 5])
+    return reward
 
 
 ROBOTS = {

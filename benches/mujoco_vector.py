@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import copy
 import importlib
+import warnings
 from typing import Any
 
 import gymnasium
@@ -69,7 +70,9 @@ def mujoco_model(model: Model, *, with_contact_forces: bool) -> Any:
     if origin is None:
         raise ValueError(f"model {model.name!r} was not loaded from MJCF here: MuJoCo cannot step it")
     if not with_contact_forces:
-        return copy.copy(compile_source(origin.source, origin.package_dirs))
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", UserWarning)  # Whoever loaded the model has seen them.
+            return copy.copy(compile_source(origin.source, origin.package_dirs))
     source = origin.source
     return with_an_acceleration(mujoco.MjSpec.from_file(source) if origin.is_file else mujoco.MjSpec.from_string(source))
 
@@ -142,7 +145,7 @@ class MujocoSim:
         act: Array | None = None,
         cold: bool = True,
     ) -> None:
-        """Sets configurations, velocities and activations. With `cold` what is derived from them follows, as in Gymnasium's environments."""
+        """Sets configurations, velocities and activations. With `cold` what is derived follows, as in Gymnasium's environments."""
         ids = np.arange(self.num_envs) if mask is None else np.flatnonzero(mask)
         for name, given in (("qpos", qpos), ("qvel", qvel), ("act", act)):
             if given is not None:

@@ -144,7 +144,8 @@ def evaluate(
 
     Args:
         policy: What acts.
-        env: Name of an environment that Gymnasium knows. Those of `stepper.envs` run all episodes at once, others one after the other.
+        env: Name of an environment that Gymnasium knows. Those of `stepper.envs`, and those of which there are only vector environments,
+            run all episodes at once, others one after the other.
         episodes: How many.
         seed: Episode k has the seed `seed + k`.
         starts: Configurations (episodes, nq) and velocities (episodes, nv) that episodes begin from, in place of those of the seeds.
@@ -157,9 +158,15 @@ def evaluate(
     """
     if episodes < 2:
         raise ValueError(f"episodes is {episodes}, must be at least 2: one has no confidence interval")
-    if env.startswith("stepper/"):
+    if env.startswith("stepper/") or _is_vector_alone(env):
         return _together(make(env, episodes, **settings), policy, seed, starts, infos)
     return _one_by_one(make(env, **settings), policy, range(seed, seed + episodes), starts, infos)
+
+
+def _is_vector_alone(env: str) -> bool:
+    """Whether Gymnasium knows vector environments of a name, and no single ones."""
+    spec = require("gymnasium", "to evaluate policies").registry.get(env)
+    return spec is not None and spec.entry_point is None and spec.vector_entry_point is not None
 
 
 def compare(

@@ -19,8 +19,6 @@ import dataclasses
 import inspect
 import os
 import re
-import shutil
-import tempfile
 import time
 from collections import deque
 from collections.abc import Mapping
@@ -33,7 +31,7 @@ import numpy as np
 import stepper.envs
 from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
-from stepper.policies import Policy, describe, evaluate
+from stepper.policies import Policy, describe, evaluate, film
 
 # Threads of OpenMP that wait spin otherwise, which on a machine that others use takes the time that the physics could have.
 os.environ.setdefault("OMP_WAIT_POLICY", "passive")
@@ -141,10 +139,6 @@ TASKS: Mapping[str, Mapping[str, Any]] = {
 
 FRESH = 2**32
 """The first seed of episodes that no training has seen."""
-
-
-FILMED = 300
-"""Actions of a film."""
 
 
 class Moments:
@@ -412,22 +406,6 @@ def train(settings: Settings, folder: Path, *, every: float = 30.0, quiet: bool 
     return run
 
 
-def film(policy: Policy, settings: Settings, file: Path, seed: int) -> None:
-    """Writes a video of the beginning of an episode, by Gymnasium's recorder, which needs MoviePy."""
-    with tempfile.TemporaryDirectory() as temporary:
-        folder = str(Path(temporary, "film"))
-        single = gymnasium.make(settings.env, render_mode="rgb_array", **settings.environment())
-        env = gymnasium.wrappers.RecordVideo(single, folder, episode_trigger=lambda _: True, disable_logger=True)
-        observation, _ = env.reset(seed=seed)
-        for _ in range(FILMED):
-            observation, _, terminated, truncated, _ = env.step(policy(observation))
-            if terminated or truncated:
-                break
-        env.close()  # type: ignore[no-untyped-call]
-        file.parent.mkdir(parents=True, exist_ok=True)
-        shutil.move(next(Path(folder).glob("*.mp4")), file)
-
-
 def _cut(curve: Path, iteration: int) -> None:
     """Removes rows after a checkpoint: they are made again."""
     if curve.exists():
@@ -472,7 +450,7 @@ def main() -> None:
     print(f"{run.steps:,} steps in {run.seconds:.0f} s, {run.processor:.0f} s of processor time; the run is in {folder}")
     print(evaluate(policy, env, episodes=episodes, seed=FRESH, **settings.environment()))
     if video is not None:
-        film(policy, settings, video, FRESH)
+        film(policy, env, video, seed=FRESH, **settings.environment())
         print(f"wrote {video}")
 
 

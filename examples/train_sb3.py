@@ -3,8 +3,8 @@
     pip install 'stepper-sim[train]' stable-baselines3
     python examples/train_sb3.py stepper/HalfCheetah-v5 --seed 1 --film half_cheetah.mp4
 
-`StepperVecEnv` is the `VecEnv` that Stable-Baselines3 asks for; all else is its own: `VecNormalize`, PPO, `evaluate_policy`. What was learned
-is saved twice: as its own `model.zip` with `normalize.pkl`, and as a policy that acts in NumPy, for `stepper evaluate` and
+`StepperVecEnv` is the `VecEnv` that Stable-Baselines3 asks for; all else is its own: `VecNormalize`, PPO, `evaluate_policy`. What was
+learned is saved twice: as its own `model.zip` with `normalize.pkl`, and as a policy that acts in NumPy, for `stepper evaluate` and
 `stepper.policies`.
 """
 

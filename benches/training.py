@@ -152,7 +152,11 @@ def _spent(run: Path) -> list[str]:
     return [f"{float(last[name]) / scale:.1f}" for name, scale in (("steps", 1e6), ("seconds", 60.0), ("processor", 60.0))]
 
 
-VELOCITY_TASKS: dict[str, type[VelocityTask]] = {"Go1Velocity-v0": Go1Velocity, "G1Velocity-v0": G1Velocity}
+VELOCITY_TASKS: dict[str, type[VelocityTask]] = {
+    "Go1Velocity-v0": Go1Velocity,
+    "Go1VelocityReal-v0": Go1Velocity,
+    "G1Velocity-v0": G1Velocity,
+}
 """Tasks of robots that follow a commanded velocity."""
 
 

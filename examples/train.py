@@ -132,6 +132,7 @@ TASKS: Mapping[str, Mapping[str, Any]] = {
     "InvertedPendulum-v5": {"steps": 2_000_000},
     "InvertedDoublePendulum-v5": {"steps": 3_000_000},
     "Go1Velocity-v0": {"steps": 13_000_000, "epochs": 5},
+    "Go1VelocityReal-v0": {"steps": 13_000_000, "epochs": 5},
     "G1Velocity-v0": {"steps": 40_000_000, "epochs": 5, "contact": "mujoco", "hidden": 128, "initial_std": 0.5},
 }
 """Settings of a task in place of those above, whichever engine steps it; options of the command line go before both."""

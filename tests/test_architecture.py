@@ -46,7 +46,7 @@ FOLDERS = {
     "recording": {"shared", "sensors", "actuators", "loading"},
     "experiments": {"shared", "loading", "sensors", "actuators", "policies"},
     "viewer": {"shared", "loading", "recording"},
-    "envs": {"sensors", "shared", "loading", "viewer"},
+    "envs": {"sensors", "actuators", "shared", "loading", "viewer"},
     "derivatives": set(),
     "adapters": {"shared", "envs", "derivatives"},
     "identification": {"shared", "actuators", "recording"},

@@ -38,8 +38,9 @@ def register_tasks() -> None:
         _register(f"stepper/{name}-v5", steps, {"task": name}, threshold)
     _register("stepper/FallingBlock-v0", falling_block.STEPS, {"task": FallingBlock, "options": falling_block.OPTIONS})
     _register("stepper/Grasp-v0", grasp.STEPS, {"task": Grasp, "options": grasp.OPTIONS})
-    _register("stepper/G1Velocity-v0", G1Velocity.episode_steps, {"task": G1Velocity})
-    _register("stepper/Go1Velocity-v0", Go1Velocity.episode_steps, {"task": Go1Velocity})
+    for name, robot in (("G1Velocity", G1Velocity), ("Go1Velocity", Go1Velocity)):
+        _register(f"stepper/{name}-v0", robot.episode_steps, {"task": robot})
+        _register(f"stepper/{name}Real-v0", robot.episode_steps, {"task": robot, "noise": 1.0, "motors": True})
     for name, (kind, arguments) in SUITE.items():
         _register(f"stepper/dm_control.{name}-v0", _SUITE_STEPS, {"task": kind, **arguments})
 

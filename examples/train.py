@@ -31,7 +31,8 @@ import numpy as np
 import stepper.envs
 from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
-from stepper.policies import Policy, describe, evaluate, film
+from stepper.policies import Policy, describe, evaluate, film, is_native
+from stepper.shared.environments import known
 
 # Threads of OpenMP that wait spin otherwise, which on a machine that others use takes the time that the physics could have.
 os.environ.setdefault("OMP_WAIT_POLICY", "passive")
@@ -107,7 +108,7 @@ class Settings:
 
     def environment(self) -> dict[str, Any]:
         """Arguments of the environment: Gymnasium's own have none of these."""
-        given = {"contact": self.contact, "precision": self.precision} if self.env.startswith("stepper/") else {}
+        given = {"contact": self.contact, "precision": self.precision} if is_native(self.env) else {}
         return {name: value for name, value in given.items() if value}
 
 
@@ -349,7 +350,7 @@ def _divergence(mean: Tensor, log_std: Tensor, new_mean: Tensor, new_log_std: Te
 
 def make(settings: Settings) -> Any:
     """The environments to train in."""
-    if settings.env.startswith("stepper/"):
+    if is_native(settings.env):
         return gymnasium.make_vec(
             settings.env,
             num_envs=settings.num_envs,
@@ -426,7 +427,9 @@ def _append(curve: Path, row: dict[str, float]) -> None:
 def arguments() -> argparse.ArgumentParser:
     """Reader of the command line: every setting is an option, and its help is what `Settings` says of it."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("env", nargs="?", default=Settings.env, help=f"a name that Gymnasium knows; {Settings.env} by default")
+    parser.add_argument(
+        "env", nargs="?", default=Settings.env, help=f"a name that Gymnasium knows, or module:name; {Settings.env} by default"
+    )
     parser.add_argument("--out", type=Path, help="folder of the run; one in out/train by default")
     parser.add_argument("--evaluate", type=int, default=20, metavar="EPISODES", help="fresh episodes after the training")
     parser.add_argument("--film", type=Path, metavar="FILE", help="an mp4 of another episode")
@@ -443,6 +446,7 @@ def main() -> None:
     """Trains, evaluates, films."""
     given = vars(arguments().parse_args())
     env, out, episodes, video = (given.pop(name) for name in ("env", "out", "evaluate", "film"))
+    env = known(env)
     settings = Settings.of_task(env, **{name: value for name, value in given.items() if value is not None})
     law = f"_{settings.contact}" if settings.contact else ""
     folder = out or Path("out/train", env.replace("/", "_") + law, f"seed{settings.seed}")

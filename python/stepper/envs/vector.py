@@ -143,7 +143,7 @@ class StepperVectorEnv(VectorEnv[Array, Array, Array]):
 
         Raises:
             TypeError: A reset_mask that is no array of bool, reset_ids that are no whole numbers.
-            ValueError: Another shape, a mask or indices of none, an index twice, other options, as many seeds as there are not environments.
+            ValueError: Another shape, a mask or indices of none, an index twice, other options, seeds for another number of environments.
             IndexError: An index that there is not.
             ResetNeeded: A mask before all environments began once.
         """

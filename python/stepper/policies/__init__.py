@@ -9,7 +9,7 @@ Loading and acting need NumPy alone; `evaluate`, `compare` and `film` need Gymna
 """
 
 from stepper.policies.environment import describe, differences
-from stepper.policies.evaluation import Comparison, Evaluation, compare, evaluate
+from stepper.policies.evaluation import Comparison, Evaluation, compare, evaluate, is_native, make
 from stepper.policies.film import film
 from stepper.policies.policy import ACTIVATIONS, Policy, PolicyError, PolicyWarning, load
 
@@ -25,5 +25,7 @@ __all__ = [
     "differences",
     "evaluate",
     "film",
+    "is_native",
     "load",
+    "make",
 ]

@@ -231,6 +231,19 @@ def test_motors_have_curves_and_friction():
     assert set(envs.sim.model.actuator_names) == set(task.actuators().named)
 
 
+def test_it_sees_the_ground_around_it():
+    """Where `stepper.HeightField` scans it, between the points of whose grid the ground's function is the smoother."""
+    envs = StepperVectorEnv(Go1Velocity(roughness=0.3, sight=0.5), 20)
+    seen = rows(envs, envs.reset(seed=4)[0])["ground"]
+    places = 0.5 * np.stack(np.meshgrid(*[np.linspace(-1, 1, 5)] * 2, indexing="ij"), axis=-1).reshape(-1, 2)
+    scan = stepper.HeightField(envs.sim.model, "terrain").scan(envs.sim, "trunk", places) - envs.sim.xpos[:, [1], 2]
+    assert seen.shape == (20, 25)
+    np.testing.assert_allclose(seen, scan, atol=0.01)
+    assert np.ptp(seen, axis=1).min() > 0.02
+    flat = StepperVectorEnv(Go1Velocity(sight=0.5), 2)
+    np.testing.assert_allclose(rows(flat, flat.reset(seed=0)[0])["ground"], -np.asarray(flat.sim.qpos[:, 2:3]).repeat(25, axis=1))
+
+
 def test_what_is_real_is_registered(envs):
     for name in ("Go1", "G1"):
         made = gymnasium.make_vec(f"stepper/{name}VelocityReal-v0", num_envs=3, precision="f32")

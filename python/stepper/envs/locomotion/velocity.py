@@ -24,6 +24,8 @@ _STANDS = 0.1
 """Share of the commands that are to stand."""
 _SPREAD = 0.7 * terrain.HALF
 """Farthest from the middle of rough ground that an episode begins in x and y, m."""
+_PATCH = np.stack(np.meshgrid(*[np.linspace(-1.0, 1.0, 5)] * 2, indexing="ij"), axis=-1).reshape(-1, 2)
+"""Places that a robot sees ahead and to its left, (25, 2), of its sight."""
 _UNDER = np.stack(np.meshgrid(*[np.linspace(-0.4, 0.4, 9)] * 2), axis=-1).reshape(-1, 2)
 """Places around the base that may be under a robot, (81, 2) m."""
 
@@ -49,7 +51,9 @@ class VelocityTask(Task):
         noise: Errors of what it is told of itself, times those of `ERRORS`; 0 is the truth. With errors there are sensors: velocity and
             rates of turn of the IMU, the vertical, encoders.
         motors: Whether servos have the torque-speed curves and the dry friction of motors (`MOTORS`) instead of torques at any speed.
-        roughness: Greatest height of the ground's bumps, m, which are about a metre wide; 0 is flat ground. Nothing observes them.
+        roughness: Greatest height of the ground's bumps, m, which are about a metre wide; 0 is flat ground.
+        sight: Farthest place ahead and aside whose ground it sees, m: heights of 25 places around the base, which turn with it, beside the
+            base's own height. 0 is nowhere.
         weights: Weights of the terms of the reward, of some or all; the others are those of `WEIGHTS`.
 
     Raises:
@@ -97,6 +101,7 @@ class VelocityTask(Task):
     noise: float = 0.0
     motors: bool = False
     roughness: float = 0.0
+    sight: float = 0.0
     weights: Mapping[str, float] | None = None
 
     def __post_init__(self) -> None:
@@ -106,8 +111,9 @@ class VelocityTask(Task):
             raise ValueError(f"max_latency is {self.max_latency}, must be from 0 to frame_skip, which is {self.frame_skip}")
         if not 0.0 <= self.roughness <= 1.0:
             raise ValueError(f"roughness is {self.roughness}, must be from 0 to 1 m")
-        if not self.noise >= 0.0:
-            raise ValueError(f"noise is {self.noise}, must be at least 0")
+        for name in ("noise", "sight"):
+            if not getattr(self, name) >= 0.0:
+                raise ValueError(f"{name} is {getattr(self, name)}, must be at least 0")
         if self.motors and not self.MOTORS:
             raise ValueError(f"{type(self).__name__} has no `MOTORS`: give it the curves of its motors, or leave motors=False")
         if unknown := sorted(set(self.weights or {}) - set(self.WEIGHTS)):
@@ -165,7 +171,11 @@ class VelocityTask(Task):
             raise ValueError(f'roughness is {self.roughness}, and the model has no geom "terrain": add `terrain.elements` to it')
 
     def quantities(self) -> tuple[Quantity, ...]:
-        """Velocities and vertical of the base in its frame, command, angles and last action beside the stance, rates: (12 + 3 nu,)."""
+        """Velocities and vertical of the base in its frame, command, angles and last action beside the stance, rates: (12 + 3 nu,).
+
+        With `sight`, 25 heights of the ground.
+        """
+        seen = (Quantity("ground", of=_ground_around),) if self.sight else ()
         return (
             Quantity("linear_velocity", of=_told("linear_velocity") if self.noise else linear_velocity),
             Quantity("angular_velocity", of=_told("angular_velocity") if self.noise else lambda now: now.qvel[:, 3:6]),
@@ -174,6 +184,7 @@ class VelocityTask(Task):
             Quantity("angles", of=lambda now: (_told("angles")(now) if self.noise else now.qpos[:, 7:]) - stance_of(now)),
             Quantity("rates", of=_told("rates") if self.noise else lambda now: now.qvel[:, 6:]),
             Quantity("last_action", of=lambda now: now.memory["last"] - stance_of(now)),
+            *seen,
         )
 
     def terms(self, now: Moment) -> Terms:
@@ -329,6 +340,17 @@ def linear_velocity(now: Moment) -> Array:
     """Velocity of the base in its own frame, m/s: (num_envs, 3)."""
     local: Array = np.einsum("ni,nij->nj", now.qvel[:, :3], _frame(now))
     return local
+
+
+def _ground_around(now: Moment) -> Array:
+    """Heights of the ground at places around the base, which turn with its heading, less its own height, m: (num_envs, 25)."""
+    ahead = _frame(now)[:, :2, 0]
+    ahead = ahead / np.maximum(np.sqrt(square_sum(ahead)), 1e-9)[:, None]
+    left = np.stack([-ahead[:, 1], ahead[:, 0]], axis=1)
+    offsets = now.task.sight * _PATCH
+    places = now.qpos[:, None, :2] + offsets[:, :1] * ahead[:, None] + offsets[:, 1:] * left[:, None]
+    heights: Array = now.task.ground(places) - now.qpos[:, 2:3]
+    return heights
 
 
 def vertical(now: Moment) -> Array:

@@ -6,7 +6,7 @@ LIBRARIES := .venv-adapters
 MJBATCH := .venv-mjbatch
 DENY := 0.20.2
 
-.PHONY: demo test wheel bench loading many-contacts floors atlas corpus adapters identify studies study-libraries fuzz training viewer check advisories build format clean
+.PHONY: demo test wheel bench loading many-contacts floors atlas corpus adapters identify studies study-libraries fuzz training gymnasium viewer check advisories build format clean
 
 # The main job: 1,024 humanoids, beside MuJoCo.
 demo: build
@@ -107,6 +107,10 @@ identify: build $(VENV)/identify.stamp
 MINUTES ?= 10
 fuzz: build
 	PYTHONPATH=tests $(BIN)/python -m fuzz --minutes $(MINUTES)
+
+# Gymnasium's own tests of vector environments, wrappers and environments, around stepper's: GYMNASIUM is a checkout of its repository.
+gymnasium: build
+	$(BIN)/python tests/gymnasiums.py $(GYMNASIUM)
 
 # What is seen: pictures by MuJoCo's renderer, and the view in a browser that runs without a screen, of which it keeps pictures in out/viewer. Debian:
 # apt install chromium libegl1 libgl1-mesa-dri.

@@ -1,6 +1,8 @@
 """Ray over several machines, each of which is a node of a cluster with a process of its own: one is lost, and others come."""
 
+import re
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -62,3 +64,13 @@ def test_rollouts_have_the_bits_of_one_machine(cluster):
     one = rollout("stepper/Hopper-v5", act, num_actors=1, **settings)
     for name, values in one.items():
         np.testing.assert_array_equal(spread[name], values)
+
+
+def test_what_the_page_shows_runs(cluster):
+    page = (Path(__file__).parents[2] / "docs/many_machines.md").read_text()
+    names = {"__name__": "__main__"}
+    for snippet in re.findall(r"```python\n(.*?)```", page, re.DOTALL):
+        exec(compile(snippet, "docs/many_machines.md", "exec"), names)
+    data, again = names["data"], names["again"]
+    assert data["reward"].shape == again["reward"].shape == (64, 256)
+    assert np.isfinite(data["reward"]).all()

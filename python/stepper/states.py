@@ -122,10 +122,15 @@ def restore(sim: Stepper, states: State | Sequence[State], envs: Envs | None = N
     given = list(states)
     if len(given) != len(targets):
         raise ValueError(f"there are {len(given)} states, must be {len(targets)}: one for each environment that takes it, or one for all")
-    # States of one length may be the same, and setting one in many environments is one call.
+    digest = bytes.fromhex(sim.model.digest)
+    for k, state in enumerate(given):  # All are looked at before any environment changes.
+        if state.digest != digest:
+            raise ValueError(f"state {k} is of another model than the stepper's: give states of steppers of the same model")
+    # Those that are the same are set in one call.
     places: dict[bytes, int] = {}
     which = np.array([places.setdefault(state.bytes, len(places)) for state in given], dtype=np.int64)
-    _give(sim, [State(kept) for kept in places], which, targets)
+    unique = {place: state for state, place in zip(given, which.tolist(), strict=True)}
+    _give(sim, [unique[k] for k in range(len(unique))], which, targets)
 
 
 def reset(

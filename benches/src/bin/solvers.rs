@@ -55,7 +55,7 @@ const MEANING: &str = "
 * Newton's method needs a few steps on every stack and pinch, whatever the masses, and some ten times as many in a wall, where many contacts
   share the load and which of them slide has to be found. A step factorises a matrix, so it costs as much as ten to twenty sweeps.
 * So neither is enough alone: robots on legs and light contacts converge in a few warm-started sweeps, over eight environments at a time; stacks,
-  pinches and mass ratios need Newton's method. `solver=\"auto\"`, the default, sweeps at most 50 times, and sends the environments whose
+  pinches and mass ratios need Newton's method. `solver=\"auto\"`, the default, sweeps at most 25 times, and sends the environments whose
   residual is then above `tolerance` to Newton's method, one by one. `sim.residual` says what either left.
 * In steps of a simulation both begin with the impulses of the step before: these are the costs of a blow, not of rest.
 ";
@@ -100,7 +100,7 @@ fn accelerated(problem: &Problem<f64>, iterate: &mut Iterate<f64>) -> (f64, f64)
 
 fn newton(problem: &Problem<f64>, iterate: &mut Iterate<f64>) -> (f64, f64) {
     let (mut left, mut taken) = (residual(problem, iterate), 0.0);
-    let search = Search { steps: STEPS, tolerance: TOLERANCE, terms: Terms::HeldInSmall };
+    let search = Search { steps: STEPS, tolerance: TOLERANCE, terms: Terms::ExactThenHeld };
     Newton::default().solve(problem, iterate, search, true, [&mut left, &mut taken]);
     (left, taken)
 }

@@ -1,7 +1,7 @@
 //! Sets of admissible impulses as Newton's method sees them, lane by lane in scalar f64: projection, its derivative, De Saxce's term and
 //! the natural map, for any number of rows. A set that is new is an alternative here and nowhere else in Newton's method.
 
-use crate::vectors::{add_scaled, norm};
+use crate::vectors::{TILE, norm};
 
 /// Set of the admissible impulses of one constraint.
 #[derive(Clone, Copy, Debug)]
@@ -71,13 +71,12 @@ impl AdmissibleSet {
     /// at the velocities `v`, DP is multiplied by the derivative of v + s: `I + e_n (0, mu v_t / |v_t|)`.
     #[inline(always)]
     pub(crate) fn differentiate(&self, rho: f64, x: &[f64], v: Option<&[f64]>, y: &[f64], n: usize, out: &mut Product) -> bool {
-        let Product { rows: out, radial } = out;
-        out.clear();
         let mu = match *self {
             Self::Interval { lo, hi } => {
                 let free = x[0] > lo && x[0] < hi;
                 if free {
-                    out.extend(y.iter().map(|y| rho * y));
+                    out.rows.clear();
+                    out.rows.extend(y.iter().map(|y| rho * y));
                 }
                 return free;
             }
@@ -88,38 +87,89 @@ impl AdmissibleSet {
         if let ConeRegion::Zero = case {
             return false;
         }
-        out.extend(y.iter().map(|y| rho * y));
-        let (normal, tangents) = out.split_at_mut(n);
-        if let Some(v) = v {
-            let speed = norm(&v[1..]);
-            if speed > 0.0 {
-                for (row, v) in tangents.chunks_exact(n).zip(&v[1..]) {
-                    add_scaled(normal, mu * v / speed, row);
-                }
-            }
-        }
-        // DP = b b^T / (1 + mu^2) + (mu height / |x_t|) (I - t t^T), with t = x_t / |x_t| and b = (1, mu t).
-        if let ConeRegion::Surface { height } = case {
-            let inverse = if tangent > 0.0 { 1.0 / tangent } else { 0.0 };
-            let shrink = mu * height * inverse;
-            radial.clear();
-            radial.resize(n, 0.0);
-            for (row, x) in tangents.chunks_exact(n).zip(&x[1..]) {
-                add_scaled(radial, x * inverse, row);
-            }
-            for (normal, radial) in normal.iter_mut().zip(radial.iter_mut()) {
-                *normal = (*normal + mu * *radial) / (1.0 + mu * mu);
-                *radial = mu * *normal - shrink * *radial;
-            }
-            for (row, x) in tangents.chunks_exact_mut(n).zip(&x[1..]) {
-                let t = x * inverse;
-                for (y, radial) in row.iter_mut().zip(radial.iter()) {
-                    *y = shrink * *y + t * radial;
-                }
-            }
+        let speed = v.map_or(0.0, |v| norm(&v[1..]));
+        let slip = if speed > 0.0 { mu / speed } else { 0.0 };
+        out.slip.clear();
+        out.slip.extend(v.iter().flat_map(|v| &v[1..]).map(|v| v * slip));
+        out.slip.resize(x.len() - 1, 0.0);
+        out.rows.resize(y.len(), 0.0);
+        // Of a known number of rows the loops over them are none.
+        match x.len() {
+            3 => differentiate_cone([rho, mu], x, tangent, case, y, [3, n], out),
+            4 => differentiate_cone([rho, mu], x, tangent, case, y, [4, n], out),
+            6 => differentiate_cone([rho, mu], x, tangent, case, y, [6, n], out),
+            rows => differentiate_cone([rho, mu], x, tangent, case, y, [rows, n], out),
         }
         true
     }
+}
+
+/// rho DP (I + e_n s'^T) Y of a friction cone, tile by tile, with the derivative s' of De Saxce's term in `out.slip`.
+///
+/// `DP = b b^T / (1 + mu^2) + (mu height / |x_t|) (I - t t^T)`, with t = x_t / |x_t| and b = (1, mu t), and the identity within the cone.
+#[inline(always)]
+fn differentiate_cone([rho, mu]: [f64; 2], x: &[f64], tangent: f64, case: ConeRegion, y: &[f64], [rows, n]: [usize; 2], out: &mut Product) {
+    let Product { rows: out, slip } = out;
+    let inverse = if tangent > 0.0 { 1.0 / tangent } else { 0.0 };
+    let part = 1.0 / (1.0 + mu * mu);
+    for at in (0..n).step_by(TILE) {
+        let mut normal = tile(y, at);
+        for k in 1..rows {
+            add_tile(&mut normal, slip[k - 1], tile(y, k * n + at));
+        }
+        let ConeRegion::Surface { height } = case else {
+            put_tile(out, at, scaled(rho, normal));
+            for k in 1..rows {
+                put_tile(out, k * n + at, scaled(rho, tile(y, k * n + at)));
+            }
+            continue;
+        };
+        let mut radial = [0.0; TILE];
+        for k in 1..rows {
+            add_tile(&mut radial, x[k] * inverse, tile(y, k * n + at));
+        }
+        let shrink = mu * height * inverse;
+        for (normal, radial) in normal.iter_mut().zip(&mut radial) {
+            *normal = rho * ((*normal + mu * *radial) * part);
+            *radial = mu * *normal - rho * (shrink * *radial);
+        }
+        put_tile(out, at, normal);
+        for k in 1..rows {
+            let mut row = scaled(rho * shrink, tile(y, k * n + at));
+            add_tile(&mut row, x[k] * inverse, radial);
+            put_tile(out, k * n + at, row);
+        }
+    }
+}
+
+/// s y
+#[inline(always)]
+fn scaled(s: f64, mut y: [f64; TILE]) -> [f64; TILE] {
+    for y in &mut y {
+        *y *= s;
+    }
+    y
+}
+
+/// x += s y
+#[inline(always)]
+fn add_tile(x: &mut [f64; TILE], s: f64, y: [f64; TILE]) {
+    for k in 0..TILE {
+        x[k] += s * y[k];
+    }
+}
+
+/// Four numbers from index `at` on.
+#[inline(always)]
+fn tile(x: &[f64], at: usize) -> [f64; TILE] {
+    let x = &x[at..at + TILE];
+    [x[0], x[1], x[2], x[3]]
+}
+
+/// Puts four numbers at index `at`.
+#[inline(always)]
+fn put_tile(x: &mut [f64], at: usize, numbers: [f64; TILE]) {
+    x[at..at + TILE].copy_from_slice(&numbers);
 }
 
 /// Piece of a projection, on which it is differentiable.
@@ -183,8 +233,8 @@ impl AdmissibleSet {
 pub(crate) struct Product {
     /// Entries, row by row.
     pub(crate) rows: Vec<f64>,
-    /// Part of the tangential rows along t.
-    radial: Vec<f64>,
+    /// Derivative of De Saxce's term over the tangential velocities.
+    slip: Vec<f64>,
 }
 
 /// Region of a point (n, |t|) that is projected on the cone of friction `mu`.

@@ -14,8 +14,8 @@
 //! the first, steps on the exact law are tried, s included, whose matrix is not symmetric: near the answer they converge at once, and where
 //! they do not they are taken back.
 //!
-//! Where contacts are many that does not converge: there all proximal steps are of the exact law, short at first
-//! (`ProximalPoint::solve_exact`), and where it has failed three times.
+//! That outer loop on s does not converge where contacts are many, and takes most of the steps where they are few. So all proximal steps
+//! are of the exact law first, short ones at the beginning (`ProximalPoint::solve_exact`); terms are held for what that leaves.
 //!
 //! Nothing proves that s converges, and Coulomb's law may have no solution or several (Painleve 1895). The residual says how it went.
 
@@ -39,9 +39,8 @@ use proximal::{Criteria, ProximalPoint};
 pub use response::{Followed, Response, Switch};
 use stepper_real::{Mask, Real, Scalar};
 
-/// Number of coordinates of the largest island that begins with De Saxce's terms held. A robot's contacts are solved in a few steps so; of
-/// a struck wall and a heap of thirty boxes hundreds of contacts switch at once, and half of the steps are left.
-const LARGEST_HELD: usize = 64;
+/// Number of coordinates of a small island: of larger ones (a struck wall, a heap of thirty boxes) hundreds of contacts switch at once.
+const SMALL: usize = 64;
 
 /// Newton's method with its workspace, made once per thread; it grows with the largest problem that it has seen.
 #[derive(Clone, Debug, Default)]
@@ -59,7 +58,7 @@ pub struct Newton {
 }
 
 /// Effort of the last call in all its lanes and islands together. With at most n steps asked for, there are at most n steps and n rounds an
-/// island, or [`EXACT_RATIO`] n where steps are of the exact law, whatever the numbers are: what a lane can cost its neighbours.
+/// island, or [`EXACT_RATIO`] n where any are of the exact law, whatever the numbers are: what a lane can cost its neighbours.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Work {
     /// Number of islands searched.
@@ -70,26 +69,15 @@ pub struct Work {
     pub rounds: u32,
 }
 
-/// In which islands De Saxce's terms are held, which leaves convex problems; in the others steps are of the exact law.
+/// Which law Newton's steps are of.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Terms {
-    /// In all.
+    /// De Saxce's terms are held, which leaves convex problems, and renewed.
     Held,
-    /// In those with few contacts: the law is exact where they are many.
-    HeldInSmall,
-    /// In none.
+    /// The exact law; then, where an island with few contacts is not solved, terms are held.
+    ExactThenHeld,
+    /// The exact law.
     Exact,
-}
-
-impl Terms {
-    /// Number of coordinates of the largest island in which they are held.
-    fn largest_held(self) -> usize {
-        match self {
-            Terms::Held => usize::MAX,
-            Terms::HeldInSmall => LARGEST_HELD,
-            Terms::Exact => 0,
-        }
-    }
 }
 
 /// What [`Newton::solve`] is asked for.
@@ -109,7 +97,7 @@ struct LaneCriteria<R> {
     steps: u32,
     tolerance: R,
     least_norm: bool,
-    largest_held: usize,
+    terms: Terms,
 }
 
 /// Result of one lane.
@@ -134,7 +122,7 @@ impl Newton {
         outcome: [&mut R; 2],
     ) {
         let lanes = lanes.and(outcome[0].gt(tolerance));
-        let criteria = LaneCriteria { steps, tolerance, least_norm: false, largest_held: terms.largest_held() };
+        let criteria = LaneCriteria { steps, tolerance, least_norm: false, terms };
         self.solve_lanes(system.into(), iterate, criteria, lanes, outcome);
     }
 
@@ -149,13 +137,8 @@ impl Newton {
         lanes: R::Mask,
         outcome: [&mut R; 2],
     ) {
-        self.solve_lanes(
-            system.into(),
-            iterate,
-            LaneCriteria { steps, tolerance, least_norm: true, largest_held: usize::MAX },
-            lanes,
-            outcome,
-        );
+        let criteria = LaneCriteria { steps, tolerance, least_norm: true, terms: Terms::Held };
+        self.solve_lanes(system.into(), iterate, criteria, lanes, outcome);
     }
 
     /// Effort of the last call.
@@ -182,7 +165,7 @@ impl Newton {
                 tolerance: criteria.tolerance.lane(lane).to_f64(),
                 steps: criteria.steps,
                 least_norm: criteria.least_norm,
-                largest_held: criteria.largest_held,
+                terms: criteria.terms,
             };
             let result = self.solve_lane::<R>(own);
             if result.better {
@@ -203,14 +186,10 @@ impl Newton {
             let before = self.island.residual(&mut self.v);
             let mut after = before;
             if criteria.least_norm || before > criteria.tolerance {
-                let steps = if self.island.w.len() > criteria.largest_held {
-                    self.proximal.solve_exact::<R>(&mut self.island, criteria)
-                } else {
-                    self.proximal.solve::<R>(&mut self.island, criteria)
-                };
+                let [steps, rounds] = self.solve_island::<R>(criteria);
                 result.steps += steps;
-                let Work { islands, steps: all, rounds } = self.work;
-                self.work = Work { islands: islands + 1, steps: all + steps, rounds: rounds + self.proximal.rounds };
+                let work = &mut self.work;
+                *work = Work { islands: work.islands + 1, steps: work.steps + steps, rounds: work.rounds + rounds };
                 for x in self.island.lambda.iter_mut().chain(&mut self.island.w) {
                     *x = R::Scalar::from_f64(*x).to_f64();
                 }
@@ -225,6 +204,26 @@ impl Newton {
             result.residual = result.residual.max(if better { after } else { before });
         }
         result
+    }
+
+    /// Improves the island that is gathered; returns its Newton steps and rounds.
+    fn solve_island<R: Real>(&mut self, criteria: Criteria) -> [u32; 2] {
+        let Self { proximal, island, v, .. } = self;
+        let [mut steps, mut rounds] = [0; 2];
+        if criteria.terms != Terms::Held {
+            steps += proximal.solve_exact::<R>(island, criteria);
+            rounds += proximal.rounds;
+        }
+        let is_held = match criteria.terms {
+            Terms::Held => true,
+            Terms::ExactThenHeld => island.w.len() <= SMALL && island.residual(v) > criteria.tolerance,
+            Terms::Exact => false,
+        };
+        if is_held {
+            steps += proximal.solve::<R>(island, criteria);
+            rounds += proximal.rounds;
+        }
+        [steps, rounds]
     }
 
     /// Gathers the rows of an island.

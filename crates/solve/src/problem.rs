@@ -135,6 +135,13 @@ impl<R: Real> System<'_, R> {
         each_kind!([set: &self.problem] [rows: self] [out: &mut out] => set.gather(rows, map, out));
     }
 
+    /// Whether any contact has a compliance, of its own or since its position is damped.
+    pub(crate) fn is_compliant(&self) -> bool {
+        let mut compliant = false;
+        each_kind!([rows: self] => compliant |= rows.compliant);
+        compliant
+    }
+
     /// Calls `f` for every row or contact that exists in a lane with the coordinates that it touches there, ascending.
     pub fn for_each_support(&self, lane: usize, mut f: impl FnMut(&mut dyn Iterator<Item = u32>)) {
         each_kind!([set: &self.problem] [rows: self] => set.for_each_support(rows, lane, &mut f));

@@ -1,5 +1,5 @@
-//! The solver: Newton's method first, for a least-norm solution, in hyperstatic lanes; then sweeps over all lanes but the hyperstatic ones
-//! that are solved already; then Newton's method and sweeps in turn for each lane that sweeps leave unsolved (a hyperstatic lane gets
+//! The solver: Newton's method first, for a least-norm solution, in hyperstatic lanes; then some sweeps over all lanes but the hyperstatic
+//! ones that are solved already; then Newton's method and sweeps in turn for each lane that sweeps leave unsolved (a hyperstatic lane gets
 //! Newton's method once).
 
 use crate::cone::masked;
@@ -55,12 +55,19 @@ const LEAST_NORM_GOAL: f64 = 1e-9;
 const SLIPS: f64 = 1e-6;
 
 /// Number of passes of sweeps and then Newton's method. Each leaves the other a start of another kind: sweeps find which contacts slip,
-/// Newton's method what they cannot move. Its steps are of the exact law in the last pass, and in the first where contacts are many;
-/// De Saxce's terms are held in the others, which masses of very different size need.
+/// Newton's method what they cannot move. Its steps are of the exact law in the first pass and in the last; De Saxce's terms are held in
+/// the others, which masses of very different size need.
 ///
 /// Measured on 32 of safety-gymnasium's racecars and doggos under random control, 400 steps: one pass with terms held leaves 0.17 and 0.27
 /// % of the steps unsolved, two leave 0.16 and 0.06 %, three 0.11 and 0.06 %.
 pub const PASSES: usize = 4;
+
+/// Number of sweeps of the first pass at the most, if Newton's method may follow: lanes that need more keep the others of their group
+/// waiting.
+///
+/// Measured on 280 problems that sweeps left of robots, grasps and heaps: 50 sweeps take 1.1 to 1.5 times as long, 15 within 5 % as long
+/// but more Newton steps, and those are what a lane does alone.
+const FIRST_SWEEPS: u32 = 25;
 
 /// Number of Newton steps a pass from which on there is a last pass, of the exact law: half of the problems that it is for take 75 steps,
 /// six times this. With fewer it leaves a smaller residual, but moves what has not converged: a cube pinched with five a pass slips
@@ -112,14 +119,17 @@ fn solve_system<R: Real>(
         // moves): there sweeps bring the motion to rest, and change the distribution of the load too little to matter.
         rest = lanes.and_not(hyperstatic.and(outcome.residual.le(tolerance)).and(tolerance.gt(goal)));
     }
-    let sweeps = SweepSettings { sweeps, tolerance };
-    sweep_lanes(system, iterate, sweeps, rest, &mut outcome);
+    let first_sweeps = if newton_steps > 0 { sweeps.min(FIRST_SWEEPS) } else { sweeps };
+    sweep_lanes(system, iterate, SweepSettings { sweeps: first_sweeps, tolerance }, rest, &mut outcome);
     let mut left = lanes.and(outcome.residual.gt(newton_threshold));
     if newton_steps == 0 || left.none() {
         return outcome;
     }
     let search = |terms| Search { steps: newton_steps, tolerance, terms };
-    newton.solve(system, iterate, search(Terms::HeldInSmall), left, [&mut outcome.residual, &mut outcome.newton_steps]);
+    // Where rows are damped, as those of positions are, Newton's method with De Saxce's terms held takes fewer steps.
+    let terms = if system.is_compliant() { Terms::Held } else { Terms::ExactThenHeld };
+    let sweeps = SweepSettings { sweeps, tolerance };
+    newton.solve(system, iterate, search(terms), left, [&mut outcome.residual, &mut outcome.newton_steps]);
     // Sweeps would undo an even distribution.
     left = left.and_not(hyperstatic);
     let passes = if newton_steps < LEAST_EXACT { PASSES - 1 } else { PASSES };

@@ -14,7 +14,7 @@ use crate::newton::skyline::Skyline;
 use crate::vectors::{add_scaled, inner, norm};
 use stepper_real::Real;
 
-/// Least pivot of an implicit step: the identity less what friction may take from it (Painleve's paradox takes all).
+/// Least size of a pivot of an implicit step: the identity less what friction may take from it (Painleve's paradox takes all).
 const LEAST_PIVOT: f64 = 1e-3;
 
 /// Augmented Lagrangian at one w, and Newton's method on it.
@@ -51,7 +51,7 @@ impl AugmentedLagrangian {
             self.matrix.reserve(rows.tiles(block));
         }
         self.matrix.complete_pattern();
-        self.longest = rows.blocks.iter().fold(0.0, |most: f64, block| most.max(block.rows.len() as f64 / block.rho)).sqrt();
+        self.longest = rows.blocks.iter().fold(0.0, |most: f64, block| most.max(block.trace)).sqrt();
         for room in [&mut self.z, &mut self.x, &mut self.trial] {
             room.clear();
             room.resize(rows.g.len(), 0.0);
@@ -111,8 +111,7 @@ impl AugmentedLagrangian {
             }
         }
         let least = if implicit { LEAST_PIVOT } else { 0.0 };
-        let indefinite = implicit && rows.w.len() > SMALL_DENSE;
-        let factored = self.matrix.factor(least, !implicit, indefinite);
+        let factored = self.matrix.factor(least, !implicit, implicit);
         self.direction.clear();
         self.direction.extend(self.gradient.iter().map(|g| -g));
         if factored {
@@ -216,11 +215,8 @@ impl AugmentedLagrangian {
     }
 }
 
-/// Largest island whose implicit matrix is factorised with pivoting as soon as a pivot is not above [`LEAST_PIVOT`]: 64 coordinates take
-/// some 50 microseconds. In larger ones the skyline's factors are as good as they have to be with negative pivots too: with or without
-/// pivoting the same 29 problems of a struck wall are solved in as many steps.
-const SMALL_DENSE: usize = 64;
-/// Largest island whose matrix is factorised with pivoting where the skyline has no factors.
+/// Largest island whose matrix is factorised with pivoting where the skyline has no factors. It has them with pivots of either sign: with
+/// pivoting instead, 280 problems of robots, grasps and heaps, and 29 of a struck wall, are solved in as many steps.
 const LARGEST_DENSE: usize = 256;
 /// Least step length of an implicit step.
 const LEAST_LENGTH: f64 = 0.125;

@@ -26,15 +26,18 @@ impl Dense {
     #[inline(always)]
     pub(super) fn add_product(&mut self, tiles: &[usize], a: &[f64], b: &[f64]) {
         let n = TILE * tiles.len();
-        for (a, b) in a.chunks_exact(n).zip(b.chunks_exact(n)) {
-            for (i, &a) in a.iter().enumerate() {
-                let row = (TILE * tiles[i / TILE] + i % TILE) * self.dimension;
-                for (b, &tile) in b.chunks_exact(TILE).zip(tiles) {
-                    let at = row + TILE * tile;
-                    for (x, &b) in self.entries[at..at + TILE].iter_mut().zip(b) {
-                        *x += a * b;
+        for i in 0..n {
+            let row = (TILE * tiles[i / TILE] + i % TILE) * self.dimension;
+            for (k, &tile) in tiles.iter().enumerate() {
+                let at = row + TILE * tile;
+                let mut sum = [0.0; TILE];
+                sum.copy_from_slice(&self.entries[at..at + TILE]);
+                for (a, b) in a.chunks_exact(n).zip(b.chunks_exact(n)) {
+                    for c in 0..TILE {
+                        sum[c] += a[i] * b[TILE * k + c];
                     }
                 }
+                self.entries[at..at + TILE].copy_from_slice(&sum);
             }
         }
     }

@@ -19,6 +19,10 @@ pub(super) struct Block {
     pub(super) y: Range<usize>,
     /// Its rows, as places in [`Island::g`] and [`Island::lambda`].
     pub(super) rows: Range<usize>,
+    /// Which of the constraint's rows they are, as bits: those that do nothing (kinds of friction that a contact lacks) are left out.
+    kept: u32,
+    /// Trace of its block of G, before elimination of separate rows.
+    pub(super) trace: f64,
     /// Step of the natural map: `dim / trace(G_ii)`, compliance included.
     pub(super) rho: f64,
     /// Compliance R >= 0 on the diagonal of G, the same for all of its rows.
@@ -68,15 +72,16 @@ impl Island {
             let tiles = first..self.tiles.len();
             let (dim, at, row) = (block.rows.len(), self.y.len(), self.g.len());
             let n = TILE * tiles.len();
-            self.y.resize(at + dim * n, 0.0);
+            let kept = lane.busy_rows(block);
+            self.y.resize(at + kept.count_ones() as usize * n, 0.0);
             for (c, entries) in places().zip(entries.chunks_exact(dim)) {
                 let tile = self.tiles[tiles.clone()].partition_point(|&tile| tile < c / TILE);
-                for (r, &y) in entries.iter().enumerate() {
-                    self.y[at + r * n + TILE * tile + c % TILE] = y;
+                for (k, r) in bits(kept).enumerate() {
+                    self.y[at + k * n + TILE * tile + c % TILE] = entries[r];
                 }
             }
-            self.g.extend_from_slice(&lane.g[block.rows.clone()]);
-            self.lambda.extend_from_slice(&lane.lambda[block.rows.clone()]);
+            self.g.extend(bits(kept).map(|r| lane.g[block.rows.start + r]));
+            self.lambda.extend(bits(kept).map(|r| lane.lambda[block.rows.start + r]));
             let own = if block.normal_compliance > 0.0 { dim } else { 0 };
             let bodies = &entries[..entries.len() - own];
             let damped = block.compliance * dim as f64;
@@ -86,7 +91,9 @@ impl Island {
                 set: block.set,
                 tiles,
                 y: at..self.y.len(),
-                rows: row..row + dim,
+                rows: row..self.g.len(),
+                kept,
+                trace,
                 rho: dim as f64 / trace,
                 compliance: block.compliance,
                 natural_step: if own == 0 {
@@ -102,7 +109,10 @@ impl Island {
     /// Scatters impulses and w back into the lane.
     pub(super) fn scatter(&self, lane: &mut Lane, members: &[usize], coordinates: &[u32]) {
         for (&i, block) in members.iter().zip(&self.blocks) {
-            lane.lambda[lane.blocks[i].rows.clone()].copy_from_slice(&self.lambda[block.rows.clone()]);
+            let start = lane.blocks[i].rows.start;
+            for (r, &lambda) in bits(block.kept).zip(&self.lambda[block.rows.clone()]) {
+                lane.lambda[start + r] = lambda;
+            }
         }
         for (&c, &w) in coordinates.iter().zip(&self.w) {
             lane.w[c as usize] = w;
@@ -174,4 +184,14 @@ impl Island {
         }
         worst
     }
+}
+
+/// Places of the bits that are set, ascending.
+#[inline(always)]
+fn bits(mut set: u32) -> impl Iterator<Item = usize> {
+    std::iter::from_fn(move || {
+        let place = (set != 0).then(|| set.trailing_zeros() as usize);
+        set &= set.wrapping_sub(1);
+        place
+    })
 }

@@ -85,6 +85,22 @@ impl Lane {
         &self.support[block.support.clone()]
     }
 
+    /// Rows of a block that do anything, as bits: those with entries, and the first.
+    pub(super) fn busy_rows(&self, block: &LaneBlock) -> u32 {
+        let (_, entries) = self.entries(block);
+        let dim = block.rows.len();
+        let mut busy = 1;
+        for own in entries.chunks_exact(dim) {
+            for (r, &y) in own.iter().enumerate() {
+                busy |= u32::from(y != 0.0) << r;
+            }
+        }
+        for (r, k) in block.rows.clone().enumerate() {
+            busy |= u32::from(self.g[k] != 0.0 || self.lambda[k] != 0.0) << r;
+        }
+        busy
+    }
+
     /// Coordinates of all blocks, one after the other.
     pub(super) fn supports(&self) -> &[u32] {
         &self.support

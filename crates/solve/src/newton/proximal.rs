@@ -11,28 +11,31 @@
 use crate::newton::anderson::Anderson;
 use crate::newton::augmented_lagrangian::AugmentedLagrangian;
 use crate::newton::island::Island;
+use crate::newton::{SMALL, Terms};
 use stepper_real::Real;
 
 /// Ratios kappa of the first proximal step, which corrects what sweeps left, and of the others.
 ///
-/// Measured on 1,202 problems that sweeps left of humanoids: beginning with 10 or with 1e5 takes 10 to 20 % more Newton steps; 1e4 and 1e6
-/// at the end as many, 1e7 twice as many.
-const KAPPA: [f64; 2] = [1e3, 1e5];
+/// Measured on 280 problems that sweeps left of robots, grasps and heaps: 1e3 and 1e5 take as many Newton steps, but a third more in a
+/// heap of ten boxes and a quarter more where two arms push.
+const KAPPA: [f64; 2] = [1e4, 1e6];
 /// Largest kappa, where proximal steps are too short (mass ratios beyond 1e5, rows that are nearly multiples of others): the matrix is the
 /// identity and some kappa of it, and what is left of the identity after rounding is still above zero.
 const MOST_KAPPA: f64 = 1e12;
 /// Least kappa, however tight the tolerance.
 const LEAST_KAPPA: f64 = 1e2;
 
-/// Ratio kappa of the first and of the shortest steps of [`ProximalPoint::solve_exact`].
+/// Ratio kappa of the first steps of [`ProximalPoint::solve_exact`], in islands of at most [`SMALL`] coordinates and in larger ones, and of
+/// the shortest.
 ///
 /// Measured on 53 problems of a struck wall and of a heap of thirty boxes that sweeps and steps with De Saxce's terms held had left: a
 /// first kappa of 10 or 1000, growth by 4, or 6 instead of [`MOST_STEPS`] take within 15 % as many Newton steps, and leave none either.
-const FIRST_EXACT_KAPPA: f64 = 100.0;
+/// In small islands, of 280 problems, 300 or 3000 take up to 20 % more.
+const FIRST_EXACT_KAPPA: [f64; 2] = [1e3, 1e2];
 const LEAST_EXACT_KAPPA: f64 = 0.3;
 /// Number of Newton steps of a proximal step at the most, and of one after which the next is longer.
-const MOST_STEPS: u32 = 10;
-const FEW_STEPS: u32 = 6;
+const MOST_STEPS: u32 = 6;
+const FEW_STEPS: u32 = 4;
 /// Ratio of the Newton steps that a search with the exact law gets to those that are asked for: half of those 53 problems need more than
 /// 75, the hardest 280.
 pub const EXACT_RATIO: u32 = 6;
@@ -49,8 +52,8 @@ pub(super) struct Criteria {
     pub(super) steps: u32,
     /// Whether, of many possible impulses, those of least norm are sought, instead of those near the start.
     pub(super) least_norm: bool,
-    /// Number of coordinates of the largest island in which De Saxce's terms are held.
-    pub(super) largest_held: usize,
+    /// Which law the steps are of.
+    pub(super) terms: Terms,
 }
 
 /// Proximal-point method on one island: its workspace and its progress.
@@ -169,8 +172,11 @@ impl ProximalPoint {
         (self.steps, self.rounds) = (0, 0);
         self.now = rows.residual(&mut self.v);
         self.best.save(rows, self.now);
-        let most_steps = criteria.steps.saturating_mul(EXACT_RATIO);
-        let mut kappa = FIRST_EXACT_KAPPA;
+        let small = rows.w.len() <= SMALL;
+        // What is left of the steps is for terms that are held.
+        let ratio = if small && criteria.terms == Terms::ExactThenHeld { EXACT_RATIO - 1 } else { EXACT_RATIO };
+        let most_steps = criteria.steps.saturating_mul(ratio);
+        let mut kappa = FIRST_EXACT_KAPPA[usize::from(!small)];
         while self.steps < most_steps && self.best.residual > criteria.tolerance && self.now.is_finite() {
             self.rounds += 1;
             self.lagrangian.kappa = kappa;

@@ -2,13 +2,13 @@
 
 use crate::admissible_set::AdmissibleSet;
 use crate::constraints::constraint_set::{LaneConstraint, LaneReceiver};
-use crate::newton::Newton;
 use crate::newton::lane::Lane;
 use crate::newton::proximal::Criteria;
 use crate::newton::skyline::Skyline;
+use crate::newton::{Newton, Terms};
 use crate::vectors::TILE;
 
-const CRITERIA: Criteria = Criteria { tolerance: 1e-11, steps: 100, least_norm: false, largest_held: usize::MAX };
+const CRITERIA: Criteria = Criteria { tolerance: 1e-11, steps: 100, least_norm: false, terms: Terms::Held };
 const FREE: AdmissibleSet = AdmissibleSet::Interval { lo: f64::NEG_INFINITY, hi: f64::INFINITY };
 
 /// A number in [-1, 1] for every seed.

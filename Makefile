@@ -3,9 +3,10 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 LIBRARIES := .venv-adapters
+MJBATCH := .venv-mjbatch
 DENY := 0.20.2
 
-.PHONY: demo test wheel bench loading many-contacts floors atlas corpus adapters identify studies study-libraries fuzz training viewer check advisories build format clean
+.PHONY: demo test wheel bench loading many-contacts floors atlas corpus adapters identify studies study-libraries fuzz training gymnasium viewer check advisories build format clean
 
 # The main job: 1,024 humanoids, beside MuJoCo.
 demo: build
@@ -30,7 +31,7 @@ wheel: build
 	$(BIN)/python tests/wheel.py
 
 # Speed, as ratios: stages and steps in Rust, side by side with MuJoCo, and what sensors, drives and environments cost. Downloads six packages for
-# the scenes with many contacts, of which only files are read, and EnvPool.
+# the scenes with many contacts, of which only files are read, EnvPool, and mjbatch into an environment of its own: it asks for MuJoCo 3.
 bench: build
 	cargo bench -p stepper-benches
 	$(BIN)/python benches/comparison/throughput.py
@@ -40,7 +41,9 @@ bench: build
 	$(BIN)/python benches/sensing.py
 	$(BIN)/python benches/drives.py
 	$(BIN)/python -m pip install --quiet 'envpool>=1.2'
-	$(BIN)/python benches/environments.py
+	test -d $(MJBATCH) || $(PYTHON) -m venv $(MJBATCH)
+	$(MJBATCH)/bin/python -m pip install --quiet 'mjbatch>=0.1.4' 'gymnasium>=1.2'
+	$(BIN)/python benches/environments.py --mjbatch $(MJBATCH)/bin/python
 	$(BIN)/python benches/derivatives.py
 	$(BIN)/python benches/states.py
 
@@ -104,6 +107,10 @@ identify: build $(VENV)/identify.stamp
 MINUTES ?= 10
 fuzz: build
 	PYTHONPATH=tests $(BIN)/python -m fuzz --minutes $(MINUTES)
+
+# Gymnasium's own tests of vector environments, wrappers and environments, around stepper's: GYMNASIUM is a checkout of its repository.
+gymnasium: build
+	$(BIN)/python tests/gymnasiums.py $(GYMNASIUM)
 
 # What is seen: pictures by MuJoCo's renderer, and the view in a browser that runs without a screen, of which it keeps pictures in out/viewer. Debian:
 # apt install chromium libegl1 libgl1-mesa-dri.
@@ -175,4 +182,4 @@ $(VENV)/identify.stamp: $(VENV)/setup.stamp
 
 clean:
 	cargo clean
-	rm -rf $(VENV) $(LIBRARIES) out
+	rm -rf $(VENV) $(LIBRARIES) $(MJBATCH) out

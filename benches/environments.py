@@ -2,10 +2,13 @@
 
 Random actions, with the autoreset of Gymnasium's default, on one core. Beside them stand EnvPool's environments of the same name, with one
 thread and as many environments as it is fastest with, and Gymnasium's own in its `SyncVectorEnv`, of fewer environments, as each takes the
-same time. They step by turns, and figures are medians over the calls of processor time: what else a machine does slows all of them alike.
+same time; and the same task code over `mujoco.batch`, and over mjbatch where an environment with it is named. They step by turns, and
+figures are medians over the calls of processor time: what else a machine does slows all of them alike.
 
     pip install envpool imageio                         # imageio is for Gymnasium's; what is not installed is left out
+    python -m venv .venv-mjbatch && .venv-mjbatch/bin/pip install mjbatch gymnasium
     python benches/environments.py                      # HalfCheetah, Hopper, Ant, Humanoid with 1,024 environments
+    python benches/environments.py --mjbatch .venv-mjbatch/bin/python
     python benches/environments.py Walker2d --num-envs 256 --seconds 2
 """
 
@@ -13,14 +16,21 @@ from __future__ import annotations
 
 import argparse
 import importlib
+import json
+import os
+import subprocess
+import tempfile
 import time
 import warnings
 from collections.abc import Callable
 from importlib.util import find_spec
-from typing import Any
+from pathlib import Path
+from typing import Any, Protocol
 
 import gymnasium
+import mujoco_vector
 import numpy as np
+import stepper
 from gymnasium.vector import SyncVectorEnv
 from stepper.envs import TASKS, Moment, StepperVectorEnv, Task
 from stepper.shared.machine import cpu_name, one_core
@@ -30,8 +40,25 @@ GYMNASIUMS, ENVPOOLS = 16, 256
 """Environments of Gymnasium's own and of EnvPool, whose speed does not grow beyond that."""
 LIMIT = 1000
 """Actions of an episode."""
+BESIDE = ("EnvPool", "mujoco.batch", "Gymnasium's own")
+"""Whose rate the others' are divided by, a column for each."""
 TURN = 0.15
 """Processor time of a turn, s."""
+
+
+class Timed(Protocol):
+    """Something that steps by turns."""
+
+    def turn(self) -> None:
+        """Steps for some time."""
+
+    @property
+    def rate(self) -> float:
+        """Environment steps per second."""
+
+    @property
+    def layer(self) -> tuple[float, float]:
+        """What is not physics: its ratio to the physics, and microseconds for each step of an environment; NaN where nobody knows."""
 
 
 class Contender:
@@ -57,9 +84,11 @@ class Contender:
         end = time.process_time() + TURN
         # Of each turn the first step finds nothing of its own in the caches.
         self._step()
-        while time.process_time() < end:
+        timed = 0
+        while time.process_time() < end or not timed:
             self._times.append(self._step())
             self._inner.append(self._physics[-1])
+            timed += 1
 
     def _step(self) -> float:
         action = self._actions[len(self._times) % len(self._actions)]
@@ -95,6 +124,51 @@ def ours(name: str, num_envs: int, contact: str, precision: str) -> Contender:
     return Contender(StepperVectorEnv(task, num_envs, max_episode_steps=LIMIT, **settings), num_envs, times)
 
 
+class Elsewhere:
+    """The task over mjbatch in another process, whose Python has mjbatch.
+
+    Args:
+        python: That Python.
+        name: Name of the task.
+        num_envs: Number of environments.
+    """
+
+    layer = float("nan"), float("nan")
+
+    def __init__(self, python: str, name: str, num_envs: int):
+        here = Path(__file__).parent
+        self._num_envs, self._times, self._folder = num_envs, list[float](), tempfile.TemporaryDirectory()
+        kind: Any = TASKS[name]
+        saved = Path(self._folder.name, "model.stepper")
+        kind().model().save(saved)
+        paths = {"PYTHONPATH": os.pathsep.join([str(here), str(Path(stepper.__file__).parents[1])])}
+        command = [python, str(here / "mjbatch_turns.py"), name, str(num_envs), str(saved)]
+        self._process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, env=os.environ | paths)
+        self._answer()
+
+    def _answer(self) -> Any:
+        line = self._process.stdout.readline() if self._process.stdout else ""
+        if not line:
+            raise RuntimeError(f"the process of mjbatch ended with {self._process.wait()}: its message is above")
+        return json.loads(line)
+
+    def turn(self) -> None:
+        """Steps for some time."""
+        if self._process.stdin:
+            print(TURN, file=self._process.stdin, flush=True)
+        self._times += self._answer()
+
+    @property
+    def rate(self) -> float:
+        """Environment steps per second."""
+        return self._num_envs / float(np.median(self._times))
+
+
+def batches(name: str, num_envs: int) -> Contender:
+    """The same task code over `mujoco.batch`."""
+    return Contender(mujoco_vector.MujocoVectorEnv(name, num_envs, max_episode_steps=LIMIT), num_envs)
+
+
 def envpools(name: str) -> Contender:
     """EnvPool's environments, on one thread."""
     envpool: Any = importlib.import_module("envpool")
@@ -114,17 +188,21 @@ def main() -> None:
     parser.add_argument("names", nargs="*", default=NAMES, metavar="TASK", help=f"one of {', '.join(sorted(TASKS))}")
     parser.add_argument("--num-envs", type=int, default=1024)
     parser.add_argument("--seconds", type=float, default=5.0, help="processor time of each row")
+    parser.add_argument("--mjbatch", metavar="PYTHON", help="a Python that has mjbatch and gymnasium")
     given = parser.parse_args()
     print(f"{given.num_envs} environments, one core of {cpu_name()}\n")
-    print("| task | contact | precision | steps/s | beside EnvPool | beside Gymnasium's | layer | layer, us a step |")
-    print("|---|---|---|---|---|---|---|---|")
+    print("| task | contact | precision | steps/s | beside EnvPool | beside mujoco.batch | beside Gymnasium's | layer | layer, us a step |")
+    print("|---|---|---|---|---|---|---|---|---|")
     peers: dict[str, tuple[str, Callable[[str], Contender]]] = {
         "Gymnasium's own": ("imageio", gymnasiums),
         "EnvPool": ("envpool", envpools),
     }
     with one_core():
         for name in given.names:
-            rows = {(peer, "f64"): make(name) for peer, (needed, make) in peers.items() if find_spec(needed)}
+            rows: dict[tuple[str, str], Timed] = {(peer, "f64"): make(name) for peer, (needed, make) in peers.items() if find_spec(needed)}
+            rows["mujoco.batch", "f64"] = batches(name, given.num_envs)
+            if given.mjbatch:
+                rows["mjbatch", "f64"] = Elsewhere(given.mjbatch, name, given.num_envs)
             ours_too = {
                 (contact, precision): ours(name, given.num_envs, contact, precision)
                 for contact in ("mujoco", "hard")
@@ -135,7 +213,7 @@ def main() -> None:
                 for contender in rows.values():
                     contender.turn()
             for key, contender in rows.items():
-                beside = [f"{contender.rate / rows[peer, 'f64'].rate:.1f}" if (peer, "f64") in rows else "" for peer in reversed(peers)]
+                beside = [f"{contender.rate / rows[peer, 'f64'].rate:.1f}" if (peer, "f64") in rows else "" for peer in BESIDE]
                 share, spent = contender.layer if key in ours_too else (float("nan"), float("nan"))
                 layer = f"{share:.0%} | {spent:.2f}" if key in ours_too else " | "
                 print(f"| {name} | {' | '.join(key)} | {contender.rate:,.0f} | {' | '.join(beside)} | {layer} |", flush=True)

@@ -1,10 +1,12 @@
 """What it costs to keep a state and to go back to it, beside a step: dm_control's quadruped on the floor, one pinned core.
 
-python benches/states.py
+python benches/states.py          # whole states
+python benches/states.py --some   # states of some environments: docs/quantities.md
 """
 
 from __future__ import annotations
 
+import argparse
 import warnings
 from collections.abc import Callable
 from typing import Any
@@ -12,12 +14,42 @@ from typing import Any
 import numpy as np
 import stepper
 from derivatives import median_time, touching
-from stepper import Options
+from stepper import Options, states
 from stepper.shared.machine import cpu_name, one_core
+
+
+def some(num_envs: int = 256) -> None:
+    """Prints what states of some environments cost."""
+    sim, ctrl = touching("dm_control/quadruped", Options(), num_envs)
+    begin, kept = sim.get_state(), states.save(sim)
+    sources = np.random.default_rng(0).integers(0, num_envs, num_envs)
+
+    def back() -> None:
+        sim.set_state(begin)
+
+    rows: dict[str, Callable[[], Any]] = {
+        "a step": lambda: sim.step(ctrl),
+        "states.copy from random sources": lambda: states.copy(sim, sources),
+        "states.save of all": lambda: states.save(sim),
+        "states.restore of all": lambda: states.restore(sim, kept),
+        "sim.get_state()": sim.get_state,
+        "sim.set_state(kept)": back,
+    }
+    print(f"| {num_envs} environments | us for each |\n|---|---|")
+    for name, call in rows.items():
+        print(f"| {name} | {1e6 * median_time(call, 31, back) / num_envs:.1f} |", flush=True)
 
 
 def main() -> None:
     """Prints the table."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--some", action="store_true", help="states of some environments")
+    given = parser.parse_args()
+    if given.some:
+        with one_core(), warnings.catch_warnings():
+            warnings.simplefilter("ignore", stepper.ModelWarning)
+            some()
+        return
     print(f"{cpu_name()}, CPU level {stepper.cpu_levels()[-1]}\n")
     print("| environments | bytes of a state, each | a step, us each | get_state() | set_state(state) | set_state(qpos, qvel) |")
     print("|---|---|---|---|---|---|")

@@ -5,9 +5,10 @@
     python benches/training.py follow                       # how far Go1 and G1 are from the velocities that they are commanded
     python benches/training.py transfer                     # examples/policies/ in other environments, from the same starts
     python benches/training.py race                         # HalfCheetah here, in EnvPool and in Gymnasium's own: docs/learning_race.png
+    python benches/training.py engines                      # the Go1 learns here and on mujoco.batch, with the same task and learner
 
 Tables are written into docs/training.md. `curves` adds to the rows of docs/learning_curves.csv: runs may be made one after the other.
-`race` trains itself, and goes on where it was stopped; EnvPool is left out where it is not installed.
+`race` and `engines` train themselves, and go on where they were stopped; EnvPool is left out where it is not installed.
 """
 
 from __future__ import annotations
@@ -23,6 +24,7 @@ from typing import Any
 
 import envpool_vector
 import gymnasium
+import mujoco_vector
 import numpy as np
 import stepper.envs
 from stepper.envs.locomotion import G1Velocity, Go1Velocity, VelocityTask
@@ -150,7 +152,11 @@ def _spent(run: Path) -> list[str]:
     return [f"{float(last[name]) / scale:.1f}" for name, scale in (("steps", 1e6), ("seconds", 60.0), ("processor", 60.0))]
 
 
-VELOCITY_TASKS: dict[str, type[VelocityTask]] = {"Go1Velocity-v0": Go1Velocity, "G1Velocity-v0": G1Velocity}
+VELOCITY_TASKS: dict[str, type[VelocityTask]] = {
+    "Go1Velocity-v0": Go1Velocity,
+    "Go1VelocityReal-v0": Go1Velocity,
+    "G1Velocity-v0": G1Velocity,
+}
 """Tasks of robots that follow a commanded velocity."""
 
 
@@ -278,6 +284,47 @@ def race(task: str, steps: int, runs: Path) -> str:
     return "\n".join(rows)
 
 
+ENGINES: dict[str, tuple[str, dict[str, Any]]] = {
+    "stepper, hard contact": ("stepper/{}", {"contact": "hard"}),
+    "stepper, MuJoCo's law": ("stepper/{}", {"contact": "mujoco"}),
+    "mujoco.batch": ("mujoco_batch/{}", {}),
+}
+"""Engines that the same task of a robot is put to: what a row is called, name of the environment, settings."""
+
+
+def engines(task: str, runs: Path, episodes: int, steps: int | None = None) -> str:
+    """Trains a robot that follows commands in every engine, with the same task, learner, settings and seed, on one core and one thread.
+
+    Args:
+        task: Name of the task, one of `VELOCITY_TASKS`.
+        runs: Folder of the runs.
+        episodes: Fresh episodes of each policy in each engine.
+        steps: Environment steps of each run; None is those of the task.
+
+    Returns:
+        A table, a row for each engine that trained: processor time, and the errors and falls in each engine.
+    """
+    train: Any = importlib.import_module("train")
+    mujoco_vector.register(task)
+    columns = " | ".join(f"error in {name}, m/s | falls" for name in ENGINES)
+    rows = [f"| trained in | million steps | minutes of processor | {columns} |", "|" + "---|" * (3 + 2 * len(ENGINES))]
+    with one_core():
+        for name, (env, own) in ENGINES.items():
+            folder = runs / re.sub(r"\W+", "_", f"{task} {name}")
+            given = {} if steps is None else {"steps": steps}
+            settings = train.Settings.of_task(env.format(task), **own, threads=1, seed=1, **given)
+            run = train.train(settings, folder, quiet=True)
+            cells = [name, f"{run.steps / 1e6:.1f}", f"{run.processor / 60.0:.1f}"]
+            for other, law in ENGINES.values():
+                arguments = law | ({"precision": "f32"} if law else {})
+                found = evaluate(run.policy(), other.format(task), episodes=episodes, seed=2**32, infos=("tracking_error",), **arguments)
+                fell = int(np.sum(found.lengths < found.lengths.max()))
+                cells += [f"{found.infos['tracking_error'].mean():.3f}", f"{fell} of {episodes}"]
+            rows.append("| " + " | ".join(cells) + " |")
+            print(rows[-1], flush=True)
+    return "\n".join(rows)
+
+
 def draw_race(curves: dict[str, list[dict[str, str]]], task: str, path: Path) -> None:
     """Draws returns in training against processor time."""
     plt = require("matplotlib.pyplot", "to draw learning curves")
@@ -327,18 +374,20 @@ def write_table(name: str, table: str) -> None:
 def main() -> None:
     """Makes what is asked for."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("what", choices=("curves", "evaluate", "follow", "transfer", "race"))
+    parser.add_argument("what", choices=("curves", "evaluate", "follow", "transfer", "race", "engines"))
     parser.add_argument("--runs", type=Path, default=RUNS, help="folder of the runs; those of a race are in its folder race")
     parser.add_argument("--episodes", type=int, help="20 of each run, 200 of each transfer and of each robot that follows commands")
     parser.add_argument(
         "--only", default="", metavar="NAME", help="files of policies (transfer) or tasks (follow) that have this in their names"
     )
-    parser.add_argument("--task", default="HalfCheetah-v5", help="of a race")
-    parser.add_argument("--steps", type=int, default=400_000, help="of each run of a race")
+    parser.add_argument("--task", help="of a race [HalfCheetah-v5], or of engines [Go1Velocity-v0]")
+    parser.add_argument("--steps", type=int, help="of each run of a race [400000], or of engines [those of the task]")
     given = parser.parse_args()
+    sys.path.append(str(EXAMPLES))
     if given.what == "race":
-        sys.path.append(str(EXAMPLES))
-        write_table("race", race(given.task, given.steps, given.runs / "race"))
+        write_table("race", race(given.task or "HalfCheetah-v5", given.steps or 400_000, given.runs / "race"))
+    elif given.what == "engines":
+        write_table("engines", engines(given.task or "Go1Velocity-v0", given.runs / "engines", given.episodes or 200, given.steps))
     elif given.what == "curves":
         draw(collect(given.runs), DOCS / "learning_curves.png")
     elif given.what == "evaluate":

@@ -6,7 +6,8 @@ bounces. Each of the 50 steps of an episode that ends with the block above 0.05 
 
     python examples/falling_block.py      # mean scores of a few policies
 
-Importing this file registers `stepper/FallingBlock-v0` for `gymnasium.make` and `gymnasium.make_vec`.
+Importing this file registers `examples/FallingBlock-v0` for `gymnasium.make` and `gymnasium.make_vec`. It writes out what an environment
+has to do. The same as a task of `stepper.envs` is python/stepper/envs/basic/falling_block.py, whose scene this is.
 """
 
 from __future__ import annotations
@@ -20,31 +21,11 @@ from gymnasium.spaces import Box
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
+from stepper.envs.basic.falling_block import HEIGHT, LOWEST, OPTIONS, SCENE, STEPS, VELOCITY
 
 Array = NDArray[Any]
 
-SCENE = """
-<mujoco model="falling block">
-  <option timestep="0.02"/>
-  <worldbody>
-    <geom name="floor" type="plane" size="0 0 1"/>
-    <body name="block" pos="0 0 0.1">
-      <joint name="height" type="slide" axis="0 0 1"/>
-      <geom name="block" type="box" size="0.1 0.1 0.1" mass="1"/>
-    </body>
-  </worldbody>
-  <actuator><motor name="thruster" joint="height" gear="4.905" ctrllimited="true" ctrlrange="-1 1"/></actuator>
-  <sensor><jointpos name="height" joint="height"/><jointvel name="velocity" joint="height"/></sensor>
-</mujoco>
-"""
-"""Height 0 is touching the floor; the thruster has half the weight of 1 kg."""
-
-HEIGHT, VELOCITY = 0.20, -0.10
 RESTITUTION = (0.1, 0.5)
-LOWEST = 0.05
-STEPS = 50
-# The textbook's recursion: v <- v - g dt, then h <- h + v dt; below the floor h <- 0 and v <- -e v, however slow.
-OPTIONS = stepper.Options(integrator="euler", restitution_threshold=0.0)
 OBSERVATION = Box(np.array([-1.0, -20.0]), np.array([5.0, 20.0]), dtype=np.float64)
 ACTION = Box(-1.0, 1.0, (1,), dtype=np.float32)
 
@@ -150,7 +131,7 @@ class FallingBlocks(VectorEnv[Array, Array, Array]):
         return {"restitution": np.where(mask, self._restitution[:, 1], 0.0), "_restitution": mask}
 
 
-gymnasium.register("stepper/FallingBlock-v0", entry_point=f"{__name__}:FallingBlock", vector_entry_point=f"{__name__}:FallingBlocks")
+gymnasium.register("examples/FallingBlock-v0", entry_point=f"{__name__}:FallingBlock", vector_entry_point=f"{__name__}:FallingBlocks")
 
 POLICIES = {
     "nothing": lambda height, velocity: 0.0 * height,

@@ -4,7 +4,8 @@
 
 Two fingers and a hand, moved by forces, stand beside a box that lies somewhere between them. The box is wanted 10 cm higher, and forces of
 the fingers cost. Friction holds the box if each finger presses with m g / (2 mu) at least, 6.5 N. The learner by derivatives is that of
-shac.py with a whole episode as its horizon, the other that of train.py; the networks, what they begin with and the task are the same.
+shac.py with a whole episode as its horizon, the other that of train.py; the networks, what they begin with and the task are the same. The
+task is python/stepper/envs/basic/grasp.py.
 """
 
 from __future__ import annotations
@@ -17,88 +18,24 @@ from typing import Any
 
 import gymnasium
 import numpy as np
-import stepper
 import torch
 import train  # type: ignore[import-not-found]
 from numpy.typing import NDArray
 from shac import Differentiable, Learner, Plan  # type: ignore[import-not-found]
-from stepper.envs import Quantity, Task, square_sum
+from stepper.envs.basic.grasp import FORCE, STEPS, Grasp
 from stepper.policies import Policy
 
 Array = NDArray[Any]
 
-G, MASS, FRICTION = 9.81, 0.8, 0.6
-RISE, WEIGHT = 0.1, 0.25
-"""Height that is wanted, m; weight of the squares of the fingers' forces, in parts of the largest ones."""
-FORCE, ACTIONS = 20.0, 50
-"""Largest force of a finger, N; actions of an episode, of 20 ms."""
-MODEL = f"""
-<mujoco model="grasp">
-  <option timestep="0.004" gravity="0 0 -{G}"/>
-  <worldbody>
-    <geom name="floor" type="plane" size="1 1 .1" friction="{FRICTION}"/>
-    <body name="hand" pos="0 0 .05">
-      <joint name="lift" type="slide" axis="0 0 1" damping="10"/>
-      <inertial pos="0 0 .1" mass="1" diaginertia=".01 .01 .01"/>
-      <body name="left" pos="-.05 0 0"><joint name="left" type="slide" axis="1 0 0" damping="10"/>
-        <geom name="left" type="sphere" size=".01" mass=".1" friction="{FRICTION}"/></body>
-      <body name="right" pos=".05 0 0"><joint name="right" type="slide" axis="-1 0 0" damping="10"/>
-        <geom name="right" type="sphere" size=".01" mass=".1" friction="{FRICTION}"/></body>
-    </body>
-    <body name="box" pos="0 0 .05">
-      <joint name="x" type="slide" axis="1 0 0"/><joint name="z" type="slide" axis="0 0 1"/>
-      <geom name="box" type="box" size=".03 .03 .05" mass="{MASS}" friction="{FRICTION}"/>
-    </body>
-  </worldbody>
-  <actuator>
-    <general joint="lift" gainprm="30" biastype="affine" biasprm="{1.2 * G} 0 0" ctrlrange="-1 1"/>
-    <motor joint="left" gear="{FORCE}" ctrlrange="-1 1"/>
-    <motor joint="right" gear="{FORCE}" ctrlrange="-1 1"/>
-  </actuator>
-</mujoco>
-"""
-OPTIONS = stepper.Options(integrator="euler", stabilization="baumgarte", baumgarte=1.0, slop=0.0)
-"""Hard contact without the kink of a box at rest (docs/derivatives.md)."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Grasp(Task):
-    """Lift the box by 10 cm, with little force of the fingers."""
-
-    frame_skip: int = 5
-
-    def model(self) -> stepper.Model:
-        """The gripper and the box, in a plane."""
-        return stepper.load(MODEL)
-
-    def quantities(self) -> tuple[Quantity, ...]:
-        """Configuration and velocities: (10,)."""
-        return Quantity("qpos"), Quantity("qvel")
-
-    def reward(self, now: Any) -> tuple[Array, dict[str, Array]]:
-        """1 where the box is as high as it should be and nothing presses."""
-        miss = (now.qpos[:, 4] - RISE) / RISE
-        return 1.0 - np.square(miss) - WEIGHT * square_sum(now.action[:, 1:]), {"rise": now.qpos[:, 4]}
-
-    def start(self, qpos: Array, qvel: Array, draws: Any) -> None:
-        """The box somewhere within 5 mm of the middle, fingers up to 5 mm farther from it."""
-        qpos[:, 3] += draws.uniform(-0.005, 0.005, 1)[:, 0]
-        qpos[:, 1:3] -= draws.uniform(0.0, 0.005, 2)
-
+RISE, WEIGHT = Grasp.rise, Grasp.weight
+ACTIONS = STEPS
 
 TASK = Differentiable(
     observation=lambda qpos, qvel: torch.cat([qpos, qvel], dim=1),
     reward=lambda qpos, after, qvel, action, dt: 1.0 - ((after[:, 4] - RISE) / RISE).square() - WEIGHT * action[:, 1:].square().sum(dim=1),
 )
 
-NAME = "examples/Grasp-v0"
-gymnasium.register(
-    NAME,
-    entry_point="stepper.envs:StepperEnv",
-    vector_entry_point="stepper.envs:StepperVectorEnv",
-    max_episode_steps=ACTIONS,
-    kwargs={"task": Grasp, "options": OPTIONS},
-)
+NAME = "stepper/Grasp-v0"
 
 
 @dataclass(frozen=True)

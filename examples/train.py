@@ -19,8 +19,6 @@ import dataclasses
 import inspect
 import os
 import re
-import shutil
-import tempfile
 import time
 from collections import deque
 from collections.abc import Mapping
@@ -33,7 +31,8 @@ import numpy as np
 import stepper.envs
 from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
-from stepper.policies import Policy, describe, evaluate
+from stepper.policies import Policy, describe, evaluate, film, is_native
+from stepper.shared.environments import known
 
 # Threads of OpenMP that wait spin otherwise, which on a machine that others use takes the time that the physics could have.
 os.environ.setdefault("OMP_WAIT_POLICY", "passive")
@@ -109,7 +108,7 @@ class Settings:
 
     def environment(self) -> dict[str, Any]:
         """Arguments of the environment: Gymnasium's own have none of these."""
-        given = {"contact": self.contact, "precision": self.precision} if self.env.startswith("stepper/") else {}
+        given = {"contact": self.contact, "precision": self.precision} if is_native(self.env) else {}
         return {name: value for name, value in given.items() if value}
 
 
@@ -134,6 +133,7 @@ TASKS: Mapping[str, Mapping[str, Any]] = {
     "InvertedPendulum-v5": {"steps": 2_000_000},
     "InvertedDoublePendulum-v5": {"steps": 3_000_000},
     "Go1Velocity-v0": {"steps": 13_000_000, "epochs": 5},
+    "Go1VelocityReal-v0": {"steps": 13_000_000, "epochs": 5},
     "G1Velocity-v0": {"steps": 40_000_000, "epochs": 5, "contact": "mujoco", "hidden": 128, "initial_std": 0.5},
 }
 """Settings of a task in place of those above, whichever engine steps it; options of the command line go before both."""
@@ -141,10 +141,6 @@ TASKS: Mapping[str, Mapping[str, Any]] = {
 
 FRESH = 2**32
 """The first seed of episodes that no training has seen."""
-
-
-FILMED = 300
-"""Actions of a film."""
 
 
 class Moments:
@@ -354,7 +350,7 @@ def _divergence(mean: Tensor, log_std: Tensor, new_mean: Tensor, new_log_std: Te
 
 def make(settings: Settings) -> Any:
     """The environments to train in."""
-    if settings.env.startswith("stepper/"):
+    if is_native(settings.env):
         return gymnasium.make_vec(
             settings.env,
             num_envs=settings.num_envs,
@@ -412,22 +408,6 @@ def train(settings: Settings, folder: Path, *, every: float = 30.0, quiet: bool 
     return run
 
 
-def film(policy: Policy, settings: Settings, file: Path, seed: int) -> None:
-    """Writes a video of the beginning of an episode, by Gymnasium's recorder, which needs MoviePy."""
-    with tempfile.TemporaryDirectory() as temporary:
-        folder = str(Path(temporary, "film"))
-        single = gymnasium.make(settings.env, render_mode="rgb_array", **settings.environment())
-        env = gymnasium.wrappers.RecordVideo(single, folder, episode_trigger=lambda _: True, disable_logger=True)
-        observation, _ = env.reset(seed=seed)
-        for _ in range(FILMED):
-            observation, _, terminated, truncated, _ = env.step(policy(observation))
-            if terminated or truncated:
-                break
-        env.close()  # type: ignore[no-untyped-call]
-        file.parent.mkdir(parents=True, exist_ok=True)
-        shutil.move(next(Path(folder).glob("*.mp4")), file)
-
-
 def _cut(curve: Path, iteration: int) -> None:
     """Removes rows after a checkpoint: they are made again."""
     if curve.exists():
@@ -447,7 +427,9 @@ def _append(curve: Path, row: dict[str, float]) -> None:
 def arguments() -> argparse.ArgumentParser:
     """Reader of the command line: every setting is an option, and its help is what `Settings` says of it."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("env", nargs="?", default=Settings.env, help=f"a name that Gymnasium knows; {Settings.env} by default")
+    parser.add_argument(
+        "env", nargs="?", default=Settings.env, help=f"a name that Gymnasium knows, or module:name; {Settings.env} by default"
+    )
     parser.add_argument("--out", type=Path, help="folder of the run; one in out/train by default")
     parser.add_argument("--evaluate", type=int, default=20, metavar="EPISODES", help="fresh episodes after the training")
     parser.add_argument("--film", type=Path, metavar="FILE", help="an mp4 of another episode")
@@ -464,6 +446,7 @@ def main() -> None:
     """Trains, evaluates, films."""
     given = vars(arguments().parse_args())
     env, out, episodes, video = (given.pop(name) for name in ("env", "out", "evaluate", "film"))
+    env = known(env)
     settings = Settings.of_task(env, **{name: value for name, value in given.items() if value is not None})
     law = f"_{settings.contact}" if settings.contact else ""
     folder = out or Path("out/train", env.replace("/", "_") + law, f"seed{settings.seed}")
@@ -472,7 +455,7 @@ def main() -> None:
     print(f"{run.steps:,} steps in {run.seconds:.0f} s, {run.processor:.0f} s of processor time; the run is in {folder}")
     print(evaluate(policy, env, episodes=episodes, seed=FRESH, **settings.environment()))
     if video is not None:
-        film(policy, settings, video, FRESH)
+        film(policy, env, video, seed=FRESH, **settings.environment())
         print(f"wrote {video}")
 
 

@@ -42,11 +42,11 @@ FOLDERS = {
     "shared": set(),
     "sensors": {"shared"},
     "actuators": {"shared"},
-    "loading": set(),
+    "loading": {"shared"},
     "recording": {"shared", "sensors", "actuators", "loading"},
     "experiments": {"shared", "loading", "sensors", "actuators", "policies"},
     "viewer": {"shared", "loading", "recording"},
-    "envs": {"sensors", "shared", "loading", "viewer"},
+    "envs": {"sensors", "actuators", "shared", "loading", "viewer"},
     "derivatives": set(),
     "adapters": {"shared", "envs", "derivatives"},
     "identification": {"shared", "actuators", "recording"},
@@ -54,7 +54,7 @@ FOLDERS = {
     "cli": {"shared", "loading", "recording", "experiments", "viewer", "envs", "policies", "identification"},
 }
 """Folders of the Python package, and the others that each may import."""
-BOTTOM = {"_stepper", "_options", "_status", "_hints", "bodies"}
+BOTTOM = {"_stepper", "_options", "_status", "_hints", "bodies", "quantities", "states"}
 """Modules beside the folders that everything may import: the binary, what it is set to, what it says, what follows from that."""
 FACE = {"devices", "_pickles"}
 """Modules beside the folders that are for users alone: nothing in a folder imports them, or the names of `stepper` itself."""

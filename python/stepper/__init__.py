@@ -7,14 +7,14 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 from stepper import _pickles as _pickles
-from stepper import bodies, devices
+from stepper import bodies, devices, quantities, states
 from stepper._options import Options
 from stepper._status import Status
 from stepper._stepper import Model, ModelError, State, Stepper, __version__, cpu_levels
 from stepper.actuators import PID, ActuatorModel, DCMotor, Drive
-from stepper.loading import ModelWarning, load
+from stepper.loading import HeightField, ModelWarning, load
 from stepper.recording import Difference, Recorder, RecordingError, Replay, replay
-from stepper.sensors import Combination, RayFan, SensorModel, Transfer
+from stepper.sensors import Combination, RayFan, Reading, SensorModel, Transfer
 
 if TYPE_CHECKING:
     from stepper.derivatives import Kink, Linearization
@@ -36,6 +36,7 @@ __all__ = [
     "Difference",
     "Drive",
     "Episode",
+    "HeightField",
     "Identification",
     "Kink",
     "Linearization",
@@ -48,6 +49,7 @@ __all__ = [
     "Policy",
     "Ranking",
     "RayFan",
+    "Reading",
     "Recorder",
     "RecordingError",
     "Replay",
@@ -70,9 +72,11 @@ __all__ = [
     "devices",
     "identify",
     "load",
+    "quantities",
     "rank",
     "replay",
     "report",
+    "states",
     "sweep",
     "tune",
 ]

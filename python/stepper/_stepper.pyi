@@ -17,7 +17,7 @@ from stepper._options import Options, Precision
 from stepper.actuators import ActuatorModel
 from stepper.derivatives import Linearization
 from stepper.recording import Recorder
-from stepper.sensors import Combination, RayFan, SensorModel
+from stepper.sensors import Combination, RayFan, Reading, SensorModel
 from stepper.viewer import View
 
 __all__ = [
@@ -533,7 +533,7 @@ class Model:
             ValueError: A wrong shape.
             ModelError: An unknown field, or values that the model cannot have.
         """
-    def with_sensors(self, sensors: Mapping[str, RayFan | Combination]) -> Model:
+    def with_sensors(self, sensors: Mapping[str, RayFan | Combination | Reading]) -> Model:
         """A new model with more sensors by name, behind its own.
 
         Raises:

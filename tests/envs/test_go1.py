@@ -10,7 +10,7 @@ import pytest
 import stepper
 import stepper.envs
 from stepper.envs import StepperEnv, StepperVectorEnv
-from stepper.envs.locomotion import Go1Velocity
+from stepper.envs.locomotion import G1Velocity, Go1Velocity
 from stepper.policies import evaluate, load
 
 pytestmark = pytest.mark.skipif(find_spec("mjlab") is None, reason="mjlab, whose robot this is, is not installed: make training")
@@ -176,6 +176,83 @@ def test_an_environment_is_the_same_alone_among_others_and_after_a_pickle(envs):
         np.testing.assert_array_equal(observation, batch[7])
         assert own == reward[7]
     assert k > 5
+
+
+def rows(envs, observation):
+    ends = np.cumsum([0, *envs.observation_structure.values()])
+    return {name: observation[:, a:b] for name, a, b in zip(envs.observation_structure, ends, ends[1:], strict=False)}
+
+
+@pytest.mark.parametrize("kind", [Go1Velocity, G1Velocity])
+def test_sensors_read_what_it_is_told_without_errors(kind):
+    """With errors of 1e-9 rows are the truth's; the velocity is that of the IMU, which is not at the base's origin."""
+    same = {"max_push": 0.3}
+    told, true = (StepperVectorEnv(kind(noise=noise, **same), 12) for noise in (1e-9, 0.0))
+    found, expected = told.reset(seed=2)[0], true.reset(seed=2)[0]
+    for k in range(15):
+        np.testing.assert_array_equal(told.sim.qpos, true.sim.qpos)
+        one, other = rows(told, found), rows(true, expected)
+        site = true.sim.model.site(told.task.imu)
+        arm = np.cross(other["angular_velocity"], site.pos)
+        np.testing.assert_allclose(one.pop("linear_velocity"), other.pop("linear_velocity") + arm, atol=1e-7)
+        for name, row in one.items():
+            np.testing.assert_allclose(row, other[name], atol=1e-7, err_msg=name)
+        action = np.random.default_rng(k).uniform(told.action_space.low, told.action_space.high)
+        found, expected = told.step(action)[0], true.step(action)[0]
+    assert told.sim.model.site(told.task.imu).bodyid == 1
+
+
+def test_errors_have_the_widths_of_mjlabs_training():
+    told, true = StepperVectorEnv(Go1Velocity(noise=1.0), 500), StepperVectorEnv(Go1Velocity(noise=1e-9), 500)
+    one, other = rows(told, told.reset(seed=0)[0]), rows(true, true.reset(seed=0)[0])
+    for name, width in Go1Velocity.ERRORS.items():
+        errors = one[name] - other[name]
+        # Of 1,500 uniform errors the ends are missed by a fiftieth once in 1e6 times; those of the vertical turn it.
+        assert 0.95 * width < np.abs(errors).max() < width * (1.0 if name != "vertical" else 2.0) * 1.000001, name
+    np.testing.assert_array_equal(one["command"], other["command"])
+    # Rewards are of the truth.
+    stances = stance(told)
+    np.testing.assert_array_equal(told.step(stances)[1], true.step(stances)[1])
+
+
+def test_motors_have_curves_and_friction():
+    """Joints that turn faster than their motors without load get no torque in that direction, where those without curves do."""
+    task = Go1Velocity(motors=True, max_push=0.0, max_latency=0)
+    plain = Go1Velocity(max_push=0.0, max_latency=0)
+    for kind, pushes in ((task, False), (plain, True)):
+        envs = StepperVectorEnv(kind, 1, options=stepper.Options(integrator="euler"))
+        envs.reset(seed=0)
+        envs.sim.randomize(actuator_bias=np.zeros((1, 12, 3)), actuator_gain=np.tile([[[20.0, 0.0, 0.0]]], (1, 12, 1)))
+        qvel = np.zeros((1, 18))
+        qvel[:, 6:] = 40.0
+        envs.set_state(np.array(envs.sim.qpos) + np.eye(19)[2] * 5.0, qvel)
+        envs.sim.step(np.ones((1, 12)))
+        assert (envs.sim.qfrc_actuator[0, 6:] > 1.0).any() == pushes
+    assert set(envs.sim.model.actuator_names) == set(task.actuators().named)
+
+
+def test_it_sees_the_ground_around_it():
+    """Where `stepper.HeightField` scans it, between the points of whose grid the ground's function is the smoother."""
+    envs = StepperVectorEnv(Go1Velocity(roughness=0.3, sight=0.5), 20)
+    seen = rows(envs, envs.reset(seed=4)[0])["ground"]
+    places = 0.5 * np.stack(np.meshgrid(*[np.linspace(-1, 1, 5)] * 2, indexing="ij"), axis=-1).reshape(-1, 2)
+    scan = stepper.HeightField(envs.sim.model, "terrain").scan(envs.sim, "trunk", places) - envs.sim.xpos[:, [1], 2]
+    assert seen.shape == (20, 25)
+    np.testing.assert_allclose(seen, scan, atol=0.01)
+    assert np.ptp(seen, axis=1).min() > 0.02
+    flat = StepperVectorEnv(Go1Velocity(sight=0.5), 2)
+    np.testing.assert_allclose(rows(flat, flat.reset(seed=0)[0])["ground"], -np.asarray(flat.sim.qpos[:, 2:3]).repeat(25, axis=1))
+
+
+def test_what_is_real_is_registered(envs):
+    for name in ("Go1", "G1"):
+        made = gymnasium.make_vec(f"stepper/{name}VelocityReal-v0", num_envs=3, precision="f32")
+        assert made.unwrapped.sim.sensors is not None and made.unwrapped.sim.actuators is not None
+        made.reset(seed=0)
+        assert np.isfinite(made.step(made.action_space.sample())[0]).all()
+        assert envs.sim.sensors is None and envs.sim.actuators is None
+    with pytest.raises(ValueError, match="noise is -1, must be at least 0"):
+        Go1Velocity(noise=-1)
 
 
 def test_it_is_registered_and_ends_where_it_falls():

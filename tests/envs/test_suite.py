@@ -60,6 +60,8 @@ def follow(theirs, ours):
         named = physics.named.data
         ours.sim.mocap_pos[0, body.mocapid] = named.site_xpos["target"] if body.name == "target" else named.xpos[body.name]
         ours.sim.mocap_quat[0, body.mocapid] = [1.0, 0.0, 0.0, 0.0] if body.name == "target" else named.xquat[body.name]
+    if "directions" in ours.now.memory:
+        ours.now.memory["directions"][0] = np.reshape(physics.model.wrap_prm, (2, 2))
     if model.na:
         ours.sim.set_state(act=physics.data.act[None].copy())
     ours.set_state(physics.data.qpos.copy(), physics.data.qvel.copy())
@@ -72,7 +74,7 @@ OTHERWISE = {"quadruped": {"accelerometer", "force_torque"}}
 def near_goal(physics, domain):
     """A state in which dm_control's rewards are large."""
     data = physics.data
-    if domain in {"acrobot", "cartpole", "pendulum", "walker", "hopper", "humanoid"}:
+    if domain in {"acrobot", "cartpole", "pendulum", "walker", "hopper", "humanoid", "humanoid_CMU"}:
         data.qpos[:] = physics.model.qpos0
     if domain in {"cheetah", "walker", "hopper"}:
         data.qvel[:] = 0.0
@@ -175,6 +177,7 @@ def test_an_environment_is_the_same_alone_and_among_others():
         "finger-turn_hard",
         "quadruped-fetch",
         "manipulator-insert_peg",
+        "point_mass-hard",
     ):
         kind, arguments = SUITE[name]
         batch = StepperVectorEnv(kind, 9, **arguments)

@@ -13,7 +13,7 @@ N = 5
 
 
 def test_gymnasiums_checker_accepts_it():
-    env = gymnasium.make("stepper/FallingBlock-v0", disable_env_checker=True)
+    env = gymnasium.make("examples/FallingBlock-v0", disable_env_checker=True)
     check_env(env.unwrapped, skip_render_check=True)
 
 
@@ -159,7 +159,7 @@ def test_seeds_and_threads():
 
 
 def test_gymnasium_makes_many():
-    env = gymnasium.make_vec("stepper/FallingBlock-v0", num_envs=3, vectorization_mode="vector_entry_point")
+    env = gymnasium.make_vec("examples/FallingBlock-v0", num_envs=3, vectorization_mode="vector_entry_point")
     assert env.metadata["autoreset_mode"] == AutoresetMode.NEXT_STEP
     observation, _ = env.reset(seed=0)
     assert observation.shape == (3, 2)

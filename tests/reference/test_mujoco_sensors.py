@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 import stepper
 from models import SOURCES, forward, random_quaternion, random_state, simulate
-from stepper.loading.mjcf.sensors import ACTUATORS, FRAMES, JOINTS, MISSING, PROXIMITIES, SCENE, SITES, SUBTREES, TENDONS
+from stepper.loading.mjcf.sensors import MISSING
+from stepper.shared.sensor_words import ACTUATORS, FRAMES, JOINTS, PROXIMITIES, SCENE, SITES, SUBTREES, TENDONS
 
 BOUND = 1e-9  # Asked for by issue 4.
 OBJECTS = ("body", "xbody", "geom", "site")

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import importlib
 from typing import Any, TypeAlias
 
 import gymnasium
 from gymnasium.envs.registration import load_env_creator
 
 from stepper.envs import StepperVectorEnv, Task
+from stepper.shared.environments import known
 
 Env: TypeAlias = str | Task | type[Task]
 """A name that Gymnasium knows, "stepper/Hopper-v5", with the limit of its episodes; or a `Task`, or the class of one."""
@@ -28,9 +28,7 @@ def make_native(env: Env, num_envs: int, **settings: Any) -> StepperVectorEnv:
     """
     if not isinstance(env, str):
         return StepperVectorEnv(env, num_envs, **settings)
-    module, _, name = env.rpartition(":")
-    if module:
-        importlib.import_module(module)
+    name = known(env)
     entry: Any = gymnasium.spec(name).vector_entry_point
     kind = load_env_creator(entry) if isinstance(entry, str) else entry
     if not (isinstance(kind, type) and issubclass(kind, StepperVectorEnv)):

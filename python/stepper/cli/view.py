@@ -21,6 +21,7 @@ from stepper.experiments.study.journal import diverged
 from stepper.experiments.study.points import USUAL
 from stepper.loading import ModelWarning, load
 from stepper.recording.format import HEADER
+from stepper.shared.environments import known
 from stepper.shared.machine import require
 from stepper.viewer import Player, View, log_rerun
 
@@ -190,7 +191,7 @@ def _environments(name: str, asked: Asked) -> Shown:
     importlib.import_module("stepper.envs")
     try:
         law = {} if asked.contact is None else {"contact": asked.contact}
-        envs = gymnasium.make_vec(name, num_envs=asked.envs, **law)
+        envs = gymnasium.make_vec(known(name), num_envs=asked.envs, **law)
     except gymnasium.error.Error as error:
         raise ValueError(f"{name} is no file, no recording and no environment: {error}") from error
     sim = getattr(envs.unwrapped, "sim", None)
@@ -234,8 +235,8 @@ def register(app: Typer, typer: ModuleType) -> None:
         host: str = typer.Option("127.0.0.1", help="Address to listen at; 0.0.0.0 lets other machines see it."),
         port: int = typer.Option(8080, min=1, max=65535, help="Port; the next free one where it is taken."),
     ) -> None:
-        for name, given, known in (("contact", contact, (None, "hard", "mujoco")), ("actions", actions, (None, *ACTIONS))):
-            if given not in known:
-                raise ValueError(f"{name} is {given!r}, must be {' or '.join(repr(word) for word in known if word)}")
+        for name, given, words in (("contact", contact, (None, "hard", "mujoco")), ("actions", actions, (None, *ACTIONS))):
+            if given not in words:
+                raise ValueError(f"{name} is {given!r}, must be {' or '.join(repr(word) for word in words if word)}")
         asked = Asked(envs, model, cast("Any", contact), keyframe, actions, seed, pause, host, port)
         view(what, asked, AskedOfStudy(tuple(values), episode, setting, record), rerun)

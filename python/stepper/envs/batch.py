@@ -56,7 +56,8 @@ class Batch:
         model = task.model() if model is None else model
         law = _options(model, contact or task.contact, options)
         sensors = task.sensors()
-        self.sim = Stepper(model, num_envs, options=law, precision=precision, threads=threads, sensors=sensors)
+        settings: dict[str, Any] = {"options": law, "precision": precision, "threads": threads}
+        self.sim = Stepper(model, num_envs, **settings, sensors=sensors, actuators=task.actuators())
         self._has_noise = sensors is not None
         # Seeds of the errors of sensors, and which environments have not begun under theirs yet.
         self._noise_seeds, self._new_seeds = np.full(num_envs, _word(), dtype=np.uint64), np.full(num_envs, self._has_noise)

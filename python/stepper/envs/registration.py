@@ -6,6 +6,7 @@ from typing import Any
 
 from gymnasium.envs.registration import register, registry
 
+from stepper.envs.basic import FallingBlock, Grasp, falling_block, grasp
 from stepper.envs.locomotion import G1Velocity, Go1Velocity
 from stepper.envs.suite import SUITE
 
@@ -29,14 +30,17 @@ _SUITE_STEPS = 1000
 
 
 def register_tasks() -> None:
-    """Registers "stepper/NAME-v5" for every task of Gymnasium's, and "stepper/dm_control.NAME-v0" for those of dm_control's suite, once.
+    """Registers "stepper/NAME-v5" for Gymnasium's tasks, "stepper/dm_control.NAME-v0" for dm_control's, and stepper's own, once.
 
     Names of Gymnasium's registry may have one slash.
     """
     for name, (steps, threshold) in _EPISODES.items():
         _register(f"stepper/{name}-v5", steps, {"task": name}, threshold)
-    _register("stepper/G1Velocity-v0", G1Velocity.episode_steps, {"task": G1Velocity})
-    _register("stepper/Go1Velocity-v0", Go1Velocity.episode_steps, {"task": Go1Velocity})
+    _register("stepper/FallingBlock-v0", falling_block.STEPS, {"task": FallingBlock, "options": falling_block.OPTIONS})
+    _register("stepper/Grasp-v0", grasp.STEPS, {"task": Grasp, "options": grasp.OPTIONS})
+    for name, robot in (("G1Velocity", G1Velocity), ("Go1Velocity", Go1Velocity)):
+        _register(f"stepper/{name}-v0", robot.episode_steps, {"task": robot})
+        _register(f"stepper/{name}Real-v0", robot.episode_steps, {"task": robot, "noise": 1.0, "motors": True})
     for name, (kind, arguments) in SUITE.items():
         _register(f"stepper/dm_control.{name}-v0", _SUITE_STEPS, {"task": kind, **arguments})
 

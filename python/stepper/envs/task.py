@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stepper._stepper import Model, Stepper
+from stepper.actuators import ActuatorModel
 from stepper.envs.assets import load_quietly, model_file
 from stepper.envs.streams import Draws
 from stepper.sensors import SensorModel
@@ -120,6 +121,10 @@ class Task(ABC):
 
         Their random numbers follow from the seed of an environment and from its place in the batch.
         """
+        return None
+
+    def actuators(self) -> ActuatorModel | None:
+        """What becomes of controls before they are forces: motors with curves, lags, delays; None is ideal actuators."""
         return None
 
     def action_bounds(self, model: Model) -> tuple[Array, Array]:

@@ -16,6 +16,7 @@ from stepper._stepper import Model, Stepper
 from stepper.envs.batch import Batch
 from stepper.envs.drawing import RENDER_MODES, Drawing, RenderMode, camera_settings
 from stepper.envs.task import Array, Camera, Contact, Moment, Task, Terms
+from stepper.states import indices
 
 
 class StepperVectorEnv(VectorEnv[Array, Array, Array]):
@@ -133,19 +134,24 @@ class StepperVectorEnv(VectorEnv[Array, Array, Array]):
         Args:
             seed: Environment i has the seed `seed + i`, or that of a sequence; what it draws follows from it alone. None goes on with the
                 random numbers as they are.
-            options: "reset_mask", (num_envs,) bool: the environments that begin; without it all do.
+            options: "reset_mask", (num_envs,) bool: the environments that begin; or "reset_ids", their indices (n,); without either all
+                do. With indices a sequence of n seeds may be theirs.
             out: Array that observations are written to, (num_envs, n) of their type; None is a new one.
 
         Returns:
             Observations of all environments (num_envs, n), and infos of those that began.
 
         Raises:
-            TypeError: A reset_mask that is no array of bool.
-            ValueError: Another shape, a mask of none, other options, as many seeds as there are not environments.
+            TypeError: A reset_mask that is no array of bool, reset_ids that are no whole numbers.
+            ValueError: Another shape, a mask or indices of none, an index twice, other options, seeds for another number of environments.
+            IndexError: An index that there is not.
             ResetNeeded: A mask before all environments began once.
         """
-        room, seeds = self._batch.room(out), _seeds(seed, self.num_envs)
-        mask = _mask(options, self.num_envs)
+        room, ids = self._batch.room(out), None if options is None or "reset_ids" not in options else self._indices(options)
+        mask = _mask(options, self.num_envs) if ids is None else _of_indices(ids, self.num_envs)
+        if ids is not None and seed is not None and not isinstance(seed, int | np.integer) and len(seed) == len(ids):
+            seed = _scattered(list(seed), ids, self.num_envs)
+        seeds = _seeds(seed, self.num_envs)
         if not self._begun and not mask.all():
             raise ResetNeeded("call reset without reset_mask first: not all environments have begun")
         super().reset(seed=seed if isinstance(seed, int) else None)
@@ -232,6 +238,15 @@ class StepperVectorEnv(VectorEnv[Array, Array, Array]):
         """Frees what pictures took."""
         self._drawing.close()
 
+    def _indices(self, options: dict[str, Any]) -> Array:
+        """Environments that `reset` begins, by their indices."""
+        if unknown := set(options) - {"reset_ids"}:
+            raise ValueError(f"options has {sorted(unknown)} beside 'reset_ids': give one of 'reset_mask' and 'reset_ids'")
+        found: Array = indices(self.sim, options["reset_ids"], "reset_ids")
+        if not found.size:
+            raise ValueError("reset_ids is empty: one environment must begin at least")
+        return found
+
     def _episodes(self, over: Array) -> dict[str, Any]:
         """Statistics of the episodes that are over."""
         batch = self._batch
@@ -265,10 +280,25 @@ def _seeds(seed: int | Sequence[int | None] | None, num_envs: int) -> list[int |
     return seeds
 
 
+def _of_indices(ids: Array, num_envs: int) -> Array:
+    """Indices as a mask, (num_envs,)."""
+    mask = np.zeros(num_envs, dtype=bool)
+    mask[ids] = True
+    return mask
+
+
+def _scattered(seeds: list[int | None], ids: Array, num_envs: int) -> list[int | None]:
+    """Seeds of some environments as those of all, of which the others have none."""
+    every: list[int | None] = [None] * num_envs
+    for k, seed in zip(ids.tolist(), seeds, strict=True):
+        every[k] = seed
+    return every
+
+
 def _mask(options: dict[str, Any] | None, num_envs: int) -> Array:
     """Environments that `reset` begins."""
     if unknown := set(options or {}) - {"reset_mask"}:
-        raise ValueError(f"unknown options {sorted(unknown)}, there is: 'reset_mask'")
+        raise ValueError(f"unknown options {sorted(unknown)}, there are: 'reset_mask' and 'reset_ids'")
     if options is None or "reset_mask" not in options:
         return np.ones(num_envs, dtype=bool)
     mask = options["reset_mask"]

@@ -5,11 +5,12 @@
 
     stepper.policies.evaluate(policy, "stepper/HalfCheetah-v5", episodes=20)
 
-Loading and acting need NumPy alone; `evaluate` and `compare` need Gymnasium and SciPy. docs/training.md trains one.
+Loading and acting need NumPy alone; `evaluate`, `compare` and `film` need Gymnasium, SciPy and MoviePy. docs/training.md trains one.
 """
 
 from stepper.policies.environment import describe, differences
-from stepper.policies.evaluation import Comparison, Evaluation, compare, evaluate
+from stepper.policies.evaluation import Comparison, Evaluation, compare, evaluate, is_native, make
+from stepper.policies.film import film
 from stepper.policies.policy import ACTIVATIONS, Policy, PolicyError, PolicyWarning, load
 
 __all__ = [
@@ -23,5 +24,8 @@ __all__ = [
     "describe",
     "differences",
     "evaluate",
+    "film",
+    "is_native",
     "load",
+    "make",
 ]

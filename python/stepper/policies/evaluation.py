@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from stepper.shared.environments import known
 from stepper.shared.machine import require
 
 Array = NDArray[Any]
@@ -111,7 +112,7 @@ def make(env: str, num_envs: int | None = None, **settings: Any) -> Any:
     """An environment by its name, of stepper or of Gymnasium.
 
     Args:
-        env: Its name.
+        env: Its name, with its module and a colon before it where importing that registers it: "push_task:me/Push-v0".
         num_envs: Number of environments; None is a single one.
         **settings: Its arguments.
 
@@ -121,6 +122,7 @@ def make(env: str, num_envs: int | None = None, **settings: Any) -> Any:
     """
     gymnasium = require("gymnasium", "to evaluate policies")
     importlib.import_module("stepper.envs")  # It registers its environments.
+    env = known(env)
     try:
         point = str(gymnasium.spec(env).entry_point)
     except gymnasium.error.Error as error:
@@ -144,7 +146,8 @@ def evaluate(
 
     Args:
         policy: What acts.
-        env: Name of an environment that Gymnasium knows. Those of `stepper.envs` run all episodes at once, others one after the other.
+        env: Name of an environment that Gymnasium knows. Those of `stepper.envs`, and those of which there are only vector environments,
+            run all episodes at once, others one after the other.
         episodes: How many.
         seed: Episode k has the seed `seed + k`.
         starts: Configurations (episodes, nq) and velocities (episodes, nv) that episodes begin from, in place of those of the seeds.
@@ -157,9 +160,23 @@ def evaluate(
     """
     if episodes < 2:
         raise ValueError(f"episodes is {episodes}, must be at least 2: one has no confidence interval")
-    if env.startswith("stepper/"):
+    if is_native(env) or _is_vector_alone(env):
         return _together(make(env, episodes, **settings), policy, seed, starts, infos)
     return _one_by_one(make(env, **settings), policy, range(seed, seed + episodes), starts, infos)
+
+
+def is_native(env: str) -> bool:
+    """Whether environments of a name are those of `stepper.envs`, a task of the user's own among them."""
+    gymnasium = require("gymnasium", "to evaluate policies")
+    importlib.import_module("stepper.envs")  # It registers its environments.
+    spec = gymnasium.registry.get(known(env))
+    return spec is not None and str(spec.vector_entry_point) in ("stepper.envs:StepperVectorEnv", "stepper.envs.vector:StepperVectorEnv")
+
+
+def _is_vector_alone(env: str) -> bool:
+    """Whether Gymnasium knows vector environments of a name, and no single ones."""
+    spec = require("gymnasium", "to evaluate policies").registry.get(known(env))
+    return spec is not None and spec.entry_point is None and spec.vector_entry_point is not None
 
 
 def compare(
@@ -186,7 +203,7 @@ def compare(
     Raises:
         ValueError: Neither is one of stepper's; and what `evaluate` raises.
     """
-    ours = [(name, given) for name, given in zip((one, other), settings, strict=True) if name.startswith("stepper/")]
+    ours = [(name, given) for name, given in zip((one, other), settings, strict=True) if is_native(name)]
     if not ours:
         raise ValueError(f"the environments are {one!r} and {other!r}: one must be of stepper, whose starts both have")
     starts = _starts(ours[0][0], episodes, seed, ours[0][1])

@@ -1,7 +1,7 @@
-"""Sensors: what they make of the truth, devices that one can buy, and readings that MJCF has no word for."""
+"""Sensors: what they make of the truth, devices that one can buy, and readings that are added to a model."""
 
 from stepper.sensors.model import SensorModel
-from stepper.sensors.readings import Combination, RayFan
+from stepper.sensors.readings import Combination, RayFan, Reading
 from stepper.sensors.transfer import Transfer
 
-__all__ = ["Combination", "RayFan", "SensorModel", "Transfer"]
+__all__ = ["Combination", "RayFan", "Reading", "SensorModel", "Transfer"]

@@ -1,4 +1,4 @@
-"""Sensors that are added to a loaded model: what MJCF has no word for."""
+"""Sensors that are added to a loaded model: what its file has not, and what MJCF has no word for."""
 
 from __future__ import annotations
 
@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
+
+from stepper.shared.sensor_words import ACTUATORS, FRAMES, JOINTS, SCENE, SITES, SUBTREES, TENDONS
 
 if TYPE_CHECKING:
     from stepper._stepper import Model
@@ -44,7 +46,66 @@ class Combination:
     terms: Mapping[str, float]
 
 
-def describe(model: Model, sensors: Mapping[str, RayFan | Combination]) -> list[dict[str, Any]]:
+@dataclass(frozen=True, kw_only=True)
+class Reading:
+    """A sensor by MuJoCo's word for its type, for `Model.with_sensors`: what a line of MJCF's `<sensor>` would add.
+
+        model.with_sensors({
+            "hand": stepper.Reading(type="framepos", site="grasp", reference_body="base"),
+            "spin": stepper.Reading(type="gyro", site="imu"),
+            "knee": stepper.Reading(type="jointpos", joint="knee"),
+        })
+
+    One of what it is of is named; scenes' sensors (clock, e_potential, e_kinetic) are of nothing.
+
+    Attributes:
+        type: Of joints (jointpos, jointvel, jointactfrc, jointlimitpos, jointlimitvel, jointlimitfrc, ballquat, ballangvel), tendons
+            (tendonpos and the like), actuators (actuatorpos, actuatorvel, actuatorfrc), sites (accelerometer, velocimeter, gyro, force,
+            torque, magnetometer, touch), subtrees of bodies (subtreecom, subtreelinvel, subtreeangmom), frames (framepos, framequat,
+            framexaxis, frameyaxis, framezaxis, framelinvel, frameangvel, framelinacc, frameangacc), scenes.
+        joint: Name of the joint.
+        tendon: Name of the fixed tendon.
+        actuator: Name of the actuator.
+        site: Name of the site.
+        body: Name of the body; of a frame sensor its own frame, MJCF's "xbody".
+        inertial: Name of the body, of whose centre of mass and principal axes a frame sensor is: MJCF's "body".
+        geom: Name of the geom.
+        reference_body: Name of the body in whose frame a frame sensor reads, and against which it moves; without a reference, the world.
+        reference_inertial: Name of the body, of whose centre of mass and principal axes the reference is.
+        reference_geom: Name of the geom that is the reference.
+        reference_site: Name of the site that is the reference.
+    """
+
+    type: str
+    joint: str | None = None
+    tendon: str | None = None
+    actuator: str | None = None
+    site: str | None = None
+    body: str | None = None
+    inertial: str | None = None
+    geom: str | None = None
+    reference_body: str | None = None
+    reference_inertial: str | None = None
+    reference_geom: str | None = None
+    reference_site: str | None = None
+
+
+_OBJECTS = {"body": "XBody", "inertial": "Body", "geom": "Geom", "site": "Site"}
+"""Whose frame a frame sensor reads, and the Rust crate's names for it."""
+_OF = ("joint", "tendon", "actuator", "site", "body", "inertial", "geom")
+_WORDS: dict[str, tuple[tuple[str, ...], dict[str, str]]] = {
+    "joint": (("joint",), JOINTS),
+    "tendon": (("tendon",), TENDONS),
+    "actuator": (("actuator",), ACTUATORS),
+    "site": (("site",), SITES),
+    "subtree": (("body",), SUBTREES),
+    "frame": (tuple(_OBJECTS), FRAMES),
+    "scene": ((), SCENE),
+}
+"""What a sensor of each family is of, and its types."""
+
+
+def describe(model: Model, sensors: Mapping[str, RayFan | Combination | Reading]) -> list[dict[str, Any]]:
     """What the Rust crate's `Sensor` holds, for every sensor.
 
     Raises:
@@ -52,7 +113,7 @@ def describe(model: Model, sensors: Mapping[str, RayFan | Combination]) -> list[
         ValueError: A name that nothing has, or directions that are none, with the sensor's name.
     """
     if not isinstance(sensors, Mapping):
-        raise TypeError(f"sensors is {sensors!r}, must be a mapping of names to stepper.RayFan and stepper.Combination")
+        raise TypeError(f"sensors is {sensors!r}, must be a mapping of names to stepper.Reading, RayFan and Combination")
     names = list(model.sensor_names)
     found = []
     for name, sensor in sensors.items():
@@ -60,11 +121,13 @@ def describe(model: Model, sensors: Mapping[str, RayFan | Combination]) -> list[
         if not isinstance(name, str):
             raise TypeError(f"{place}: its name must be a string")
         if isinstance(sensor, RayFan):
-            kind: dict[str, Any] = {"RangeFinder": _fan(model, sensor, place)}
+            kind: str | dict[str, Any] = {"RangeFinder": _fan(model, sensor, place)}
         elif isinstance(sensor, Combination):
             kind = {"Combination": _terms(names, sensor, place)}
+        elif isinstance(sensor, Reading):
+            kind = _kind(model, sensor, place)
         else:
-            raise TypeError(f"{place} is {sensor!r}, must be a stepper.RayFan or stepper.Combination")
+            raise TypeError(f"{place} is {sensor!r}, must be a stepper.Reading, RayFan or Combination")
         found.append({"name": name, "kind": kind, "noise": 0.0, "cutoff": 0.0, "delay": 0.0, "interval": 0.0})
         names.append(name)
     return found
@@ -102,6 +165,38 @@ def _terms(names: Sequence[str], combination: Combination, place: str) -> list[t
             raise TypeError(f"{place}: the coefficient of {name!r} is {coefficient!r}, must be a number")
         terms.append((index, float(coefficient)))
     return terms
+
+
+def _kind(model: Model, reading: Reading, place: str) -> str | dict[str, Any]:
+    """What the Rust crate calls what a reading is of."""
+    family = next((family for family, (_, words) in _WORDS.items() if reading.type in words), None)
+    if family is None:
+        known = ", ".join(word for _, words in _WORDS.values() for word in words)
+        raise ValueError(f"{place}: there is no type {reading.type!r}, there are: {known}")
+    takes, words = _WORDS[family]
+    given = [what for what in _OF if getattr(reading, what) is not None]
+    references = [what for what in _OBJECTS if getattr(reading, f"reference_{what}") is not None]
+    if [what for what in given if what in takes] != given or len(given) != bool(takes):
+        wanted = f"one of {', '.join(takes)}" if len(takes) > 1 else takes[0] if takes else "nothing"
+        raise ValueError(f"{place}: a {reading.type} is of {wanted}, and {', '.join(given) or 'nothing'} is given")
+    if references and (family != "frame" or reading.type in ("framelinacc", "frameangacc") or len(references) > 1):
+        said = "has one reference at most" if len(references) > 1 else "has no reference"
+        raise ValueError(f"{place}: a {reading.type} {said}, and {', '.join(f'reference_{what}' for what in references)} is given")
+    if not takes:
+        return words[reading.type]
+    index = _named(model, given[0], getattr(reading, given[0]), place)
+    if family != "frame":
+        return {words[reading.type]: index}
+    reference = None
+    if references:
+        found = _named(model, references[0], getattr(reading, f"reference_{references[0]}"), place)
+        reference = {_OBJECTS[references[0]]: found}
+    return {"Frame": {"what": words[reading.type], "object": {_OBJECTS[given[0]]: index}, "reference": reference}}
+
+
+def _named(model: Model, what: str, name: str, place: str) -> int:
+    kind = "body" if what == "inertial" else what
+    return _index(getattr(model, f"{kind}_names"), name, kind, place)
 
 
 def _index(names: Sequence[str], name: str, kind: str, place: str) -> int:

@@ -65,12 +65,20 @@ class G1Velocity(VelocityTask):
     Feet touch the ground, and no other part.
     """
 
+    MOTORS: ClassVar[Mapping[str, tuple[float, float, float]]] = {
+        **dict.fromkeys(("hip_roll", "knee"), (139.0, 20.0, 0.5)),
+        **dict.fromkeys(("hip_pitch", "hip_yaw", "waist_yaw"), (88.0, 32.0, 0.5)),
+        **dict.fromkeys(("wrist_pitch", "wrist_yaw"), (5.0, 22.0, 0.05)),
+        **dict.fromkeys(("waist", "ankle"), (50.0, 37.0, 0.2)),
+        "": (25.0, 37.0, 0.2),
+    }
+    imu: ClassVar[str] = "imu_in_pelvis"
     lowest = 0.45
     camera: ClassVar[Camera] = {"trackbodyid": 1, "distance": 3.0, "azimuth": 120.0, "elevation": -15.0}
 
     mass_scale: tuple[float, float] = (0.9, 1.1)
 
-    def model(self) -> Model:
+    def robot(self) -> Model:
         """The robot on a plane, or on rough ground, with servos."""
         return _scene(self.roughness)
 

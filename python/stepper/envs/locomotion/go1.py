@@ -46,10 +46,11 @@ class Go1Velocity(VelocityTask):
     """
 
     WEIGHTS: ClassVar[Mapping[str, float]] = {**VelocityTask.WEIGHTS, "torque": 1e-4, "change": 0.05, "stride": 3.0}
+    MOTORS: ClassVar[Mapping[str, tuple[float, float, float]]] = {"calf": (35.55, 20.06, 0.2), "": (23.7, 30.1, 0.2)}
     lowest = 0.15
     camera: ClassVar[Camera] = {"trackbodyid": 1, "distance": 2.0, "azimuth": 120.0, "elevation": -20.0}
 
-    def model(self) -> Model:
+    def robot(self) -> Model:
         """The robot on a plane, or on rough ground, with servos."""
         return _scene(self.roughness)
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import re
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import ClassVar
@@ -10,9 +11,11 @@ from typing import ClassVar
 import numpy as np
 
 from stepper._stepper import Model, Stepper
+from stepper.actuators import ActuatorModel, DCMotor, Drive
 from stepper.envs.locomotion import terrain
 from stepper.envs.streams import Draws
 from stepper.envs.task import Array, Moment, Quantity, Task, Terms, per_moment, square_sum
+from stepper.sensors import Reading, SensorModel, Transfer
 from stepper.shared.rotations import matrices
 
 _COMMANDS, _PUSHES = 2, 3
@@ -21,6 +24,8 @@ _STANDS = 0.1
 """Share of the commands that are to stand."""
 _SPREAD = 0.7 * terrain.HALF
 """Farthest from the middle of rough ground that an episode begins in x and y, m."""
+_PATCH = np.stack(np.meshgrid(*[np.linspace(-1.0, 1.0, 5)] * 2, indexing="ij"), axis=-1).reshape(-1, 2)
+"""Places that a robot sees ahead and to its left, (25, 2), of its sight."""
 _UNDER = np.stack(np.meshgrid(*[np.linspace(-0.4, 0.4, 9)] * 2), axis=-1).reshape(-1, 2)
 """Places around the base that may be under a robot, (81, 2) m."""
 
@@ -43,7 +48,12 @@ class VelocityTask(Task):
         mass_scale: Least and largest mass of the base, times its own.
         gain_scale: Least and largest gains of the servos, times their own.
         center_shift: Largest shift of the base's centre of mass in each direction, m.
-        roughness: Greatest height of the ground's bumps, m, which are about a metre wide; 0 is flat ground. Nothing observes them.
+        noise: Errors of what it is told of itself, times those of `ERRORS`; 0 is the truth. With errors there are sensors: velocity and
+            rates of turn of the IMU, the vertical, encoders.
+        motors: Whether servos have the torque-speed curves and the dry friction of motors (`MOTORS`) instead of torques at any speed.
+        roughness: Greatest height of the ground's bumps, m, which are about a metre wide; 0 is flat ground.
+        sight: Farthest place ahead and aside whose ground it sees, m: heights of 25 places around the base, which turn with it, beside the
+            base's own height. 0 is nowhere.
         weights: Weights of the terms of the reward, of some or all; the others are those of `WEIGHTS`.
 
     Raises:
@@ -62,6 +72,18 @@ class VelocityTask(Task):
         "change": 0.02,
     }
     """Weights of the terms of the reward."""
+    ERRORS: ClassVar[Mapping[str, float]] = {
+        "linear_velocity": 0.5,
+        "angular_velocity": 0.2,
+        "vertical": 0.05,
+        "angles": 0.01,
+        "rates": 1.5,
+    }
+    """Half widths of uniform errors of rows of the observation, with which mjlab trains: m/s, rad/s, rad, rad, rad/s."""
+    MOTORS: ClassVar[Mapping[str, tuple[float, float, float]]] = {}
+    """Of joints with a key in their names: torque at rest (N m) and speed without load (rad/s) of the curve, dry friction (N m)."""
+    imu: ClassVar[str] = "imu"
+    """Site of the IMU."""
     lowest: ClassVar[float]
     """Height of the base above the ground at which an episode ends, m: each robot says its own."""
     steepest: ClassVar[float] = 0.5
@@ -76,7 +98,10 @@ class VelocityTask(Task):
     mass_scale: tuple[float, float] = (0.8, 1.2)
     gain_scale: tuple[float, float] = (0.9, 1.1)
     center_shift: float = 0.02
+    noise: float = 0.0
+    motors: bool = False
     roughness: float = 0.0
+    sight: float = 0.0
     weights: Mapping[str, float] | None = None
 
     def __post_init__(self) -> None:
@@ -86,8 +111,40 @@ class VelocityTask(Task):
             raise ValueError(f"max_latency is {self.max_latency}, must be from 0 to frame_skip, which is {self.frame_skip}")
         if not 0.0 <= self.roughness <= 1.0:
             raise ValueError(f"roughness is {self.roughness}, must be from 0 to 1 m")
+        for name in ("noise", "sight"):
+            if not getattr(self, name) >= 0.0:
+                raise ValueError(f"{name} is {getattr(self, name)}, must be at least 0")
+        if self.motors and not self.MOTORS:
+            raise ValueError(f"{type(self).__name__} has no `MOTORS`: give it the curves of its motors, or leave motors=False")
         if unknown := sorted(set(self.weights or {}) - set(self.WEIGHTS)):
             raise ValueError(f"weights has {unknown}, terms of the reward are {', '.join(self.WEIGHTS)}")
+
+    def robot(self) -> Model:
+        """The robot on its ground, with a servo for each joint and a keyframe "stance": each robot says its own."""
+        raise NotImplementedError(f"{type(self).__name__} has no `robot`: give it the model")
+
+    def model(self) -> Model:
+        """The robot, with what observes it where that has errors."""
+        return _sensed(self.robot(), self.imu) if self.noise else self.robot()
+
+    def sensors(self) -> SensorModel | None:
+        """Uniform errors of what is observed."""
+        if not self.noise:
+            return None
+        errors = {row: Transfer(noise="uniform", noise_std=self.noise * width) for row, width in self.ERRORS.items()}
+        joints = self.robot().joint_names[1:]
+        named = {row: errors[row] for row in ("linear_velocity", "angular_velocity", "vertical")}
+        return SensorModel({**named, **{f"{row} {joint}": errors[row] for row in ("angles", "rates") for joint in joints}})
+
+    def actuators(self) -> ActuatorModel | None:
+        """Curves and friction of the motors."""
+        if not self.motors:
+            return None
+        drives = {}
+        for name in self.robot().actuator_names:
+            stall, speed, friction = next(numbers for part, numbers in self.MOTORS.items() if part in name)
+            drives[name] = Drive(motor=DCMotor(stall_torque=stall, no_load_speed=speed), friction=friction)
+        return ActuatorModel(drives)
 
     def memory(self, num_envs: int) -> Terms:
         """Commands and pushes of the episodes, and the last two actions."""
@@ -114,15 +171,20 @@ class VelocityTask(Task):
             raise ValueError(f'roughness is {self.roughness}, and the model has no geom "terrain": add `terrain.elements` to it')
 
     def quantities(self) -> tuple[Quantity, ...]:
-        """Velocities and vertical of the base in its frame, command, angles and last action beside the stance, rates: (12 + 3 nu,)."""
+        """Velocities and vertical of the base in its frame, command, angles and last action beside the stance, rates: (12 + 3 nu,).
+
+        With `sight`, 25 heights of the ground.
+        """
+        seen = (Quantity("ground", of=_ground_around),) if self.sight else ()
         return (
-            Quantity("linear_velocity", of=linear_velocity),
-            Quantity("angular_velocity", of=lambda now: now.qvel[:, 3:6]),
-            Quantity("vertical", of=vertical),
+            Quantity("linear_velocity", of=_told("linear_velocity") if self.noise else linear_velocity),
+            Quantity("angular_velocity", of=_told("angular_velocity") if self.noise else lambda now: now.qvel[:, 3:6]),
+            Quantity("vertical", of=_told("vertical") if self.noise else vertical),
             Quantity("command", of=command),
-            Quantity("angles", of=lambda now: now.qpos[:, 7:] - stance_of(now)),
-            Quantity("rates", of=lambda now: now.qvel[:, 6:]),
+            Quantity("angles", of=lambda now: (_told("angles")(now) if self.noise else now.qpos[:, 7:]) - stance_of(now)),
+            Quantity("rates", of=_told("rates") if self.noise else lambda now: now.qvel[:, 6:]),
             Quantity("last_action", of=lambda now: now.memory["last"] - stance_of(now)),
+            *seen,
         )
 
     def terms(self, now: Moment) -> Terms:
@@ -224,6 +286,39 @@ class VelocityTask(Task):
 
 
 @lru_cache(maxsize=8)
+def _sensed(robot: Model, imu: str) -> Model:
+    """The robot with sensors of what it observes of itself; where it came from is remembered for pictures of it."""
+    base, world = robot.body_names[1], robot.body_names[0]
+    readings = {
+        "linear_velocity": Reading(type="velocimeter", site=imu),
+        "angular_velocity": Reading(type="gyro", site=imu),
+        "vertical": Reading(type="framezaxis", body=world, reference_body=base),
+    }
+    joints = robot.joint_names[1:]
+    readings |= {f"angles {joint}": Reading(type="jointpos", joint=joint) for joint in joints}
+    readings |= {f"rates {joint}": Reading(type="jointvel", joint=joint) for joint in joints}
+    return robot.with_sensors(readings)
+
+
+def _told(row: str) -> Callable[[Moment], Array]:
+    """What the sensors of a row of the observation read."""
+
+    def read(now: Moment) -> Array:
+        first, count = _columns(now.sim.model, row)
+        told: Array = now.observation[:, first : first + count]
+        return told
+
+    return read
+
+
+@lru_cache(maxsize=64)
+def _columns(model: Model, row: str) -> tuple[int, int]:
+    """The first reading of a row's sensors, which were added one after the other, and their number."""
+    found = [sensor for sensor in map(model.sensor, range(len(model.sensor_names))) if re.fullmatch(f"{row}( .*)?", sensor.name)]
+    return found[0].adr, sum(sensor.dim for sensor in found)
+
+
+@lru_cache(maxsize=8)
 def _stance(model: Model) -> Array:
     angles: Array = model.keyframe("stance").qpos[7:]
     return angles
@@ -245,6 +340,17 @@ def linear_velocity(now: Moment) -> Array:
     """Velocity of the base in its own frame, m/s: (num_envs, 3)."""
     local: Array = np.einsum("ni,nij->nj", now.qvel[:, :3], _frame(now))
     return local
+
+
+def _ground_around(now: Moment) -> Array:
+    """Heights of the ground at places around the base, which turn with its heading, less its own height, m: (num_envs, 25)."""
+    ahead = _frame(now)[:, :2, 0]
+    ahead = ahead / np.maximum(np.sqrt(square_sum(ahead)), 1e-9)[:, None]
+    left = np.stack([-ahead[:, 1], ahead[:, 0]], axis=1)
+    offsets = now.task.sight * _PATCH
+    places = now.qpos[:, None, :2] + offsets[:, :1] * ahead[:, None] + offsets[:, 1:] * left[:, None]
+    heights: Array = now.task.ground(places) - now.qpos[:, 2:3]
+    return heights
 
 
 def vertical(now: Moment) -> Array:

@@ -9,7 +9,7 @@ from stepper.envs.suite.cheetah import Cheetah
 from stepper.envs.suite.finger import Finger, FingerTurn
 from stepper.envs.suite.fish import Fish
 from stepper.envs.suite.hopper import Hopper
-from stepper.envs.suite.humanoid import Humanoid
+from stepper.envs.suite.humanoid import Humanoid, HumanoidCMU
 from stepper.envs.suite.manipulator import Manipulator
 from stepper.envs.suite.pendulum import Pendulum
 from stepper.envs.suite.point_mass import PointMass
@@ -39,12 +39,16 @@ SUITE: dict[str, tuple[type[SuiteTask], dict[str, Any]]] = {
     "humanoid-run_pure_state": (Humanoid, {"move_speed": 10.0, "pure_state": True}),
     "humanoid-stand": (Humanoid, {}),
     "humanoid-walk": (Humanoid, {"move_speed": 1.0}),
+    "humanoid_CMU-run": (HumanoidCMU, {"move_speed": 10.0}),
+    "humanoid_CMU-stand": (HumanoidCMU, {}),
+    "humanoid_CMU-walk": (HumanoidCMU, {"move_speed": 1.0}),
     "manipulator-bring_ball": (Manipulator, {}),
     "manipulator-bring_peg": (Manipulator, {"peg": True}),
     "manipulator-insert_ball": (Manipulator, {"insert": True}),
     "manipulator-insert_peg": (Manipulator, {"peg": True, "insert": True}),
     "pendulum-swingup": (Pendulum, {}),
     "point_mass-easy": (PointMass, {}),
+    "point_mass-hard": (PointMass, {"turned": True}),
     "quadruped-fetch": (Quadruped, {"fetch": True}),
     "quadruped-run": (Quadruped, {"move_speed": 5.0}),
     "quadruped-walk": (Quadruped, {}),

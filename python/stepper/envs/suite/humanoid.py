@@ -1,8 +1,9 @@
-"""dm_control's humanoid."""
+"""dm_control's humanoids."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
@@ -24,6 +25,12 @@ class Humanoid(SuiteTask):
     """
 
     file = "humanoid.xml"
+    torso: ClassVar[str] = "torso"
+    """Body that should be upright."""
+    upwards: ClassVar[int] = 2
+    """Which of its axes points upwards then."""
+    extremities: ClassVar[tuple[str, ...]] = ("left_hand", "left_foot", "right_hand", "right_foot")
+    """Bodies that the torso sees."""
     frame_skip: int = 5
     move_speed: float = 0.0
     pure_state: bool = False
@@ -37,16 +44,16 @@ class Humanoid(SuiteTask):
             Quantity("joint_angles", of=lambda now: now.qpos[:, 7:]),
             Quantity("head_height", of=_head_height),
             Quantity("extremities", of=_extremities),
-            Quantity("torso_vertical", of=lambda now: rotation(now, "torso")[:, 2]),
-            Quantity("com_velocity", of=lambda now: reading(now, "torso_subtreelinvel")),
+            Quantity("torso_vertical", of=lambda now: rotation(now, self.torso)[:, 2]),
+            Quantity("com_velocity", of=lambda now: reading(now, f"{self.torso}_subtreelinvel")),
             velocity,
         )
 
     def score(self, now: Moment) -> Array:
         """The head high and the torso upright, with little control, at rest or fast enough."""
         standing = tolerance(_head_height(now), _HEIGHT, float("inf"), margin=_HEIGHT / 4.0)
-        upright = tolerance(rotation(now, "torso")[:, 2, 2], 0.9, float("inf"), margin=1.9, fall="linear", value=0.0)
-        velocity = reading(now, "torso_subtreelinvel")[:, :2]
+        upright = tolerance(rotation(now, self.torso)[:, 2, self.upwards], 0.9, float("inf"), margin=1.9, fall="linear", value=0.0)
+        velocity = reading(now, f"{self.torso}_subtreelinvel")[:, :2]
         if self.move_speed == 0.0:
             moving: Array = tolerance(velocity, margin=2.0).mean(axis=1)
         else:
@@ -67,7 +74,19 @@ def _head_height(now: Moment) -> Array:
 
 def _extremities(now: Moment) -> Array:
     """Hands and feet in the frame of the torso, m: (num_envs, 4, 3)."""
-    model = now.sim.model
-    bodies = [model.body(f"{side}_{limb}").id for side in ("left", "right") for limb in ("hand", "foot")]
-    extremities: Array = np.einsum("nbi,nij->nbj", now.xpos[:, bodies] - now.xpos[:, [model.body("torso").id]], rotation(now, "torso"))
+    model, task = now.sim.model, now.task
+    bodies = [model.body(name).id for name in task.extremities]
+    apart = now.xpos[:, bodies] - now.xpos[:, [model.body(task.torso).id]]
+    extremities: Array = np.einsum("nbi,nij->nbj", apart, rotation(now, task.torso))
     return extremities
+
+
+@dataclass(frozen=True, kw_only=True)
+class HumanoidCMU(Humanoid):
+    """The same for the humanoid of the CMU's motion capture, whose torso is its thorax, with y upwards."""
+
+    file = "humanoid_CMU.xml"
+    torso = "thorax"
+    upwards = 1
+    extremities = ("lhand", "lfoot", "rhand", "rfoot")
+    frame_skip: int = 10

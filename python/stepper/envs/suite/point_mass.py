@@ -4,17 +4,37 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
+from stepper._stepper import Model, Stepper
+from stepper.envs.assets import load_quietly, read_once
 from stepper.envs.streams import Draws
-from stepper.envs.suite.base import SuiteTask, norm, randomize_joints, small_control, tolerance
-from stepper.envs.task import Array, Moment, Quantity
+from stepper.envs.suite.base import SuiteTask, norm, randomize_joints, small_control, source_tree, tolerance
+from stepper.envs.task import Array, Moment, Quantity, Terms
+
+_PARALLEL = 0.9
+"""Cosine of the angle of two directions from which on they are too much alike."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class PointMass(SuiteTask):
-    """Bring the mass to the middle."""
+    """Bring the mass to the middle.
+
+    Attributes:
+        turned: Whether each control pulls in a direction of its own, which is drawn for each episode and which nothing observes.
+    """
 
     file = "point_mass.xml"
     frame_skip: int = 1
+    turned: bool = False
+
+    def model(self) -> Model:
+        """The scene; with directions of their own, without bounds of the controls, which are mixed of actions within theirs."""
+        return _without_bounds() if self.turned else super().model()
+
+    def action_bounds(self, model: Model) -> tuple[Array, Array]:
+        """-1 and 1."""
+        return np.full(model.nu, -1.0), np.full(model.nu, 1.0)
 
     def quantities(self) -> tuple[Quantity, ...]:
         """Place and velocity: (4,)."""
@@ -31,3 +51,40 @@ class PointMass(SuiteTask):
     def start(self, qpos: Array, qvel: Array, draws: Draws) -> None:
         """At rest, anywhere within the limits."""
         randomize_joints(self.model(), qpos, draws)
+
+    def memory(self, num_envs: int) -> Terms:
+        """Directions in which the controls pull, rows: along the axes unless they are drawn."""
+        return {"directions": np.tile(np.eye(2), (num_envs, 1, 1))}
+
+    def prepare(self, sim: Stepper, memory: Terms, mask: Array, draws: Draws) -> None:
+        """Draws directions that are not too much alike."""
+        if not self.turned:
+            return
+        count = len(draws.envs)
+        directions, again = np.empty((count, 2, 2)), np.ones(count, dtype=bool)
+        directions[:, 0] = _unit(draws.normal(2))
+        while again.any():
+            directions[again, 1] = _unit(draws.of(again).normal(2))
+            again[again] = np.abs(np.einsum("ni,ni->n", directions[again, 0], directions[again, 1])) > _PARALLEL
+        memory["directions"][mask] = directions
+
+    def advance(self, now: Moment) -> None:
+        """Makes the steps of the controls along their directions."""
+        control = now.action
+        if self.turned:
+            control = np.einsum("nk,nki->ni", np.clip(now.action, -1.0, 1.0), now.memory["directions"])
+        now.sim.step(control, self.frame_skip)
+
+
+def _unit(vectors: Array) -> Array:
+    units: Array = vectors / norm(vectors)[:, None]
+    return units
+
+
+@read_once
+def _without_bounds() -> Model:
+    tree = source_tree(PointMass.file)
+    for motor in tree.iter("motor"):
+        motor.attrib.pop("ctrlrange", None)
+        motor.attrib.pop("ctrllimited", None)
+    return load_quietly(tree)

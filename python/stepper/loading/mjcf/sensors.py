@@ -12,49 +12,8 @@ import numpy as np
 
 from stepper.loading.mjcf.actuators import CUBIC, OLDER, is_whole
 from stepper.loading.mjcf.source import BOX, CAPSULE, CYLINDER, ELLIPSOID, PLANE, SPHERE, Description, Source
+from stepper.shared.sensor_words import ACTUATORS, FRAMES, JOINTS, PROXIMITIES, SCENE, SITES, SUBTREES, TENDONS
 
-JOINTS = {
-    "jointpos": "JointPos",
-    "jointvel": "JointVel",
-    "jointactfrc": "JointActuatorForce",
-    "jointlimitpos": "JointLimitPos",
-    "jointlimitvel": "JointLimitVel",
-    "jointlimitfrc": "JointLimitForce",
-    "ballquat": "BallQuat",
-    "ballangvel": "BallAngVel",
-}
-TENDONS = {
-    "tendonpos": "TendonPos",
-    "tendonvel": "TendonVel",
-    "tendonactfrc": "TendonActuatorForce",
-    "tendonlimitpos": "TendonLimitPos",
-    "tendonlimitvel": "TendonLimitVel",
-    "tendonlimitfrc": "TendonLimitForce",
-}
-ACTUATORS = {"actuatorpos": "ActuatorPos", "actuatorvel": "ActuatorVel", "actuatorfrc": "ActuatorForce"}
-SITES = {
-    "magnetometer": "Magnetometer",
-    "velocimeter": "Velocimeter",
-    "gyro": "Gyro",
-    "accelerometer": "Accelerometer",
-    "force": "Force",
-    "torque": "Torque",
-    "touch": "Touch",
-}
-FRAMES = {
-    "framepos": "Pos",
-    "framequat": "Quat",
-    "framexaxis": "XAxis",
-    "frameyaxis": "YAxis",
-    "framezaxis": "ZAxis",
-    "framelinvel": "LinVel",
-    "frameangvel": "AngVel",
-    "framelinacc": "LinAcc",
-    "frameangacc": "AngAcc",
-}
-SUBTREES = {"subtreecom": "SubtreeCom", "subtreelinvel": "SubtreeLinVel", "subtreeangmom": "SubtreeAngMom"}
-PROXIMITIES = {"geomdist": "Distance", "geomnormal": "Normal", "geomfromto": "FromTo"}
-SCENE = {"e_potential": "PotentialEnergy", "e_kinetic": "KineticEnergy", "clock": "Clock"}
 RAY_FIELDS = ("Distance", "Direction", "Origin", "Point")
 CONTACT_FIELDS = ("Found", "Force", "Torque", "Distance", "Pos", "Normal", "Tangent")
 REDUCTIONS = ("None", "MinDistance", "MaxForce", "NetForce")

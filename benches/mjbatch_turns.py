@@ -1,0 +1,50 @@
+"""A task over mjbatch, stepped turn by turn: what benches/environments.py runs in an environment of its own.
+
+mjbatch asks for another version of MuJoCo than stepper's reader of MJCF, so that both cannot be in one process. A line of its input is the
+processor time of a turn in s; its answer is a line with the times of the steps, as JSON.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+import time
+from typing import Any
+
+import mujoco
+import mujoco_vector
+import numpy as np
+import stepper
+from stepper.envs import TASKS
+from stepper.envs.assets import model_file
+
+
+def main() -> None:
+    """Takes the name of a task, the number of environments, and the file of stepper's model, which was saved."""
+    name, num_envs, saved = sys.argv[1], int(sys.argv[2]), sys.argv[3]
+    task: Any = TASKS[name]()
+    path = model_file(task.xml_file)
+    spec = mujoco.MjSpec.from_file(path)
+    m = mujoco_vector.with_an_acceleration(spec) if mujoco_vector.reads_contact_forces(task) else spec.compile()
+    model = stepper.Model.from_file(saved)
+    envs = mujoco_vector.MujocoVectorEnv(
+        task, num_envs, engine="mjbatch", m=m, model=model, max_episode_steps=1000, options=stepper.Options()
+    )
+    space = envs.single_action_space
+    actions = np.random.default_rng(0).uniform(space.low, space.high, (50, num_envs, *space.shape))
+    envs.reset(seed=0)
+    count = 0
+    print(json.dumps("ready"), flush=True)
+    for line in sys.stdin:
+        times: list[float] = []
+        end = time.process_time() + float(line)
+        while time.process_time() < end or len(times) < 2:
+            begin = time.process_time()
+            envs.step(actions[count % len(actions)])
+            times.append(time.process_time() - begin)
+            count += 1
+        print(json.dumps(times[1:]), flush=True)  # Of each turn the first step finds nothing of its own in the caches.
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,92 @@
+"""The textbook's falling block: how long does it stay up?"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from stepper._options import Options
+from stepper._stepper import Model, Stepper
+from stepper.envs.assets import load_quietly, read_once
+from stepper.envs.streams import Draws
+from stepper.envs.task import Array, Camera, Moment, Quantity, Task, Terms
+from stepper.sensors import SensorModel, Transfer
+
+SCENE = """
+<mujoco model="falling block">
+  <option timestep="0.02"/>
+  <worldbody>
+    <geom name="floor" type="plane" size="0 0 1"/>
+    <body name="block" pos="0 0 0.1">
+      <joint name="height" type="slide" axis="0 0 1"/>
+      <geom name="block" type="box" size="0.1 0.1 0.1" mass="1"/>
+    </body>
+  </worldbody>
+  <actuator><motor name="thruster" joint="height" gear="4.905" ctrllimited="true" ctrlrange="-1 1"/></actuator>
+  <sensor><jointpos name="height" joint="height"/><jointvel name="velocity" joint="height"/></sensor>
+</mujoco>
+"""
+"""Height 0 is touching the floor; the thruster has half the weight of 1 kg."""
+HEIGHT, VELOCITY = 0.20, -0.10
+"""At the beginning, m and m/s."""
+LOWEST, STEPS = 0.05, 50
+"""Height above which a step is worth 1, m; steps of an episode."""
+OPTIONS = Options(integrator="euler", restitution_threshold=0.0)
+"""The textbook's recursion: v <- v - g dt, then h <- h + v dt; below the floor h <- 0 and v <- -e v, however slow."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class FallingBlock(Task):
+    """Stay up by pushing, up or down, with at most half the weight. Every episode has a restitution of its own.
+
+    Attributes:
+        frame_skip: Steps for each action, of 20 ms.
+        restitution: Least and largest restitution.
+        noise: Standard deviation of what the sensors of height (m) and velocity (m/s) read beside the truth; rewards count true heights.
+    """
+
+    camera: ClassVar[Camera] = {"distance": 1.5, "elevation": -15.0, "lookat": (0.0, 0.0, 0.2)}
+    frame_skip: int = 1
+    restitution: tuple[float, float] = (0.1, 0.5)
+    noise: float = 0.0
+
+    def model(self) -> Model:
+        """The block over the floor."""
+        return _scene()
+
+    def sensors(self) -> SensorModel | None:
+        """Noise, if there is any."""
+        return SensorModel(default=Transfer(noise_std=self.noise)) if self.noise else None
+
+    def quantities(self) -> tuple[Quantity, ...]:
+        """Height and velocity as the sensors read them: (2,)."""
+        return (Quantity("observation"),)
+
+    def reward(self, now: Moment) -> tuple[Array, Terms]:
+        """1 where the block is up."""
+        height = now.qpos[:, 0]
+        return (height > LOWEST).astype(np.float64), {"height": height}
+
+    def info(self, now: Moment) -> Terms:
+        """The restitution."""
+        return {"restitution": now.memory["restitution"]}
+
+    def memory(self, num_envs: int) -> Terms:
+        """The restitution of each episode."""
+        return {"restitution": np.zeros(num_envs)}
+
+    def start(self, qpos: Array, qvel: Array, draws: Draws) -> None:
+        """Falling from 0.2 m."""
+        qpos[:], qvel[:] = HEIGHT, VELOCITY
+
+    def prepare(self, sim: Stepper, memory: Terms, mask: Array, draws: Draws) -> None:
+        """Draws the restitution: of two geoms the larger counts, and the floor's is zero."""
+        memory["restitution"][mask] = draws.uniform(*self.restitution, 1)[:, 0]
+        sim.randomize(mask, geom_restitution=np.stack([np.zeros_like(memory["restitution"]), memory["restitution"]], axis=1))
+
+
+@read_once
+def _scene() -> Model:
+    return load_quietly(SCENE)

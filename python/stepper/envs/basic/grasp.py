@@ -1,0 +1,106 @@
+"""A gripper lifts a box as gently as it can."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from stepper._options import Options
+from stepper._stepper import Model, Stepper
+from stepper.envs.assets import load_quietly, read_once
+from stepper.envs.streams import Draws
+from stepper.envs.task import Array, Camera, Moment, Quantity, Task, Terms, square_sum
+
+GRAVITY, MASS, FRICTION = 9.81, 0.8, 0.6
+FORCE, STEPS = 20.0, 50
+"""Largest force of a finger, N; actions of an episode."""
+SCENE = f"""
+<mujoco model="grasp">
+  <option timestep="0.004" gravity="0 0 -{GRAVITY}"/>
+  <worldbody>
+    <geom name="floor" type="plane" size="1 1 .1" friction="{FRICTION}"/>
+    <body name="hand" pos="0 0 .05">
+      <joint name="lift" type="slide" axis="0 0 1" damping="10"/>
+      <inertial pos="0 0 .1" mass="1" diaginertia=".01 .01 .01"/>
+      <body name="left" pos="-.05 0 0"><joint name="left" type="slide" axis="1 0 0" damping="10"/>
+        <geom name="left" type="sphere" size=".01" mass=".1" friction="{FRICTION}"/></body>
+      <body name="right" pos=".05 0 0"><joint name="right" type="slide" axis="-1 0 0" damping="10"/>
+        <geom name="right" type="sphere" size=".01" mass=".1" friction="{FRICTION}"/></body>
+    </body>
+    <body name="box" pos="0 0 .05">
+      <joint name="x" type="slide" axis="1 0 0"/><joint name="z" type="slide" axis="0 0 1"/>
+      <geom name="box" type="box" size=".03 .03 .05" mass="{MASS}" friction="{FRICTION}"/>
+    </body>
+  </worldbody>
+  <actuator>
+    <general joint="lift" gainprm="30" biastype="affine" biasprm="{1.2 * GRAVITY} 0 0" ctrlrange="-1 1"/>
+    <motor joint="left" gear="{FORCE}" ctrlrange="-1 1"/>
+    <motor joint="right" gear="{FORCE}" ctrlrange="-1 1"/>
+  </actuator>
+</mujoco>
+"""
+"""Two fingers and a hand in a plane, moved by forces, beside a box that lies somewhere between them."""
+OPTIONS = Options(integrator="euler", stabilization="baumgarte", baumgarte=1.0, slop=0.0)
+"""Hard contact without the kink of a box at rest (docs/derivatives.md)."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Grasp(Task):
+    """Lift the box, with little force of the fingers.
+
+    Friction holds the box if each finger presses with m g / (2 mu) at least: 6.5 N with its own numbers.
+
+    Attributes:
+        frame_skip: Steps for each action, of 4 ms.
+        rise: Height that is wanted, m.
+        weight: Weight of the squares of the fingers' forces, in parts of the largest ones.
+        friction: Least and largest friction of fingers and box, drawn for each episode where they differ.
+        mass_scale: Least and largest mass of the box, times its own, drawn where they differ.
+    """
+
+    camera: ClassVar[Camera] = {"distance": 0.6, "azimuth": 90.0, "elevation": -10.0, "lookat": (0.0, 0.0, 0.1)}
+    frame_skip: int = 5
+    rise: float = 0.1
+    weight: float = 0.25
+    friction: tuple[float, float] = (FRICTION, FRICTION)
+    mass_scale: tuple[float, float] = (1.0, 1.0)
+
+    def model(self) -> Model:
+        """The gripper and the box."""
+        return _scene()
+
+    def quantities(self) -> tuple[Quantity, ...]:
+        """Configuration and velocities: (10,)."""
+        return Quantity("qpos"), Quantity("qvel")
+
+    def reward(self, now: Moment) -> tuple[Array, Terms]:
+        """1 where the box is as high as it should be and nothing presses."""
+        miss = (now.qpos[:, 4] - self.rise) / self.rise
+        reward: Array = 1.0 - np.square(miss) - self.weight * square_sum(now.action[:, 1:])
+        return reward, {"rise": now.qpos[:, 4]}
+
+    def start(self, qpos: Array, qvel: Array, draws: Draws) -> None:
+        """The box somewhere within 5 mm of the middle, fingers up to 5 mm farther from it."""
+        qpos[:, 3] += draws.uniform(-0.005, 0.005, 1)[:, 0]
+        qpos[:, 1:3] -= draws.uniform(0.0, 0.005, 2)
+
+    def prepare(self, sim: Stepper, memory: Terms, mask: Array, draws: Draws) -> None:
+        """Draws friction and mass, where they are ranges."""
+        model, fields = sim.model, {}
+        if self.friction[0] != self.friction[1]:
+            rows = np.tile(model.geom_friction, (len(mask), 1, 1))
+            rows[mask, :, 0] = draws.uniform(*self.friction, 1)
+            fields["geom_friction"] = rows
+        if self.mass_scale[0] != self.mass_scale[1]:
+            masses = np.tile(model.body_mass, (len(mask), 1))
+            masses[mask, model.body("box").id] *= draws.uniform(*self.mass_scale, 1)[:, 0]
+            fields["body_mass"] = masses
+        if fields:
+            sim.randomize(mask, **fields)
+
+
+@read_once
+def _scene() -> Model:
+    return load_quietly(SCENE)

@@ -1,0 +1,48 @@
+"""Films of policies."""
+
+from __future__ import annotations
+
+import shutil
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stepper.policies.evaluation import make
+from stepper.shared.machine import require
+
+Array = NDArray[Any]
+
+
+def film(policy: Callable[[Array], Array], env: str, file: Path, *, actions: int = 300, seed: int = 0, **settings: Any) -> None:
+    """Writes the beginning of an episode as a video, by Gymnasium's recorder, which needs MoviePy.
+
+    Args:
+        policy: What acts.
+        env: Name of an environment that Gymnasium knows.
+        file: An mp4; what is there is replaced.
+        actions: Actions of the film, if the episode is not over before.
+        seed: Of the episode.
+        **settings: Arguments of the environment.
+
+    Raises:
+        ValueError: No such environment.
+        MissingPackageError: Gymnasium or MoviePy is not installed.
+    """
+    require("moviepy", "to write films")
+    gymnasium = require("gymnasium", "to film policies")
+    with tempfile.TemporaryDirectory() as temporary:
+        folder = str(Path(temporary, "film"))
+        single = make(env, render_mode="rgb_array", **settings)
+        recorded = gymnasium.wrappers.RecordVideo(single, folder, episode_trigger=lambda _: True, disable_logger=True)
+        observation, _ = recorded.reset(seed=seed)
+        for _ in range(actions):
+            observation, _, terminated, truncated, _ = recorded.step(policy(np.asarray(observation)))
+            if terminated or truncated:
+                break
+        recorded.close()
+        file.parent.mkdir(parents=True, exist_ok=True)
+        shutil.move(next(Path(folder).glob("*.mp4")), file)

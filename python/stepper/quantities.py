@@ -1,0 +1,205 @@
+"""Quantities of all environments by name, into arrays of one's own: poses, velocities, forces, mass matrices, inverse dynamics.
+
+    import stepper
+
+    sim = stepper.Stepper(stepper.load("humanoid.xml"), 256)
+    stepper.quantities.read(sim, "xpos", "torso")  # (256, 3)
+    stepper.quantities.read(sim, "qvel", ["left_knee", "right_knee"])  # (256, 2)
+    stepper.quantities.mass_matrix(sim, out=mine)  # (256, nv, nv)
+
+The first axis is that of the environments; a stepper without one has none. `read` gives what the attributes of `Stepper` say, computed
+for all environments in one pass and kept until something changes. What has no attribute of all environments at once (mass matrices,
+forces of bias, accelerations without constraints, and what follows from these) is asked of each environment in turn, some 5 us each.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from stepper._stepper import Model, Stepper
+
+Array = NDArray[Any]
+Key = str | int
+
+_BODIES = ("xpos", "xquat", "body_linvel", "body_angvel", "subtree_com", "xipos", "cinert", "cvel", "cfrc_ext", "body_contact_force")
+_DOFS = ("qvel", "qacc", "qfrc_actuator", "qfrc_constraint", "qfrc_applied")
+KINDS: dict[str, str] = {
+    **dict.fromkeys((*_BODIES, "xfrc_applied"), "body"),
+    **dict.fromkeys(("site_xpos", "site_xquat"), "site"),
+    **dict.fromkeys(("geom_xpos", "geom_xquat"), "geom"),
+    **dict.fromkeys(("actuator_force", "ctrl", "actuator_saturation"), "actuator"),
+    **dict.fromkeys(("observation", "sensor_truth"), "sensor"),
+    **dict.fromkeys(("qpos", *_DOFS), "joint"),
+}
+"""What the numbers of a quantity belong to: a row each of a body, site, geom or actuator; columns of a joint or sensor."""
+
+
+def read(sim: Stepper, name: str, of: Key | Sequence[Key] | None = None, *, out: Array | None = None) -> Array:
+    """A quantity, of all its elements or of some by name or index.
+
+    Args:
+        sim: The stepper.
+        name: An attribute of `Stepper` in `KINDS`: "xpos", "qvel", "observation".
+        of: A body, site, geom, joint, actuator or sensor, whichever the quantity is of, or several; None is all. One body, site or geom
+            is without its axis: (num_envs, 3). Columns of joints and sensors stand one after the other: (num_envs, n).
+        out: Array to write to; None is a new one.
+
+    Returns:
+        (num_envs, ...) of the scalar type of the stepper, the caller's own.
+
+    Raises:
+        ValueError: An unknown quantity; an `out` of another shape or scalar type.
+        KeyError, IndexError: No element of that name or index.
+    """
+    if name not in KINDS:
+        raise ValueError(f"there is no quantity {name!r}, there are: {', '.join(sorted(KINDS))}")
+    values = np.asarray(getattr(sim, name))
+    if of is not None:
+        axis = 0 if sim.num_envs is None else 1
+        chosen = _places(sim.model, KINDS[name], name, of)
+        values = np.take(values, chosen, axis=axis)
+    return _written(values, out)
+
+
+def jacobian(sim: Stepper, *, body: Key | None = None, site: Key | None = None, out: Array | None = None) -> Array:
+    """Jacobian of the origin of a body's frame, or of a site: see `Stepper.jacobian`.
+
+    Returns:
+        (num_envs, 6, nv), world axes: three rows of the linear velocity, then three of the angular one.
+
+    Raises:
+        ValueError: Both were given, or neither; an `out` of another shape or scalar type.
+        KeyError, IndexError: No element of that name or index.
+    """
+    return _written(np.asarray(sim.jacobian(body=body, site=site)), out)
+
+
+def mass_matrix(sim: Stepper, *, out: Array | None = None) -> Array:
+    """Mass matrices of the present configurations, armature included: see `Stepper.mass_matrix`.
+
+    Returns:
+        (num_envs, nv, nv) float64.
+
+    Raises:
+        ValueError: An `out` of another shape or scalar type.
+    """
+    return _each(sim, sim.mass_matrix, out)
+
+
+def bias_force(sim: Stepper, *, out: Array | None = None) -> Array:
+    """Coriolis, centrifugal and gravitational forces of the present states: MuJoCo's qfrc_bias.
+
+    Returns:
+        (num_envs, nv) float64, N or N m.
+
+    Raises:
+        ValueError: An `out` of another shape or scalar type.
+    """
+    return _each(sim, sim.bias_force, out)
+
+
+def smooth_acceleration(sim: Stepper, *, out: Array | None = None) -> Array:
+    """Accelerations without constraints in the present states under the controls in force: MuJoCo's qacc_smooth.
+
+    Returns:
+        (num_envs, nv) float64, m/s^2 or rad/s^2.
+
+    Raises:
+        ValueError: An `out` of another shape or scalar type.
+    """
+    return _each(sim, sim.smooth_acceleration, out)
+
+
+def inverse_dynamics(sim: Stepper, qacc: ArrayLike, *, out: Array | None = None) -> Array:
+    """Forces on the joints that would accelerate the present states so: M qacc + bias - passive.
+
+    Passive forces are those of springs, dampers, gravity compensation and the medium. What actuators do and what is applied is not
+    subtracted, as they are what makes these forces; nor are contacts and other constraints, whose forces of the last step are
+    `sim.qfrc_constraint`. It is `mj_inverse` with constraints disabled.
+
+    Args:
+        sim: The stepper.
+        qacc: Accelerations, (num_envs, nv) or (nv,), m/s^2 or rad/s^2.
+        out: Array to write to; None is a new one.
+
+    Returns:
+        (num_envs, nv) float64, N or N m.
+
+    Raises:
+        ValueError: Accelerations or an `out` of another shape or scalar type.
+    """
+    shape = () if sim.num_envs is None else (sim.num_envs,)
+    wanted = np.asarray(qacc, dtype=np.float64)
+    if wanted.shape not in ((sim.model.nv,), (*shape, sim.model.nv)):
+        raise ValueError(f"qacc has shape {wanted.shape}, must be {(*shape, sim.model.nv)} or ({sim.model.nv},)")
+    # What the accelerations without constraints say of bias and passive forces, less the forces that made them.
+    excess = np.broadcast_to(wanted, (*shape, sim.model.nv)) - smooth_acceleration(sim)
+    forces = np.einsum("...ij,...j->...i", mass_matrix(sim), excess)
+    forces += np.asarray(sim.qfrc_actuator)
+    forces += np.asarray(sim.qfrc_applied)
+    forces += _of_applied(sim)
+    return _written(forces, out)
+
+
+def _of_applied(sim: Stepper) -> Array:
+    """Forces on the joints of `xfrc_applied`, (num_envs, nv)."""
+    applied = np.asarray(sim.xfrc_applied, dtype=np.float64)
+    total = np.zeros(np.shape(sim.qvel))
+    for body in np.flatnonzero(np.any(applied != 0, axis=tuple(a for a in range(applied.ndim) if a != applied.ndim - 2))):
+        force, torque = applied[..., body, :3], applied[..., body, 3:]
+        arm = np.asarray(sim.xipos)[..., body, :] - np.asarray(sim.xpos)[..., body, :]
+        wrench = np.concatenate([force, torque + np.cross(arm, force)], axis=-1)
+        total += np.einsum("...ij,...i->...j", np.asarray(sim.jacobian(body=int(body))), wrench)
+    return total
+
+
+def _places(model: Model, kind: str, name: str, of: Key | Sequence[Key]) -> Any:
+    """Indices along the axis of the elements."""
+    several = not isinstance(of, str | int | np.integer)
+    keys: Sequence[Any] = of if several else [of]  # type: ignore[assignment]
+    if kind in ("body", "site", "geom"):
+        found = [int(getattr(model, kind)(key).id) for key in keys]
+        return found if several else found[0]
+    columns: list[int] = []
+    for key in keys:
+        if kind == "joint":
+            joint = model.joint(key)
+            first, count = (joint.qposadr, joint.nq) if name == "qpos" else (joint.dofadr, joint.nv)
+        elif kind == "sensor":
+            sensor = model.sensor(key)
+            first, count = sensor.adr, sensor.dim
+        else:
+            first, count = model.actuator(key).id, 1
+        columns += range(first, first + count)
+    return columns
+
+
+def _each(sim: Stepper, ask: Any, out: Array | None) -> Array:
+    """What is asked of each environment, one after the other."""
+    if sim.num_envs is None:
+        return _written(ask(0), out)
+    first = ask(0)
+    found = _room((sim.num_envs, *first.shape), first.dtype, out)
+    found[0] = first
+    for env in range(1, sim.num_envs):
+        found[env] = ask(env)
+    return found
+
+
+def _written(values: Array, out: Array | None) -> Array:
+    """Numbers as an array of the caller's, in `out` if it is given."""
+    found = _room(values.shape, values.dtype, out)
+    found[...] = values
+    return found
+
+
+def _room(shape: tuple[int, ...], dtype: Any, out: Array | None) -> Array:
+    if out is None:
+        return np.empty(shape, dtype)
+    if out.shape != shape or out.dtype != dtype:
+        raise ValueError(f"out has shape {out.shape} and type {out.dtype}, must have {shape} and {dtype}")
+    return out

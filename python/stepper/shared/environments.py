@@ -1,0 +1,29 @@
+"""Names of environments, as the command line and functions of others take them."""
+
+from __future__ import annotations
+
+import importlib
+import sys
+
+
+def known(env: str) -> str:
+    """The name of an environment, whose module is imported where it is given before a colon: "push_task:me/Push-v0" is "me/Push-v0" then.
+
+    Modules beside where the command was called are found too.
+
+    Raises:
+        ValueError: There is no such module.
+    """
+    module, _, name = env.rpartition(":")
+    if not module:
+        return env
+    sys.path.append("")
+    try:
+        importlib.import_module(module)
+    except ModuleNotFoundError as error:
+        if error.name != module.partition(".")[0] and error.name != module:
+            raise
+        raise ValueError(f"there is no module {module!r}, which {env!r} names: call where {module}.py is, or install it") from error
+    finally:
+        sys.path.remove("")
+    return name

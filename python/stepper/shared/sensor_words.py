@@ -1,0 +1,44 @@
+"""MuJoCo's words for types of sensors, and what the Rust crate calls them (crates/core/src/model/sensor.rs)."""
+
+JOINTS = {
+    "jointpos": "JointPos",
+    "jointvel": "JointVel",
+    "jointactfrc": "JointActuatorForce",
+    "jointlimitpos": "JointLimitPos",
+    "jointlimitvel": "JointLimitVel",
+    "jointlimitfrc": "JointLimitForce",
+    "ballquat": "BallQuat",
+    "ballangvel": "BallAngVel",
+}
+TENDONS = {
+    "tendonpos": "TendonPos",
+    "tendonvel": "TendonVel",
+    "tendonactfrc": "TendonActuatorForce",
+    "tendonlimitpos": "TendonLimitPos",
+    "tendonlimitvel": "TendonLimitVel",
+    "tendonlimitfrc": "TendonLimitForce",
+}
+ACTUATORS = {"actuatorpos": "ActuatorPos", "actuatorvel": "ActuatorVel", "actuatorfrc": "ActuatorForce"}
+SITES = {
+    "magnetometer": "Magnetometer",
+    "velocimeter": "Velocimeter",
+    "gyro": "Gyro",
+    "accelerometer": "Accelerometer",
+    "force": "Force",
+    "torque": "Torque",
+    "touch": "Touch",
+}
+FRAMES = {
+    "framepos": "Pos",
+    "framequat": "Quat",
+    "framexaxis": "XAxis",
+    "frameyaxis": "YAxis",
+    "framezaxis": "ZAxis",
+    "framelinvel": "LinVel",
+    "frameangvel": "AngVel",
+    "framelinacc": "LinAcc",
+    "frameangacc": "AngAcc",
+}
+SUBTREES = {"subtreecom": "SubtreeCom", "subtreelinvel": "SubtreeLinVel", "subtreeangmom": "SubtreeAngMom"}
+PROXIMITIES = {"geomdist": "Distance", "geomnormal": "Normal", "geomfromto": "FromTo"}
+SCENE = {"e_potential": "PotentialEnergy", "e_kinetic": "KineticEnergy", "clock": "Clock"}

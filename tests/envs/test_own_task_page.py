@@ -1,0 +1,50 @@
+"""What docs/own_task.md writes is a task: its numbers are what the page says, and learners and the command line find it."""
+
+import re
+import sys
+from pathlib import Path
+
+import gymnasium
+import pytest
+from stepper.policies import is_native, make
+
+PAGE = (Path(__file__).parents[2] / "docs/own_task.md").read_text()
+FILE, LOOKED_AT = re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)
+
+
+@pytest.fixture
+def written(tmp_path, monkeypatch):
+    (tmp_path / "push_task.py").write_text(FILE)
+    monkeypatch.chdir(tmp_path)
+    yield
+    sys.modules.pop("push_task", None)
+    gymnasium.registry.pop("me/Push-v0", None)
+
+
+@pytest.mark.usefixtures("written")
+def test_its_numbers_are_what_the_page_says(monkeypatch, capsys):
+    monkeypatch.syspath_prepend("")
+    exec(compile(LOOKED_AT, "docs/own_task.md", "exec"), {"__name__": "__main__"})
+    said = capsys.readouterr().out.splitlines()
+    assert said[0] == LOOKED_AT.split("print(envs.observation_structure)  # ")[1].splitlines()[0]
+    assert 0.1 < float(said[1]) < 0.3
+    status, depth = said[2].split()
+    assert int(status) == 0
+    assert float(depth) < 1e-4
+
+
+@pytest.mark.usefixtures("written")
+def test_its_module_is_imported_by_name():
+    envs = make("push_task:me/Push-v0", 3, farthest=0.1)
+    assert envs.unwrapped.task.farthest == 0.1
+    assert envs.reset(seed=0)[0].shape == (3, 10)
+    assert is_native("push_task:me/Push-v0")
+    assert not is_native("HalfCheetah-v5")
+    with pytest.raises(ValueError, match=r"there is no module 'no_such_task'.*call where no_such_task\.py is"):
+        make("no_such_task:me/Push-v0")
+
+
+def test_it_is_short():
+    """Without its scene and what registers it, some forty lines."""
+    task = FILE.split("class Push")[1].split("gymnasium.register")[0]
+    assert len([line for line in task.splitlines() if line.strip()]) < 45

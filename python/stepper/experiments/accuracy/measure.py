@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from stepper.experiments.accuracy.budget import Budget, Stage
 from stepper.experiments.accuracy.candidates import Line
-from stepper.experiments.accuracy.reference import TIGHT, Reference, converge
+from stepper.experiments.accuracy.reference import TIGHT, Reference, converge, patience
 from stepper.experiments.accuracy.traces import Distance, Trace, run
 from stepper.experiments.study.over_ray import each
 from stepper.experiments.study.study import Study
@@ -28,6 +28,11 @@ TARGET = {"m": 1e-4, "rad": 1e-3}
 """Uncertainty to which a reference is converged, and up to which time it is known where no horizon is given."""
 REFERENCE, RUNS, LAWS, SOURCES, INVARIANTS, COSTS = 0.3, 0.55, 0.65, 0.71, 0.77, 1.0
 """Shares of a budget after which the reference, the runs, the laws, the sources of errors, invariants and costs have to be done."""
+
+
+_SLOWER, _LEAST = 10.0, 10.0
+"""How many times as long as the reference's finest run a run may take, and seconds that it may take in any case: what takes longer has blown
+up, as a rule, and has no place on a chart."""
 
 
 @dataclass(frozen=True)
@@ -160,10 +165,12 @@ def _solved(ground: Ground, study: Study, own: tuple[Line, float, float]) -> tup
 def _run(ground: Ground, stage: Stage, settings: dict[str, Any], study: Study, until: float = math.inf) -> tuple[Trace | None, str]:
     if stage.limited and not stage.left:
         return None, f"the budget of {ground.budget.seconds:g} s was spent before"
-    trace = run(study, ground.episodes, until=until, stage=stage, **settings)
+    patient = patience(study, ground.right.trace, settings["timestep"], slower=_SLOWER, least=_LEAST)
+    trace = run(study, ground.episodes, until=until, stage=stage.within(patient), **settings)
     if trace.stopped:
         whole = min(until, study.seconds)
-        return trace, f"stopped after {trace.spent:.1f} s at {trace.reached:.3g} of {whole:.3g} s"
+        why = "" if stage.limited and not stage.left else f": it takes more than {_SLOWER:g} times as long as the converged run"
+        return trace, f"stopped after {trace.spent:.1f} s at {trace.reached:.3g} of {whole:.3g} s{why}"
     return trace, ""
 
 

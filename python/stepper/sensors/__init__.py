@@ -3,5 +3,6 @@
 from stepper.sensors.model import SensorModel
 from stepper.sensors.readings import Combination, RayFan
 from stepper.sensors.transfer import Transfer
+from stepper.sensors.view import FieldOfView
 
-__all__ = ["Combination", "RayFan", "SensorModel", "Transfer"]
+__all__ = ["Combination", "FieldOfView", "RayFan", "SensorModel", "Transfer"]

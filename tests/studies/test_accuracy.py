@@ -11,7 +11,6 @@ import stepper
 from stepper.experiments.accuracy.candidates import lines, pareto, timesteps
 from stepper.experiments.accuracy.costs import saving
 from stepper.experiments.accuracy.measure import Ground, measure, reference
-from stepper.experiments.accuracy.needs import Bench
 from stepper.experiments.accuracy.reference import _judged, converge
 from stepper.experiments.accuracy.traces import Distance, quantity, run
 from stepper.experiments.accuracy.tune import Candidate, Tuning, _beside, _cheaper, _lines
@@ -294,7 +293,7 @@ def test_a_budget_that_nothing_keeps_is_said(tmp_path):
 def saves(monkeypatch):
     """What taking something out saves, without a clock: a tenth, or what a test says."""
     told = {"share": (0.1, 0.05)}
-    monkeypatch.setattr(Bench, "saved", lambda self, smaller: told["share"])
+    monkeypatch.setattr(sys.modules["stepper.experiments.accuracy.needs"], "saving", lambda own, less, trace: told["share"])
     return told
 
 
@@ -309,7 +308,14 @@ def test_what_a_scene_does_not_need(tmp_path, saves):
     assert "1 sensors" in spare
     assert "friction of" not in " ".join(spare)
     cones = [own for own in found.spare if own.what.startswith("cones")]
-    assert all(own.taken and own.error == 0.0 for own in found.spare if own not in cones)
+    assert all(own.taken and own.error == 0.0 for own in found.spare if own not in cones and not own.setting)
+    # Of the settings, 64 bits are not needed; balls that touch a plane in a point each never need the second tier.
+    bits, tier = spare["64 bits"], spare["the solver's second tier, Newton's method"]
+    assert 0.0 < bits.error < 1e-3
+    assert bits.taken == (found.precision == "f32")
+    assert tier.error == 0.0
+    assert not tier.taken
+    assert 'no: it is a setting, solver="pgs"' in str(found)
     # The balls fall by some millimetres and roll: what a cone is needed for depends on how they touch, and nothing is taken out for one.
     assert not any(own.taken for own in cones)
     smaller = stepper.load(tmp_path / "scene/smaller.stepper")
@@ -330,9 +336,9 @@ def test_a_saving_is_timed():
     touching, falling = (scene(model=floor.format(masks=masks)) for masks in ("", 'contype="0" conaffinity="0"'))
     trace = run(touching, range(2))
     # Twelve contacts are more than the rest of the step, on whatever machine.
-    median, least = saving(touching, falling, {}, trace)
+    median, least = saving((touching, {}), (falling, {}), trace)
     assert median >= least > 0.2
-    median, least = saving(falling, touching, {}, trace)
+    median, least = saving((falling, {}), (touching, {}), trace)
     assert least <= median < 0
 
 

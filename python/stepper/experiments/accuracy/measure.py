@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from stepper.experiments.accuracy.budget import Budget, Stage
 from stepper.experiments.accuracy.candidates import Line
+from stepper.experiments.accuracy.closed_form import right_of
 from stepper.experiments.accuracy.reference import TIGHT, Reference, converge, patience
 from stepper.experiments.accuracy.traces import Distance, Trace, run
 from stepper.experiments.study.over_ray import each
@@ -76,10 +77,13 @@ def reference(
     stage: Stage | None = None,
     tick: Callable[[float], None] | None = None,
 ) -> tuple[Distance, Reference]:
-    """What is right, and how far: up to a horizon, or as far as it is known, and no farther than there was time for."""
+    """What is right, and how far: up to a horizon, or as far as it is known, and no farther than there was time for.
+
+    A closed form is known to the end.
+    """
     law = {"contact": "mujoco"} if study.options.contact == "mujoco" else None
     distance = Distance(unit, horizon or study.seconds)
-    right = converge(study, episodes, distance, target=TARGET[unit], most=most, law=law, stage=stage, tick=tick)
+    right = right_of(study, episodes, distance, target=TARGET[unit], most=most, law=law, stage=stage, tick=tick)
     reached = min(trace.reached for trace in (*right.runs, *right.second))
     if horizon is None or horizon > reached * (1 + 1e-9):
         known = float(np.median(right.known)) if horizon is None else reached

@@ -64,6 +64,7 @@ class Reference:
         stopped: Whether the clock ended it, and not the target.
         rule: Of the second method, in words.
         without: Rules that could not be the second method, since they diverge or take too long.
+        exact: Name of the closed form that the only run is of; none of a run that is converged.
     """
 
     runs: tuple[Trace, ...]
@@ -77,6 +78,7 @@ class Reference:
     stopped: bool = False
     rule: str = _SECOND["euler"]
     without: tuple[str, ...] = ()
+    exact: str = ""
 
     @property
     def trace(self) -> Trace:
@@ -90,12 +92,16 @@ class Reference:
 
     def judged(self, distance: Distance) -> Reference:
         """The same runs by another distance, up to another horizon."""
+        if self.exact:
+            return self
         found = _judged(self.runs, self.second, distance, self.target)
         return replace(found, stopped=self.stopped, rule=self.rule, without=self.without)
 
     @property
     def words(self) -> str:
         """What it is, in a sentence or two."""
+        if self.exact:
+            return f"the closed form {self.exact}"
         smooth, n = int(self.extrapolates.sum()), len(self.extrapolates)
         orders = self.orders[np.isfinite(self.orders)]
         told = [f"time steps halved to {1e6 * self.timestep:.4g} us", f"observed order {np.median(orders):.1f}" if len(orders) else ""]

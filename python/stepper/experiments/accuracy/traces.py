@@ -101,7 +101,7 @@ def run(
     """
     begun, stage = time.time(), stage or Stage()
     world = world_of(study, setting, [study.nominal] * len(episodes), **(changed | {"sensors": None}))
-    seen = _Seen(study, world)
+    seen = Seen(study, world)
     by_step = stage.limited and world.engine == "stepper"
     enough = max(1, min(study.controls, math.ceil(until / study.hold - 1e-9))) if math.isfinite(until) else study.controls
     for looks in running(study, world, episodes, by_step=by_step):
@@ -116,7 +116,7 @@ def run(
     return seen.trace(world, enough, time.time() - begun)
 
 
-class _Seen:
+class Seen:
     """What a run has seen so far."""
 
     def __init__(self, study: Study, world: World):

@@ -18,9 +18,10 @@ from numpy.typing import NDArray
 from stepper._options import Options
 from stepper.experiments.accuracy.budget import Stage
 from stepper.experiments.accuracy.candidates import hard_lines, timesteps
+from stepper.experiments.accuracy.closed_form import right_of
 from stepper.experiments.accuracy.costs import costs
 from stepper.experiments.accuracy.needs import Bench, Spare, spares
-from stepper.experiments.accuracy.reference import Reference, check_moves, converge, patience
+from stepper.experiments.accuracy.reference import Reference, check_moves, patience
 from stepper.experiments.accuracy.traces import Distance, Trace, quantity, run, runs
 from stepper.experiments.progress import Tick
 from stepper.experiments.study.batches import steps_of
@@ -186,7 +187,7 @@ def tune(
             f"for a coverage of {coverage} with the confidence {confidence}; give it qpos_noise, qvel_noise, a start or a drive that is "
             "random, more recorded episodes, or ask for less"
         )
-    right = converge(study, range(episodes), distance, target=_KNOWN * budget, tick=lambda done: told("reference", done))
+    right = right_of(study, range(episodes), distance, target=_KNOWN * budget, tick=lambda done: told("reference", done))
     usual, candidates = _candidates(study, range(episodes), distance, right, budget, alone=alone, told=told)
     candidates.sort(key=lambda own: (not own.error <= budget, own.alone if alone else own.batch))
     trials: list[Trial] = []
@@ -364,7 +365,7 @@ def _trial(study: Study, candidate: Candidate, episodes: Sequence[int], distance
 
 def _held_out(candidate: Candidate, distance: Distance, budget: float, study: Study, episodes: Sequence[int]) -> tuple[Array, Array]:
     """Errors of episodes, and how far what is right is unknown."""
-    right = converge(study, episodes, distance, target=_KNOWN * budget)
+    right = right_of(study, episodes, distance, target=_KNOWN * budget)
     stage = Stage().within(patience(study, right.trace, candidate.settings["timestep"]))
     trace = run(study, episodes, stage=stage, **candidate.settings)
     return np.full(len(episodes), np.inf) if trace.stopped else distance(trace, right.trace), right.uncertainty
@@ -502,10 +503,12 @@ def _cheaper(found: Tuning) -> str:
 def _taken(own: Spare, budget: float) -> str:
     """Whether something is taken out, or why not."""
     if own.taken:
-        return "yes"
+        return f"yes: {own.setting}" if own.setting else "yes"
     if math.isnan(own.saved):
         return "no"
-    return "no: it saves nothing" if own.error <= budget else "no: it changes too much"
+    if own.error > budget:
+        return "no: it changes too much"
+    return f"no: it is a setting, {own.setting}" if own.setting and own.least > 0 else "no: it saves nothing"
 
 
 def _save(found: Tuning, folder: Path) -> list[Path]:

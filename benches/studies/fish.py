@@ -1,8 +1,4 @@
-"""dm_control's fish with random controls in its water: docs/studies.md.
-
-    pip install --no-deps dm_control
-    stepper report benches/studies/fish.py
-"""
+"""dm_control's fish (`pip install --no-deps dm_control`) with random controls in its water: docs/studies.md."""
 
 from __future__ import annotations
 

@@ -1,10 +1,7 @@
-"""Unitree's G1 of mjlab on a plane, held by position servos: docs/studies.md.
+"""Unitree's G1 of mjlab (`pip install --no-deps mjlab`) on a plane, held by position servos: docs/studies.md.
 
-    pip install --no-deps mjlab
-    stepper tune benches/studies/g1.py --error "5 mm" --horizon "0.2 s"
-
-It begins a hair above the floor, with its legs straight, and velocities that are a little off. Its wrists have no armature here, so that the
-servos' damping is stiff: Euler's rule, which takes it explicitly, diverges at every time step of 0.1 ms and more.
+It begins a hair above the floor, with its legs straight, and velocities that are a little off. Its wrists have no armature here, so that
+the servos' damping is stiff: Euler's rule, which takes it explicitly, diverges at every time step of 0.125 ms and more.
 """
 
 from __future__ import annotations
@@ -21,7 +18,9 @@ KP, KD = 200.0, 10.0
 
 def robot() -> Any:
     """The package's model on a plane, with a servo for every hinge."""
-    spec = mujoco.MjSpec.from_file(str(package_file("mjlab", "asset_zoo/robots/unitree_g1/xmls/g1.xml", "for Unitree's G1, whose file it has")))
+    spec = mujoco.MjSpec.from_file(
+        str(package_file("mjlab", "asset_zoo/robots/unitree_g1/xmls/g1.xml", "for Unitree's G1, whose file it has"))
+    )
     spec.worldbody.add_geom(name="floor", type=mujoco.mjtGeom.mjGEOM_PLANE, size=[5, 5, 1])
     for joint in spec.joints:
         if joint.type == mujoco.mjtJoint.mjJNT_HINGE:

@@ -19,7 +19,7 @@ def push(now: Any) -> None:
 
 
 def exact(now: Any, time: Any) -> Any:
-    """Configurations and velocities at times of controls: in each of them the force is constant, less the friction, until the object stands.
+    """Configurations and velocities at times of controls. In each of them the force less the friction is constant, until the object stands.
 
     The millionths of a metre a second with which it begins are gone in 1e-7 s, and have no part in it.
     """

@@ -119,7 +119,7 @@ def test_a_run_that_takes_too_long_is_stopped_and_told(tmp_path, monkeypatch):
     assert found.chosen.settings["timestep"] < 0.005
     assert {own.stopped for own in found.candidates if own.settings["timestep"] >= 0.005} == {True}
     told = found.document.markdown()
-    assert "With the study's own settings, the episodes were stopped" in told
+    assert "With the study's own settings, episodes were stopped" in told
     assert "took far longer than what is right and had to be stopped" in told
     study, distance = replace(scene(), threads=1), Distance("m", 0.1)
     right = converge(study, range(2), distance, target=1e-3, most=2)

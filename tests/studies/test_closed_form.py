@@ -38,9 +38,7 @@ def slides(now, time):
 
 def block(**changed):
     way = stepper.Outcome(name="way", measure="joint x", success=">= 0.03", unit="m")
-    return stepper.Study(
-        **({"model": BLOCK, "name": "block", "seconds": 0.3, "start": thrown, "exact": slides, "outcomes": way} | changed)
-    )
+    return stepper.Study(**({"model": BLOCK, "name": "block", "seconds": 0.3, "start": thrown, "exact": slides, "outcomes": way} | changed))
 
 
 def test_a_closed_form_is_a_trace_with_its_outcomes():

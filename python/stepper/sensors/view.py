@@ -14,8 +14,8 @@ Array = NDArray[np.float64]
 class FieldOfView:
     """A pyramid ahead of a camera, between two distances. What is outside is not seen, and no frame has it.
 
-    Positions are those in the camera's frame, as a "framepos" sensor reads them whose reference is a site or body: x to the right, y down, z
-    ahead (MuJoCo's own cameras look along -z: turn them by 180 degrees about x). Of a sensor with a delay, a reading is the position
+    Positions are those in the camera's frame, as a "framepos" sensor reads them whose reference is a site or body: x to the right, y down,
+    z ahead (MuJoCo's own cameras look along -z: turn them by 180 degrees about x). Of a sensor with a delay, a reading is the position
     when the frame was taken, so that what is asked is whether it was in view then. A pose is seen where its position is.
 
     Attributes:

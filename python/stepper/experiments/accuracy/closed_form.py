@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,7 +31,7 @@ def right_of(
     *,
     target: float,
     most: int = 7,
-    law: dict[str, object] | None = None,
+    law: dict[str, Any] | None = None,
     stage: Stage | None = None,
     tick: Callable[[float], None] | None = None,
 ) -> Reference:
@@ -65,7 +66,7 @@ def closed_form(study: Study, episodes: Sequence[int]) -> Trace:
     assert isinstance(world, StepperWorld)
     begin(study, world, episodes)
     name = drives.name_of(study.exact)
-    times = np.arange(study.controls + 1) * study.hold
+    times: Array = study.hold * np.arange(study.controls + 1, dtype=np.float64)
     found = study.exact(world, times)
     if not isinstance(found, tuple | list) or len(found) != 2:
         raise ValueError(f"{study.name}: exact, {name}, gives {type(found).__name__}, must give two arrays, qpos and qvel")
@@ -74,7 +75,7 @@ def closed_form(study: Study, episodes: Sequence[int]) -> Trace:
     for what, given, own in zip(("qpos", "qvel"), found, start, strict=True):
         made, shape = np.asarray(given, float), (len(times), *own.shape)
         if made.shape != shape:
-            raise ValueError(f"{study.name}: exact, {name}, gives {what} of shape {made.shape}, must be (times, num_envs, n{what[0]}): {shape}")
+            raise ValueError(f"{study.name}: exact, {name}, gives {what} of shape {made.shape}, must be (T, num_envs, n{what[0]}): {shape}")
         if not np.isfinite(made).all():
             raise ValueError(f"{study.name}: exact, {name}, gives {what} that is not finite")
         if (apart := float(np.abs(made[0] - own).max(initial=0.0))) > _BEGINS:

@@ -32,8 +32,8 @@ REFERENCE, RUNS, LAWS, SOURCES, INVARIANTS, COSTS = 0.3, 0.55, 0.65, 0.71, 0.77,
 
 
 _SLOWER, _LEAST = 10.0, 10.0
-"""How many times as long as the reference's finest run a run may take, and seconds that it may take in any case: what takes longer has blown
-up, as a rule, and has no place on a chart."""
+"""How many times as long as the reference's finest run a run may take, and seconds that it may take in any case: what takes longer has
+blown up, as a rule, and has no place on a chart."""
 
 
 @dataclass(frozen=True)

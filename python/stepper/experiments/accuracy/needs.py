@@ -95,7 +95,7 @@ class Bench:
 
     def cheaper(self, before: Mapping[str, Any], after: Mapping[str, Any]) -> tuple[float, float, float]:
         """What changes between two settings beside those of the bench, and the share of the time that the second saves, with its bound."""
-        one, other = dict(self.settings) | before, dict(self.settings) | after
+        one, other = {**self.settings, **before}, {**self.settings, **after}
         error = float(self.distance(run(self.study, self.episodes, **one), run(self.study, self.episodes, **other)).max())
         with one_core():
             return error, *saving((self.study, one), (self.study, other), self.trace)

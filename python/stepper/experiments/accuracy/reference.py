@@ -14,6 +14,7 @@ is known is then known less well, or not as far, and the words say so.
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -204,25 +205,31 @@ def converge(
     second: list[Trace] = []
     rule, without = _SECOND["euler"], list[str]()
     for integrator, name in _SECOND.items() if law is None else ():
-        made: list[Trace] = []
-        for of in runs[-2:]:
-            patient = stage.within(patience(study, of, of.timestep))
-            settings = base | TIGHT | {"integrator": integrator, "timestep": of.timestep}
-            made.append(run(study, episodes, setting, **settings, until=until, stage=patient))
-            if made[-1].stopped:
-                break
-        if made[-1].stopped and stage.limited and not stage.left:
+        made = _by(integrator, runs[-2:], functools.partial(run, study, episodes, setting, until=until), stage, study)
+        if made is None and stage.limited and not stage.left:
             stopped = True
             break
-        if not made[-1].stopped:
+        sound = made is not None and _sound(made, runs)
+        if made is not None and (sound or not second):
             # Of rules that end, one that diverges where the first method does not is better than none: then nothing is known.
-            second, rule = (made, name) if not second or _sound(made, runs) else (second, rule)
-            if _sound(made, runs):
-                break
+            second, rule = made, name
+        if sound:
+            break
         without.append(name)
     if tick:
         tick(1.0)
     return replace(_judged(runs, second, distance, target), stopped=stopped, rule=rule, without=tuple(without))
+
+
+def _by(integrator: str, runs: Sequence[Trace], again: Callable[..., Trace], stage: Stage, study: Study) -> list[Trace] | None:
+    """Runs by another rule at the time steps of some; None where one takes far longer, or the clock ends it."""
+    made: list[Trace] = []
+    for of in runs:
+        settings = _HARD | TIGHT | {"integrator": integrator, "timestep": of.timestep}
+        made.append(again(**settings, stage=stage.within(patience(study, of, of.timestep))))
+        if made[-1].stopped:
+            return None
+    return made
 
 
 def _sound(second: Sequence[Trace], runs: Sequence[Trace]) -> bool:

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stepper._options import Options
+from stepper._stepper import Model
 from stepper.experiments.accuracy.budget import Stage
 from stepper.experiments.accuracy.candidates import hard_lines, timesteps
 from stepper.experiments.accuracy.closed_form import right_of
@@ -213,16 +214,9 @@ def tune(
         # What is no better by the episodes that chose would fail on others too.
         bound = _BETTER * candidate.error
     told("held-out episodes", 1.0)
-    spare: list[Spare] = []
-    smaller = None
-    if reduce:
-        # Of what diverges nobody can say what it needs.
-        seen = chosen or (usual if math.isfinite(usual.error) else min(candidates, key=lambda own: own.error))
-        if math.isfinite(seen.error):
-            trace = run(study, range(episodes), **seen.settings)
-            bench = Bench(study, range(episodes), seen.settings, distance, trace)
-            spare, smaller = spares(bench, budget, lambda done: told("what is not needed", done))
-        told("what is not needed", 1.0)
+    # Of what diverges nobody can say what it needs.
+    seen = chosen or (usual if math.isfinite(usual.error) else min(candidates, key=lambda own: own.error))
+    spare, smaller = _not_needed(study, range(episodes), seen, distance, budget=budget, told=told) if reduce else ([], None)
     options, precision = _options(study, chosen)
     document = Document(f"Tuning of {study.name}")
     found = Tuning(
@@ -335,6 +329,18 @@ def _candidates(
     told("costs", 1.0)
     candidates = {id(one): Candidate(one.settings, one.name, one.error, *one.cost, stopped=one.trace.stopped) for one in found}
     return candidates[id(usual)], list(candidates.values())
+
+
+def _not_needed(
+    study: Study, episodes: Sequence[int], seen: Candidate, distance: Distance, *, budget: float, told: Tick
+) -> tuple[list[Spare], Model | None]:
+    """What the scene does not need with some settings, and the smaller model; nothing where an episode diverges with them."""
+    found: tuple[list[Spare], Model | None] = ([], None)
+    if math.isfinite(seen.error):
+        bench = Bench(study, episodes, seen.settings, distance, run(study, episodes, **seen.settings))
+        found = spares(bench, budget, lambda done: told("what is not needed", done))
+    told("what is not needed", 1.0)
+    return found
 
 
 def _fresh(study: Study, episodes: range, settings: Mapping[str, Any]) -> list[int]:
@@ -480,7 +486,7 @@ def _beside(found: Tuning, cost: str) -> str:
 
 def _usual_error(usual: Candidate, unit: str) -> str:
     if usual.stopped:
-        return "With the study's own settings, the episodes were stopped: they took far longer than what is right, as motions that blew up do."
+        return "With the study's own settings, episodes were stopped: they took far longer than what is right, as motions that blew up do."
     if not math.isfinite(usual.error):
         return "With the study's own settings, an episode diverges."
     return f"The study's own settings have an error of {usual.error:.2g} {unit}."

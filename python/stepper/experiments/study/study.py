@@ -250,11 +250,19 @@ class Study:
             "versions": {"stepper": __version__, "numpy": np.__version__, "mujoco": package_version("mujoco-core")},
         }
 
+    @property
+    def notes(self) -> list[str]:
+        """What of the model's source is left out, and what it asks for that is by default otherwise."""
+        model, _ = self.loaded
+        left = [f"{kind} {name}: {reason}" for kind, name, reason in model.omitted]
+        return left + [f"asked for, and by default otherwise: {line}" for line in model.deviations]
+
     @cached_property
     def in_force(self) -> dict[str, Any]:
-        """`identity` with what it ran on: the interpreter and the digest of the binary."""
+        """`identity` with what it ran on, the interpreter and the digest of the binary, and with `notes`."""
         binary = hashlib.sha256(Path(_stepper.__file__).read_bytes()).hexdigest()
         return self.identity | {
+            "notes": self.notes,
             "compiled": self._compiled_digest,
             "python": platform.python_version(),
             "system": sys.platform,

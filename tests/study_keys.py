@@ -18,6 +18,7 @@ IN_TOML = {
     "model": 'a path beside the file, MJCF, or "file.py:function"',
     "drive": '"file.py:function" or class, "module:function", "controls.npz", "controls.csv", "random"',
     "start": '"file.py:function"',
+    "exact": '"file.py:function"',
     "outcomes": "tables `[[outcomes]]`, below",
     "parameters": "tables `[parameters.NAME]`, below",
     "settings": "tables `[settings.NAME]`",

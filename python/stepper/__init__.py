@@ -14,7 +14,7 @@ from stepper._stepper import Model, ModelError, State, Stepper, __version__, cpu
 from stepper.actuators import PID, ActuatorModel, DCMotor, Drive
 from stepper.loading import HeightField, ModelWarning, load
 from stepper.recording import Difference, Recorder, RecordingError, Replay, replay
-from stepper.sensors import Combination, RayFan, Reading, SensorModel, Transfer
+from stepper.sensors import Combination, FieldOfView, RayFan, Reading, SensorModel, Transfer
 
 if TYPE_CHECKING:
     from stepper.derivatives import Kink, Linearization
@@ -36,6 +36,7 @@ __all__ = [
     "Difference",
     "Drive",
     "Episode",
+    "FieldOfView",
     "HeightField",
     "Identification",
     "Kink",

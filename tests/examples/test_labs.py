@@ -12,6 +12,7 @@ from stepper.envs import StepperVectorEnv
 from stepper.experiments.study.batches import run_points
 from stepper.experiments.study.points import Point
 from stepper.experiments.study.results import Results
+from stepper.experiments.study.whose import judge
 
 LABS = Path(__file__).parents[2] / "examples/studies"
 
@@ -94,6 +95,27 @@ def test_what_decides_where_a_pushed_box_stops(tmp_path):
     assert slope == pytest.approx(0.3, rel=0.1)
     slides = [0.3**2 / (2 * mu * 9.81) for mu in study.parameters["friction"].levels()]
     assert mean["friction"][0] - mean["friction"][-1] == pytest.approx(slides[0] - slides[-1], abs=3e-3)
+
+
+def test_where_the_camera_hangs_and_what_it_sees_decides(tmp_path):
+    lab_of, study = module("pushed_box"), replace(lab("pushed_box.py"), episodes=4)
+    ends, found = cliffs(study, tmp_path, "field of view", "camera place", "camera tilt", resolution=2e-3)
+    # The box has to be seen at the line and until the next look, 20 ms and 6 mm later; edges are blurred by 1 mm of noise.
+    exact = [2.0 * math.atan((lab_of.LINE + further) / lab_of.AHEAD) for further in (-0.003, 0.006 + 0.003)]
+    end = ends["stepper", "field of view"]
+    assert exact[0] <= end.low < end.high <= exact[1]
+    # The camera reads less by its place, and by the tilt times the distance; the box stops that much later. In six millimetres of a look.
+    mean = {level.value: level.mean for level in found.of("camera place")}
+    assert mean[0.03] - mean[0.0] == pytest.approx(0.03, abs=6e-3)
+    tilt = {level.value: level.mean for level in found.of("camera tilt")}
+    assert tilt[0.015] - tilt[0.0] == pytest.approx(2 * 0.015 * lab_of.AHEAD, abs=6e-3)
+    # What is not seen is perception's failure, as all of it goes well with a camera that sees everything.
+    narrow = replace(study, parameters={**study.parameters, "field of view": replace(study.parameters["field of view"], nominal=0.4)})
+    with Results(narrow, tmp_path / "narrow") as results:
+        rows = run_points(narrow, [Point(narrow.nominal)], results.journal)
+        assert {(row["success"], found.whose) for row, found in zip(rows, judge(narrow, rows, results.journal), strict=True)} == {
+            (False, "perception")
+        }
 
 
 def test_perfect_sensors_inflate_a_score(tmp_path):

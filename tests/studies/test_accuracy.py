@@ -2,6 +2,7 @@
 
 import json
 import math
+import sys
 from dataclasses import fields, replace
 
 import numpy as np
@@ -10,7 +11,6 @@ import stepper
 from stepper.experiments.accuracy.candidates import lines, pareto, timesteps
 from stepper.experiments.accuracy.costs import saving
 from stepper.experiments.accuracy.measure import Ground, measure, reference
-from stepper.experiments.accuracy.needs import Bench
 from stepper.experiments.accuracy.reference import _judged, converge
 from stepper.experiments.accuracy.traces import Distance, quantity, run
 from stepper.experiments.accuracy.tune import Candidate, Tuning, _beside, _cheaper, _lines
@@ -74,6 +74,58 @@ def test_where_the_second_method_is_not_finite_nothing_is_known():
     found = _judged(runs, [lost, lost], distance, 1e-3)
     assert np.isfinite(found.uncertainty[0])
     assert found.uncertainty[1] == math.inf
+
+
+# Damping of 200 N m s/rad on an inertia of 0.05 kg m^2: a rule that takes it explicitly is stable below 0.5 ms alone.
+STIFF = """<mujoco><option timestep=".005"/><worldbody><body pos="0 0 1"><joint name="hinge" axis="0 1 0"/>
+  <geom type="capsule" size=".02" fromto="0 0 0 .5 0 0" contype="0" conaffinity="0"/></body></worldbody>
+  <actuator><position joint="hinge" kp="2000" kv="200"/></actuator></mujoco>"""
+
+
+def test_where_eulers_rule_diverges_the_implicit_rule_judges():
+    study, distance = pendulum(model=STIFF, seconds=0.1), Distance("m", 0.1)
+    found = converge(study, range(2), distance, target=1e-5, most=2)
+    assert not any(run(study, range(2), integrator="euler", timestep=own.timestep).finite.any() for own in found.runs[-2:])
+    assert found.without == ("Euler's rule",)
+    assert len(found.second) == 2
+    assert "Euler's rule cannot judge it" in found.words
+    assert "the implicit rule is" in found.words
+    assert found.judged(Distance("m", 0.05)).words.count("the implicit rule is") == 1
+    # It is known, and as well as it says.
+    finer = converge(study, range(2), distance, target=1e-12, most=6)
+    assert np.all(distance(found.trace, finer.trace) <= 1.5 * found.uncertainty)
+    assert found.uncertainty.max() < 1e-3
+
+
+def test_a_rule_that_takes_too_long_is_no_judge(monkeypatch):
+    monkeypatch.setattr(sys.modules["stepper.experiments.accuracy.reference"], "patience", lambda *_: 0.0)
+    found = converge(pendulum(seconds=0.1), range(2), Distance("m", 0.1), target=1e-5, most=2)
+    assert found.second == ()
+    assert not found.stopped
+    assert "Euler's rule and the implicit rule cannot judge it" in found.words
+    assert "and there is no other method" in found.words
+    assert np.isfinite(found.uncertainty).all()
+
+
+def test_a_run_that_takes_too_long_is_stopped_and_told(tmp_path, monkeypatch):
+    """As motions that blew up do, whose steps take as many iterations as there may be; here by a clock of its own."""
+    for module in ("tune", "measure"):
+        patience = lambda study, of, timestep, **_: 0.0 if timestep >= 0.005 else 60.0  # noqa: E731
+        monkeypatch.setattr(sys.modules[f"stepper.experiments.accuracy.{module}"], "patience", patience)
+    found = stepper.tune(scene(), tmp_path, error="0.5 mm", horizon="0.1 s", coverage=0.5, reduce=False)
+    assert found.usual.stopped
+    assert found.usual.error == math.inf
+    assert found.chosen is not None
+    assert found.chosen.settings["timestep"] < 0.005
+    assert {own.stopped for own in found.candidates if own.settings["timestep"] >= 0.005} == {True}
+    told = found.document.markdown()
+    assert "With the study's own settings, episodes were stopped" in told
+    assert "took far longer than what is right and had to be stopped" in told
+    study, distance = replace(scene(), threads=1), Distance("m", 0.1)
+    right = converge(study, range(2), distance, target=1e-3, most=2)
+    points, _, _ = measure(Ground(study, range(2), distance, right, 2), lines(study, quick=True)[:1], [0.005, 0.0025], lambda *_: None)
+    assert "it takes more than 10 times as long as the converged run" in " ".join(points[0].notes)
+    assert points[1].notes == ()
 
 
 def test_distances_are_those_of_bodies_up_to_the_horizon():
@@ -194,7 +246,8 @@ def test_what_is_saved_is_said_of_settings_that_keep_the_budget():
         misses, "batch"
     )
     assert _cheaper(misses) == "1 of 2 candidates keep the budget in the episodes that chose, and none of them is cheaper."
-    assert "with them an episode diverges" in _beside(tuned((math.inf, 10.0), (0.8e-3, 5.0)), "batch")
+    diverges = tuned((math.inf, math.nan), (0.8e-3, 5.0))
+    assert _beside(diverges, "batch").startswith("With the study's own settings, an episode diverges. They miss the budget")
     assert _beside(tuned((0.9e-3, 10.0)), "batch") == "These are the study's own settings."
     unproved = tuned((0.9e-3, 10.0), (0.8e-3, 18.0), (0.95e-3, 12.0), chosen=2, trials=2)
     assert "and are not proved by others" in _beside(unproved, "batch")
@@ -240,7 +293,7 @@ def test_a_budget_that_nothing_keeps_is_said(tmp_path):
 def saves(monkeypatch):
     """What taking something out saves, without a clock: a tenth, or what a test says."""
     told = {"share": (0.1, 0.05)}
-    monkeypatch.setattr(Bench, "saved", lambda self, smaller: told["share"])
+    monkeypatch.setattr(sys.modules["stepper.experiments.accuracy.needs"], "saving", lambda own, less, trace: told["share"])
     return told
 
 
@@ -255,7 +308,14 @@ def test_what_a_scene_does_not_need(tmp_path, saves):
     assert "1 sensors" in spare
     assert "friction of" not in " ".join(spare)
     cones = [own for own in found.spare if own.what.startswith("cones")]
-    assert all(own.taken and own.error == 0.0 for own in found.spare if own not in cones)
+    assert all(own.taken and own.error == 0.0 for own in found.spare if own not in cones and not own.setting)
+    # Of the settings, 64 bits are not needed; balls that touch a plane in a point each never need the second tier.
+    bits, tier = spare["64 bits"], spare["the solver's second tier, Newton's method"]
+    assert 0.0 < bits.error < 1e-3
+    assert bits.taken == (found.precision == "f32")
+    assert tier.error == 0.0
+    assert not tier.taken
+    assert 'no: it is a setting, solver="pgs"' in str(found)
     # The balls fall by some millimetres and roll: what a cone is needed for depends on how they touch, and nothing is taken out for one.
     assert not any(own.taken for own in cones)
     smaller = stepper.load(tmp_path / "scene/smaller.stepper")
@@ -276,9 +336,9 @@ def test_a_saving_is_timed():
     touching, falling = (scene(model=floor.format(masks=masks)) for masks in ("", 'contype="0" conaffinity="0"'))
     trace = run(touching, range(2))
     # Twelve contacts are more than the rest of the step, on whatever machine.
-    median, least = saving(touching, falling, {}, trace)
+    median, least = saving((touching, {}), (falling, {}), trace)
     assert median >= least > 0.2
-    median, least = saving(falling, touching, {}, trace)
+    median, least = saving((falling, {}), (touching, {}), trace)
     assert least <= median < 0
 
 

@@ -363,6 +363,17 @@ def test_a_journal_keeps_what_it_was_told_and_refuses_damage(tmp_path, monkeypat
         Journal(path)
 
 
+def test_what_the_model_leaves_out_is_noted_beside_the_rows(tmp_path):
+    asks = """<mujoco><option integrator="RK4"/><worldbody><body name="b"><joint/><geom size=".1"/></body></worldbody>
+      <sensor><user name="own" dim="1"/></sensor></mujoco>"""
+    study = stepper.Study.of(asks, seconds=0.1, episodes=2, outcomes=stepper.Outcome(name="x", measure="body b x"))
+    stepper.sweep(study, tmp_path)
+    (told,) = json.loads((tmp_path / "model" / "in_force.json").read_text()).values()
+    assert told["notes"] == study.notes
+    assert any(note.startswith("sensor user own: ") for note in told["notes"])
+    assert any("RK4" in note for note in told["notes"])
+
+
 def test_nothing_is_run_twice_and_what_changes_is_run_anew(tmp_path):
     study = tray()
     first = swept(study, tmp_path)

@@ -3,5 +3,6 @@
 from stepper.sensors.model import SensorModel
 from stepper.sensors.readings import Combination, RayFan, Reading
 from stepper.sensors.transfer import Transfer
+from stepper.sensors.view import FieldOfView
 
-__all__ = ["Combination", "RayFan", "Reading", "SensorModel", "Transfer"]
+__all__ = ["Combination", "FieldOfView", "RayFan", "Reading", "SensorModel", "Transfer"]

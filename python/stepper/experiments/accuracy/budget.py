@@ -32,6 +32,10 @@ class Stage:
         """Whether there is an end."""
         return math.isfinite(self.end)
 
+    def within(self, seconds: float) -> Stage:
+        """A stage within this one that ends after some seconds at the latest."""
+        return Stage(min(self.end, time.time() + seconds))
+
     def one(self, share: float) -> Stage:
         """A stage within this one, which has a share of what is left.
 

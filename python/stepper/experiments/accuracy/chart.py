@@ -74,8 +74,9 @@ def chart(
 ) -> Chart:
     """Error against cost for time steps, integrators, solvers, precisions, laws of contact, MuJoCo and rapier, on a model of one's own.
 
-    The reference is converged by halving the time step (`stepper.experiments.accuracy.reference`). Sensors are ideal. Of a study over Ray,
-    settings are run as tasks, and costs are measured here.
+    The reference is the study's closed form (`Study.exact`), or converged by halving the time step
+    (`stepper.experiments.accuracy.reference`). Sensors are ideal. Of a study over Ray, settings are run as tasks, and costs are measured
+    here.
 
     Args:
         source: A study or the file of one; or a model as of `stepper.load`, which gets random controls.

@@ -118,15 +118,20 @@ def costs(
     return [(spent.get((k, 0), math.nan), spent.get((k, 1), math.nan)) for k in range(len(settings))]
 
 
-def saving(own: Study, less: Study, settings: Mapping[str, Any], trace: Trace) -> tuple[float, float]:
-    """Share of the time of a batch that a study saves beside another one, of rounds in each of which both run.
+def saving(own: tuple[Study, Mapping[str, Any]], less: tuple[Study, Mapping[str, Any]], trace: Trace) -> tuple[float, float]:
+    """Share of the time of a batch that a study with some settings saves beside another one, of rounds in each of which both run.
 
     Call it inside `stepper.shared.machine.one_core()`.
+
+    Args:
+        own: A study, and settings as of `world_of`.
+        less: What may take less time.
+        trace: Whose controls are repeated.
 
     Returns:
         The median, and its lower bound: the second least of eight, below which it is in nine of 256 cases (3.5 %).
     """
-    cases = [_Case(study, settings, trace, BATCH) for study in (own, less)]
+    cases = [_Case(study, settings, trace, BATCH) for study, settings in (own, less)]
     for case in cases:
         case.once()
     for _ in range(_PAIRS):

@@ -120,7 +120,7 @@ def _panel(panel: Axes, dots: Sequence[Dot], cost: str, colours: dict[str, str],
     for label, colour in colours.items():
         own = [dot for dot in good if dot.label == label]
         x, y = [getattr(dot, cost) for dot in own], [max(dot.error, _FLOOR) for dot in own]
-        panel.plot(x, y, _line(label), color=colour, linewidth=1.4, label=label)
+        panel.plot(x, y, _line(label), color=colour, linewidth=1.4, label=label if own else f"{label} (no point)")
     # One artist for each time step: a figure of some hundred takes seconds.
     for timestep, marker in markers.items():
         some = [dot for dot in good if dot.timestep == timestep]
@@ -154,7 +154,7 @@ def _legends(figure: Figure, panels: Sequence[Axes], markers: dict[float, str]) 
     panels[1].legend(handles=marks, title="time step", fontsize=8, loc="best")
     handles, labels = panels[0].get_legend_handles_labels()
     # Long enough that dots and dashes are seen.
-    figure.legend(handles, labels, fontsize=8, loc="outside lower center", ncols=4, frameon=False, handlelength=3.5)
+    figure.legend(handles, labels, fontsize=8, loc="outside lower center", ncols=3, frameon=False, handlelength=3.5)
 
 
 def _split(panel: Axes, study: Study, dots: Sequence[Dot], labels: Sequence[str], colours: dict[str, str]) -> None:

@@ -18,7 +18,8 @@ from numpy.typing import NDArray
 
 from stepper.experiments.accuracy.budget import Budget, Stage
 from stepper.experiments.accuracy.candidates import Line
-from stepper.experiments.accuracy.reference import TIGHT, Reference, converge
+from stepper.experiments.accuracy.closed_form import right_of
+from stepper.experiments.accuracy.reference import TIGHT, Reference, converge, patience
 from stepper.experiments.accuracy.traces import Distance, Trace, run
 from stepper.experiments.study.over_ray import each
 from stepper.experiments.study.study import Study
@@ -28,6 +29,11 @@ TARGET = {"m": 1e-4, "rad": 1e-3}
 """Uncertainty to which a reference is converged, and up to which time it is known where no horizon is given."""
 REFERENCE, RUNS, LAWS, SOURCES, INVARIANTS, COSTS = 0.3, 0.55, 0.65, 0.71, 0.77, 1.0
 """Shares of a budget after which the reference, the runs, the laws, the sources of errors, invariants and costs have to be done."""
+
+
+_SLOWER, _LEAST = 10.0, 10.0
+"""How many times as long as the reference's finest run a run may take, and seconds that it may take in any case: what takes longer has
+blown up, as a rule, and has no place on a chart."""
 
 
 @dataclass(frozen=True)
@@ -71,10 +77,13 @@ def reference(
     stage: Stage | None = None,
     tick: Callable[[float], None] | None = None,
 ) -> tuple[Distance, Reference]:
-    """What is right, and how far: up to a horizon, or as far as it is known, and no farther than there was time for."""
+    """What is right, and how far: up to a horizon, or as far as it is known, and no farther than there was time for.
+
+    A closed form is known to the end.
+    """
     law = {"contact": "mujoco"} if study.options.contact == "mujoco" else None
     distance = Distance(unit, horizon or study.seconds)
-    right = converge(study, episodes, distance, target=TARGET[unit], most=most, law=law, stage=stage, tick=tick)
+    right = right_of(study, episodes, distance, target=TARGET[unit], most=most, law=law, stage=stage, tick=tick)
     reached = min(trace.reached for trace in (*right.runs, *right.second))
     if horizon is None or horizon > reached * (1 + 1e-9):
         known = float(np.median(right.known)) if horizon is None else reached
@@ -160,10 +169,12 @@ def _solved(ground: Ground, study: Study, own: tuple[Line, float, float]) -> tup
 def _run(ground: Ground, stage: Stage, settings: dict[str, Any], study: Study, until: float = math.inf) -> tuple[Trace | None, str]:
     if stage.limited and not stage.left:
         return None, f"the budget of {ground.budget.seconds:g} s was spent before"
-    trace = run(study, ground.episodes, until=until, stage=stage, **settings)
+    patient = patience(study, ground.right.trace, settings["timestep"], slower=_SLOWER, least=_LEAST)
+    trace = run(study, ground.episodes, until=until, stage=stage.within(patient), **settings)
     if trace.stopped:
         whole = min(until, study.seconds)
-        return trace, f"stopped after {trace.spent:.1f} s at {trace.reached:.3g} of {whole:.3g} s"
+        why = "" if stage.limited and not stage.left else f": it takes more than {_SLOWER:g} times as long as the converged run"
+        return trace, f"stopped after {trace.spent:.1f} s at {trace.reached:.3g} of {whole:.3g} s{why}"
     return trace, ""
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import copy
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -42,7 +42,9 @@ class Spare:
         error: Largest change of all episodes, in the unit of the distance; NaN where it was not taken out.
         saved: Share of the processor time of a batch, median of rounds; NaN where it was not taken out.
         least: Lower bound of that.
-        taken: Whether it is out of the smaller model: nothing changes by more than the budget, and it saves time beyond doubt.
+        taken: Whether it is out of the smaller model, or of the settings: nothing changes by more than the budget, and it saves time beyond
+            doubt.
+        setting: What does without it, as an argument, where that is no model but a setting.
     """
 
     what: str
@@ -51,6 +53,7 @@ class Spare:
     saved: float
     least: float
     taken: bool
+    setting: str = ""
 
 
 @dataclass(frozen=True)
@@ -88,7 +91,14 @@ class Bench:
     def saved(self, smaller: Model) -> tuple[float, float]:
         """Share of the time of a batch that a smaller model saves, and its lower bound."""
         with one_core():
-            return saving(self.study, self._with(smaller), self.settings, self.trace)
+            return saving((self.study, self.settings), (self._with(smaller), self.settings), self.trace)
+
+    def cheaper(self, before: Mapping[str, Any], after: Mapping[str, Any]) -> tuple[float, float, float]:
+        """What changes between two settings beside those of the bench, and the share of the time that the second saves, with its bound."""
+        one, other = {**self.settings, **before}, {**self.settings, **after}
+        error = float(self.distance(run(self.study, self.episodes, **one), run(self.study, self.episodes, **other)).max())
+        with one_core():
+            return error, *saving((self.study, one), (self.study, other), self.trace)
 
     def tried(self, cut: _Cut, smaller: Model, error: float, budget: float) -> Spare:
         """What taking something out changes and saves."""
@@ -118,12 +128,12 @@ def spares(bench: Bench, budget: float, tick: Callable[[float], None]) -> tuple[
         why = "the model has no source to take anything out of; give MJCF, URDF or an MjModel"
         return [Spare("nothing", why, math.nan, math.nan, math.nan, False)], None
     seen = touching(bench.study, bench.episodes, **bench.settings)
+    found = list(_settings(bench, seen, budget))
     whole = describe(compiled)
     tries = [*_pairs(model, compiled, seen, whole), *_frictionless(model, seen, whole), *_limits(model, seen), *_sensors(model, seen)]
     wide = cones(model, seen, whole)
     models = [_smaller(whole, [cut]) for _, _, cut in [*tries, *wide]]
     errors = bench.errors(models, lambda done: tick(0.9 * done))
-    found: list[Spare] = []
     taken: list[_Cut] = []
     for own, smaller, error in zip(tries, models, errors, strict=False):
         found.append(bench.tried(own, smaller, error, budget))
@@ -136,6 +146,20 @@ def spares(bench: Bench, budget: float, tick: Callable[[float], None]) -> tuple[
     (error,) = bench.errors([together], lambda done: tick(0.9 + 0.1 * done))
     found.append(bench.tried(("all that is taken out, together", "", lambda _: None), together, error, budget))
     return found, together if found[-1].taken else None
+
+
+def _settings(bench: Bench, seen: Touching, budget: float) -> Iterator[Spare]:
+    """What the settings have and the episodes do not need: 64 bits, and the solver's second tier."""
+    own = bench.settings
+    bits = own.get("precision", bench.study.precision)
+    error, saved, least = bench.cheaper({"precision": "f64"}, {"precision": "f32"})
+    fits = error <= budget and least > 0
+    why = "the settings above have 32" if bits == "f32" else "tried in 32"
+    yield Spare("64 bits", why, error, saved, least, fits and bits == "f32", 'precision="f32"')
+    solver = own.get("solver", bench.study.options.solver)
+    if solver == "auto" and not seen.newton_steps:
+        error, saved, least = bench.cheaper({}, {"solver": "pgs"})
+        yield Spare("the solver's second tier, Newton's method", "no step used it", error, saved, least, False, 'solver="pgs"')
 
 
 def _smaller(whole: Description, cuts: Sequence[Callable[[Description], None]]) -> Model:

@@ -5,7 +5,8 @@ errors are of another kind. Three runs give an observed order p = log2(|x(h) - x
 the error of the last, |x(h/2) - x(h/4)| / (2^p - 1), holds where the order is that of the rule in smooth motion. Across impacts, sticking
 and sliding it is not: errors of single impacts add up with any sign, orders wander, and the estimate is then the difference of the last
 two runs itself. Where the two methods differ by more than twice the second one's own difference of two steps, the rest is uncertainty
-too.
+too. Euler's rule diverges with stiff damping of light links: then the implicit rule, whose errors are of first order too, is the second
+method.
 
 A clock may end it: with fewer halvings, without the second method, or with runs that got through the beginning of the episodes alone. What
 is known is then known less well, or not as far, and the words say so.
@@ -13,6 +14,7 @@ is known is then known less well, or not as far, and the words say so.
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -33,6 +35,12 @@ _HARD: dict[str, Any] = {"contact": "hard", "integrator": "midpoint"}
 TIGHT: dict[str, Any] = {"tolerance": 1e-9, "iterations": 200, "precision": "f64"}
 """Settings with which the solver leaves next to nothing. Rounding of a humanoid's contacts is some 1e-11 m/s: what asks for that sweeps to
 the end in most steps, and takes twenty times as long."""
+_SECOND = {"euler": "Euler's rule", "implicit": "the implicit rule"}
+"""Rules of the second method: the first one that stays finite and ends in time counts."""
+_LEAST, _LOOK = 2.0, 1e-4
+"""Seconds that a run may always take, and those of a step for looking at the clock."""
+_SLOWER = 3.0
+"""How many times as long as the first method the second one may take."""
 _SHARE = 0.4
 """Share of what is left of the clock that one run of a reference may take."""
 _ROUNDING = 1e-11
@@ -55,6 +63,9 @@ class Reference:
         methods: Distance of the two methods, (episodes,); NaN with one method.
         known: Time up to which the last two runs of every episode differ by no more than the target, s: (episodes,).
         stopped: Whether the clock ended it, and not the target.
+        rule: Of the second method, in words.
+        without: Rules that could not be the second method, since they diverge or take too long.
+        exact: Name of the closed form that the only run is of; none of a run that is converged.
     """
 
     runs: tuple[Trace, ...]
@@ -66,6 +77,9 @@ class Reference:
     methods: Array
     known: Array
     stopped: bool = False
+    rule: str = _SECOND["euler"]
+    without: tuple[str, ...] = ()
+    exact: str = ""
 
     @property
     def trace(self) -> Trace:
@@ -79,11 +93,16 @@ class Reference:
 
     def judged(self, distance: Distance) -> Reference:
         """The same runs by another distance, up to another horizon."""
-        return replace(_judged(self.runs, self.second, distance, self.target), stopped=self.stopped)
+        if self.exact:
+            return self
+        found = _judged(self.runs, self.second, distance, self.target)
+        return replace(found, stopped=self.stopped, rule=self.rule, without=self.without)
 
     @property
     def words(self) -> str:
         """What it is, in a sentence or two."""
+        if self.exact:
+            return f"the closed form {self.exact}"
         smooth, n = int(self.extrapolates.sum()), len(self.extrapolates)
         orders = self.orders[np.isfinite(self.orders)]
         told = [f"time steps halved to {1e6 * self.timestep:.4g} us", f"observed order {np.median(orders):.1f}" if len(orders) else ""]
@@ -95,10 +114,26 @@ class Reference:
             told.append(
                 f"no extrapolation in {n - smooth} of {n} episodes, whose orders are not those of smooth motion (impacts, sticking)"
             )
+        if self.without:
+            alone = "" if self.second else ", and there is no other method"
+            told.append(f"{' and '.join(self.without)} cannot judge it, diverging or taking more than {_SLOWER:g} times as long{alone}")
         if np.isfinite(self.methods).all():
-            told.append(f"Euler's rule is {np.median(self.methods):.1e} away")
+            told.append(f"{self.rule} is {np.median(self.methods):.1e} away")
         told.append(f"uncertainty {np.median(self.uncertainty):.1e} (median), {self.uncertainty.max():.1e} (largest)")
         return "; ".join(part for part in told if part)
+
+
+def patience(study: Study, of: Trace, timestep: float, *, slower: float = _SLOWER, least: float = _LEAST) -> float:
+    """Seconds that a run may take beside one that is there: a motion that blew up takes as many iterations as there may be at every step.
+
+    Args:
+        study: The study.
+        of: The run that is there, which a good one need not be much slower than.
+        timestep: Of the run, s.
+        slower: How many times as long it may take.
+        least: Seconds that it may take in any case.
+    """
+    return max(least, slower * of.spent) + _LOOK * study.seconds / timestep
 
 
 def check_moves(study: Study) -> Study:
@@ -167,17 +202,39 @@ def converge(
             f"the first control ({study.hold:g} s) of what is right was not done in {_SHARE:.0%} of the time for it: give it more with "
             "--budget (budget=), or fewer --episodes"
         )
-    euler: list[Trace] = []
-    if law is None:
-        for of in runs[-2:]:
-            settings = base | TIGHT | {"integrator": "euler", "timestep": of.timestep}
-            euler.append(run(study, episodes, setting, **settings, until=until, stage=stage))
-            if euler[-1].stopped:
-                euler, stopped = [], True
-                break
+    second: list[Trace] = []
+    rule, without = _SECOND["euler"], list[str]()
+    for integrator, name in _SECOND.items() if law is None else ():
+        made = _by(integrator, runs[-2:], functools.partial(run, study, episodes, setting, until=until), stage, study)
+        if made is None and stage.limited and not stage.left:
+            stopped = True
+            break
+        sound = made is not None and _sound(made, runs)
+        if made is not None and (sound or not second):
+            # Of rules that end, one that diverges where the first method does not is better than none: then nothing is known.
+            second, rule = made, name
+        if sound:
+            break
+        without.append(name)
     if tick:
         tick(1.0)
-    return replace(_judged(runs, euler, distance, target), stopped=stopped)
+    return replace(_judged(runs, second, distance, target), stopped=stopped, rule=rule, without=tuple(without))
+
+
+def _by(integrator: str, runs: Sequence[Trace], again: Callable[..., Trace], stage: Stage, study: Study) -> list[Trace] | None:
+    """Runs by another rule at the time steps of some; None where one takes far longer, or the clock ends it."""
+    made: list[Trace] = []
+    for of in runs:
+        settings = _HARD | TIGHT | {"integrator": integrator, "timestep": of.timestep}
+        made.append(again(**settings, stage=stage.within(patience(study, of, of.timestep))))
+        if made[-1].stopped:
+            return None
+    return made
+
+
+def _sound(second: Sequence[Trace], runs: Sequence[Trace]) -> bool:
+    """Whether the second method is finite wherever the first one is."""
+    return all(bool((own.finite | ~of.finite).all()) for own, of in zip(second, runs[-2:], strict=True))
 
 
 def _judged(runs: Sequence[Trace], second: Sequence[Trace], distance: Distance, target: float) -> Reference:

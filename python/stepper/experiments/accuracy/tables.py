@@ -118,9 +118,13 @@ def _words(found: Found) -> list[str]:
     stopped = sum(bool(dot.notes) for dot in found.dots)
     words = [
         f"Errors are the {what} from the reference up to {horizon:.3g} s, in {unit}, medians over "
-        f"{counted(len(right.uncertainty), 'episode')}. Reference: {right.words}. Up to {np.median(right.known):.3g} s (median; "
-        f"{right.known.min():.3g} s at least) its last two runs are one to {TARGET[unit]:g} {unit}; later no single motion is right, and "
-        "invariants and outcomes are what can be compared.",
+        f"{counted(len(right.uncertainty), 'episode')}. Reference: {right.words}."
+        + (
+            ""
+            if right.exact
+            else f" Up to {np.median(right.known):.3g} s (median; {right.known.min():.3g} s at least) its last two runs are one to "
+            f"{TARGET[unit]:g} {unit}; later no single motion is right, and invariants and outcomes are what can be compared."
+        ),
         f"Costs are processor time of one core: microseconds for a simulated second of one environment, alone and of {BATCH} in a "
         "batch, with recorded controls. MuJoCo and rapier step one environment after the other in both.",
         "solver: what the solver left and rounding, from the same run solved to 1e-9 m/s in 64 bits. step: that run from the "

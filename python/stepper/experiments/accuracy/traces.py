@@ -101,7 +101,7 @@ def run(
     """
     begun, stage = time.time(), stage or Stage()
     world = world_of(study, setting, [study.nominal] * len(episodes), **(changed | {"sensors": None}))
-    seen = _Seen(study, world)
+    seen = Seen(study, world)
     by_step = stage.limited and world.engine == "stepper"
     enough = max(1, min(study.controls, math.ceil(until / study.hold - 1e-9))) if math.isfinite(until) else study.controls
     for looks in running(study, world, episodes, by_step=by_step):
@@ -116,7 +116,7 @@ def run(
     return seen.trace(world, enough, time.time() - begun)
 
 
-class _Seen:
+class Seen:
     """What a run has seen so far."""
 
     def __init__(self, study: Study, world: World):
@@ -175,7 +175,11 @@ class _Seen:
 
 
 def runs(
-    study: Study, episodes: Sequence[int], settings: Sequence[Mapping[str, Any]], tick: Callable[[float], None] | None = None
+    study: Study,
+    episodes: Sequence[int],
+    settings: Sequence[Mapping[str, Any]],
+    patience: Sequence[float],
+    tick: Callable[[float], None] | None = None,
 ) -> list[Trace]:
     """Runs of the same episodes with several settings, over Ray where the study says so.
 
@@ -183,18 +187,20 @@ def runs(
         study: The study.
         episodes: Their numbers.
         settings: As of `world_of`, of every run.
+        patience: Seconds after which each is stopped.
         tick: Called with the fraction done.
     """
     made: dict[int, Trace] = {}
-    for number, trace in each(study, settings, functools.partial(_one, episodes)):
+    for number, trace in each(study, list(zip(settings, patience, strict=True)), functools.partial(_one, episodes)):
         made[number] = trace
         if tick:
             tick(len(made) / len(settings))
     return [made[number] for number in range(len(settings))]
 
 
-def _one(episodes: Sequence[int], study: Study, settings: Mapping[str, Any]) -> Trace:
-    return run(study, episodes, **settings)
+def _one(episodes: Sequence[int], study: Study, own: tuple[Mapping[str, Any], float]) -> Trace:
+    settings, patience = own
+    return run(study, episodes, stage=Stage().within(patience), **settings)
 
 
 def _points(now: World) -> Array:

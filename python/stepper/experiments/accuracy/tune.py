@@ -16,10 +16,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stepper._options import Options
+from stepper._stepper import Model
+from stepper.experiments.accuracy.budget import Stage
 from stepper.experiments.accuracy.candidates import hard_lines, timesteps
+from stepper.experiments.accuracy.closed_form import right_of
 from stepper.experiments.accuracy.costs import costs
 from stepper.experiments.accuracy.needs import Bench, Spare, spares
-from stepper.experiments.accuracy.reference import Reference, check_moves, converge
+from stepper.experiments.accuracy.reference import Reference, check_moves, patience
 from stepper.experiments.accuracy.traces import Distance, Trace, quantity, run, runs
 from stepper.experiments.progress import Tick
 from stepper.experiments.study.batches import steps_of
@@ -52,9 +55,11 @@ class Candidate:
     Attributes:
         settings: As of `Study.settings`, with the time step.
         name: In a few words.
-        error: Largest of the episodes that it was chosen by, the reference's uncertainty included.
+        error: Largest of the episodes that it was chosen by, the reference's uncertainty included; infinite where one diverged, or where
+            the run was stopped, as it took far longer than what is right.
         alone: Microseconds of one core for a simulated second of one environment, stepped alone; NaN where the error is above the budget.
         batch: The same in a batch.
+        stopped: Whether the run was stopped.
     """
 
     settings: dict[str, Any]
@@ -62,6 +67,7 @@ class Candidate:
     error: float
     alone: float
     batch: float
+    stopped: bool = False
 
 
 @dataclass(frozen=True)
@@ -141,9 +147,9 @@ def tune(
     """The cheapest settings of hard contact that keep an error budget, and what the scene does not need.
 
     Settings are chosen by some episodes and proved by others, which had no part in the choice: with the confidence, at least the share
-    `coverage` of episodes is within the budget. Errors are those of time step, solver and precision, from a reference of the same law of
-    contact that is converged to a tenth of the budget. Of a study over Ray, candidates, held-out episodes and smaller models are run as
-    tasks; the first reference and all costs are of this process.
+    `coverage` of episodes is within the budget. Errors are those of time step, solver and precision, from the study's closed form
+    (`Study.exact`) or a reference of the same law of contact that is converged to a tenth of the budget. Of a study over Ray, candidates,
+    held-out episodes and smaller models are run as tasks; the first reference and all costs are of this process.
 
     Args:
         source: A study or the file of one; or a model as of `stepper.load`, which gets random controls.
@@ -182,7 +188,7 @@ def tune(
             f"for a coverage of {coverage} with the confidence {confidence}; give it qpos_noise, qvel_noise, a start or a drive that is "
             "random, more recorded episodes, or ask for less"
         )
-    right = converge(study, range(episodes), distance, target=_KNOWN * budget, tick=lambda done: told("reference", done))
+    right = right_of(study, range(episodes), distance, target=_KNOWN * budget, tick=lambda done: told("reference", done))
     usual, candidates = _candidates(study, range(episodes), distance, right, budget, alone=alone, told=told)
     candidates.sort(key=lambda own: (not own.error <= budget, own.alone if alone else own.batch))
     trials: list[Trial] = []
@@ -208,14 +214,9 @@ def tune(
         # What is no better by the episodes that chose would fail on others too.
         bound = _BETTER * candidate.error
     told("held-out episodes", 1.0)
-    spare: list[Spare] = []
-    smaller = None
-    if reduce:
-        settings = (chosen or usual).settings
-        trace = run(study, range(episodes), **settings)
-        bench = Bench(study, range(episodes), settings, distance, trace)
-        spare, smaller = spares(bench, budget, lambda done: told("what is not needed", done))
-        told("what is not needed", 1.0)
+    # Of what diverges nobody can say what it needs.
+    seen = chosen or (usual if math.isfinite(usual.error) else min(candidates, key=lambda own: own.error))
+    spare, smaller = _not_needed(study, range(episodes), seen, distance, budget=budget, told=told) if reduce else ([], None)
     options, precision = _options(study, chosen)
     document = Document(f"Tuning of {study.name}")
     found = Tuning(
@@ -271,8 +272,9 @@ def _candidates(
     def tried(wanted: Sequence[tuple[str, dict[str, Any], int]], done: tuple[float, float]) -> list[_Tried]:
         # The study's own time step as it is written, not as a quotient.
         settings = [line | {"timestep": timestep if steps == own else study.hold / steps} for _, line, steps in wanted]
-        traces = runs(study, episodes, settings, tick=lambda part: tick(done[0] + (done[1] - done[0]) * part))
-        errors = [float((distance(trace, right.trace) + right.uncertainty).max()) for trace in traces]
+        patient = [patience(study, right.trace, own["timestep"]) for own in settings]
+        traces = runs(study, episodes, settings, patient, tick=lambda part: tick(done[0] + (done[1] - done[0]) * part))
+        errors = [math.inf if trace.stopped else float((distance(trace, right.trace) + right.uncertainty).max()) for trace in traces]
         return [
             _Tried(name, line, steps, given, trace, error)
             for (name, line, steps), given, trace, error in zip(wanted, settings, traces, errors, strict=True)
@@ -295,7 +297,9 @@ def _candidates(
     usual = next(one for one in found if one.name == OWN and one.steps == own)
     # What does not keep the budget may cost what it wants.
     keep = [one for one in found if one.error <= budget]
-    time([usual, *(one for one in keep if one is not usual)], 3, (0.0, 0.5))
+    # Steps of what diverged take as long as steps may, and cost nothing that anybody would pay.
+    first = [usual] if math.isfinite(usual.error) else []
+    time([*first, *(one for one in keep if one is not usual)], 3, (0.0, 0.5))
     between: list[_Tried] = []
     for _ in range(_BETWEEN if keep else 0):
         best = min(one.cost[by] for one in keep if one not in between)
@@ -321,10 +325,22 @@ def _candidates(
     if keep:
         near = _NEAR * min(one.cost[by] for one in keep if math.isfinite(one.cost[by]))
         # Again, side by side: an order that decides should not be that of two different moments.
-        time([usual, *between, *(one for one in keep if one is not usual and one.cost[by] <= near)], 7, (0.5, 1.0))
+        time([*first, *between, *(one for one in keep if one is not usual and one.cost[by] <= near)], 7, (0.5, 1.0))
     told("costs", 1.0)
-    candidates = {id(one): Candidate(one.settings, one.name, one.error, *one.cost) for one in found}
+    candidates = {id(one): Candidate(one.settings, one.name, one.error, *one.cost, stopped=one.trace.stopped) for one in found}
     return candidates[id(usual)], list(candidates.values())
+
+
+def _not_needed(
+    study: Study, episodes: Sequence[int], seen: Candidate, distance: Distance, *, budget: float, told: Tick
+) -> tuple[list[Spare], Model | None]:
+    """What the scene does not need with some settings, and the smaller model; nothing where an episode diverges with them."""
+    found: tuple[list[Spare], Model | None] = ([], None)
+    if math.isfinite(seen.error):
+        bench = Bench(study, episodes, seen.settings, distance, run(study, episodes, **seen.settings))
+        found = spares(bench, budget, lambda done: told("what is not needed", done))
+    told("what is not needed", 1.0)
+    return found
 
 
 def _fresh(study: Study, episodes: range, settings: Mapping[str, Any]) -> list[int]:
@@ -355,8 +371,10 @@ def _trial(study: Study, candidate: Candidate, episodes: Sequence[int], distance
 
 def _held_out(candidate: Candidate, distance: Distance, budget: float, study: Study, episodes: Sequence[int]) -> tuple[Array, Array]:
     """Errors of episodes, and how far what is right is unknown."""
-    right = converge(study, episodes, distance, target=_KNOWN * budget)
-    return distance(run(study, episodes, **candidate.settings), right.trace), right.uncertainty
+    right = right_of(study, episodes, distance, target=_KNOWN * budget)
+    stage = Stage().within(patience(study, right.trace, candidate.settings["timestep"]))
+    trace = run(study, episodes, stage=stage, **candidate.settings)
+    return np.full(len(episodes), np.inf) if trace.stopped else distance(trace, right.trace), right.uncertainty
 
 
 def _options(study: Study, chosen: Candidate | None) -> tuple[Options | None, str | None]:
@@ -395,7 +413,7 @@ def _sections(found: Tuning, right: Reference, *, coverage: float, confidence: f
             f"{1e3 * best.settings['timestep']:g} ms, the reference's uncertainty of {right.uncertainty.max():.2g} {unit} included. All "
             f"episodes are known to {right.target:.2g} {unit} up to {right.known.min():.3g} s, half of them up to "
             f"{np.median(right.known):.3g} s: a shorter horizon, or a larger error."
-            f" The study's own settings have an error of {found.usual.error:.2g} {unit}."
+            f" {_usual_error(found.usual, unit)}"
         )
     if exhausted:
         words.append(
@@ -408,6 +426,7 @@ def _sections(found: Tuning, right: Reference, *, coverage: float, confidence: f
     ]
     heads = ("settings", "time step, ms", "held", "episodes", "reference unknown", f"largest error, {unit}", "share at least", "confidence")
     kept = [own for own in found.candidates if own.error <= found.budget]
+    stopped = sum(own.stopped for own in found.candidates)
     rows = [[own.name, 1e3 * own.settings["timestep"], own.error, own.alone, own.batch] for own in kept[:20]]
     spare = [[own.what, own.why, own.error, own.saved, own.least, _taken(own, found.budget)] for own in found.spare]
     return [
@@ -420,7 +439,10 @@ def _sections(found: Tuning, right: Reference, *, coverage: float, confidence: f
         ),
         Section(
             "Candidates within the budget",
-            [f"{len(kept)} of {len(found.candidates)}, the cheapest first; errors are the largest of the episodes that chose."],
+            [
+                f"{len(kept)} of {len(found.candidates)}, the cheapest first; errors are the largest of the episodes that chose."
+                + (f" {counted(stopped, 'run')} took far longer than what is right and had to be stopped." if stopped else "")
+            ],
             ("settings", "time step, ms", f"error, {unit}", "alone, us", "batch, us"),
             rows,
         ),
@@ -444,10 +466,10 @@ def _beside(found: Tuning, cost: str) -> str:
     unit, usual = found.distance.unit, found.usual
     if found.chosen is usual:
         return "These are the study's own settings."
+    if not math.isfinite(usual.error):
+        return f"{_usual_error(usual, unit)} They miss the budget, and what they cost was not measured."
     ratio = getattr(found.chosen, cost) / getattr(usual, cost)
     spent = f"{ratio:.2f} times what the study's own settings cost ({getattr(usual, cost):.4g} us)"
-    if not math.isfinite(usual.error):
-        return f"That is {spent}, which miss the budget: with them an episode diverges."
     if usual.error > found.budget:
         return (
             f"That is {spent}, which miss the budget by {usual.error - found.budget:.2g} {unit}: their error is {usual.error:.2g} {unit}."
@@ -460,6 +482,14 @@ def _beside(found: Tuning, cost: str) -> str:
         f"The study's own settings take {getattr(usual, cost):.4g}, {1 / ratio:.2f} times as much, and keep the budget too: their error "
         f"is {usual.error:.2g} {unit}."
     )
+
+
+def _usual_error(usual: Candidate, unit: str) -> str:
+    if usual.stopped:
+        return "With the study's own settings, episodes were stopped: they took far longer than what is right, as motions that blew up do."
+    if not math.isfinite(usual.error):
+        return "With the study's own settings, an episode diverges."
+    return f"The study's own settings have an error of {usual.error:.2g} {unit}."
 
 
 def _cheaper(found: Tuning) -> str:
@@ -479,10 +509,12 @@ def _cheaper(found: Tuning) -> str:
 def _taken(own: Spare, budget: float) -> str:
     """Whether something is taken out, or why not."""
     if own.taken:
-        return "yes"
+        return f"yes: {own.setting}" if own.setting else "yes"
     if math.isnan(own.saved):
         return "no"
-    return "no: it saves nothing" if own.error <= budget else "no: it changes too much"
+    if own.error > budget:
+        return "no: it changes too much"
+    return f"no: it is a setting, {own.setting}" if own.setting and own.least > 0 else "no: it saves nothing"
 
 
 def _save(found: Tuning, folder: Path) -> list[Path]:

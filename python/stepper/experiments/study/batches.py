@@ -140,6 +140,7 @@ def world_of(study: Study, setting: str, thetas: Sequence[Theta], **changed: Any
         threads=study.threads,
     )
     world = RapierWorld(plan, len(thetas), given) if engine == "rapier" else make_world(plan, len(thetas))
+    world.ideal = ideal
     names = dict.fromkeys(name for theta in thetas for name in theta)
     unchanged = {name: study.parameters[name].unchanged for name in study.parameters}
     world.theta = Thetas(

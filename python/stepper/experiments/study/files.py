@@ -86,8 +86,9 @@ def _made(data: dict[str, Any], path: Path, kind: type[Study]) -> Study:
         given["drive"] = _policy(given.pop("policy"), folder)
     elif given.get("drive") not in (None, "random"):
         given["drive"] = _drive(given["drive"], folder)
-    if "start" in given:
-        given["start"] = find(given["start"], folder)
+    for name in ("start", "exact"):
+        if name in given:
+            given[name] = find(given[name], folder)
     given["outcomes"] = [_part(Outcome, _measured(table, folder), f"outcome {k + 1}") for k, table in enumerate(given.get("outcomes", []))]
     given["parameters"] = {name: _part(Parameter, table, f"parameter {name!r}") for name, table in given.get("parameters", {}).items()}
     if "options" in given:

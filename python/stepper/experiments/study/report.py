@@ -418,11 +418,7 @@ def _failures(verdicts: Sequence[Verdict], found: Sweep) -> list[Section]:
 
 
 def _left_out(study: Study) -> list[Section]:
-    model, _ = study.loaded
-    words = [f"{kind} {name}: {reason}" for kind, name, reason in model.omitted] + [
-        f"asked for, and by default otherwise: {line}" for line in model.deviations
-    ]
-    return [Section("Left out of the model", words or ["Nothing."])]
+    return [Section("Left out of the model", study.notes or ["Nothing."])]
 
 
 def in_force(study: Study, count: int, table: str = "table") -> list[Section]:
@@ -441,6 +437,9 @@ def in_force(study: Study, count: int, table: str = "table") -> list[Section]:
         ["versions", ", ".join(f"{name} {version}" for name, version in told["versions"].items())],
         ["binary", told["binary"]],
         ["seed", told["seed"]],
-        ["rows", f"{count}, each with its theta, settings and tolerance in force in {table}.csv; in_force.json has the rest"],
+        [
+            "rows",
+            f"{count}, each with its theta, settings and tolerance in force in {table}.csv; in_force.json has the rest, with notes",
+        ],
     ]
     return [Section("In force", [], ("", ""), rows)]

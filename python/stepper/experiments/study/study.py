@@ -36,6 +36,9 @@ Array = NDArray[np.float64]
 Start = Callable[[World, list[np.random.Generator]], tuple[Any, Any]]
 """From a `World` and a generator for every environment, qpos (num_envs, nq) and qvel (num_envs, nv)."""
 
+Exact = Callable[[World, Array], tuple[Any, Any]]
+"""From a `World` at the start and times (T,) in s from 0 on, qpos (T, num_envs, nq) and qvel (T, num_envs, nv)."""
+
 _HOLD = 0.02
 """s that a control is held where a study does not say it."""
 _ROWS = 2
@@ -61,6 +64,8 @@ class Study:
         seed: Of everything random. Episode k has the same start, random controls and errors of sensors at every point.
         start: Where episodes start; None is the keyframe or the model's reference, with noise.
         keyframe: Of the model, to start from.
+        exact: What is right, where a closed form is known: a function of a `World` at the start and of times (T,) that returns
+            qpos (T, num_envs, nq) and qvel (T, num_envs, nv). `chart` and `tune` measure errors from it, in place of converging runs.
         qpos_noise: Standard deviation of starts in m and rad.
         qvel_noise: Standard deviation of starts in m/s and rad/s.
         options: Settings of the step.
@@ -85,6 +90,7 @@ class Study:
     seed: int = 0
     start: Start | None = None
     keyframe: str | int | None = None
+    exact: Exact | None = None
     qpos_noise: float = 0.0
     qvel_noise: float = 0.0
     options: Options = field(default_factory=Options)
@@ -108,6 +114,8 @@ class Study:
             raise ValueError(f"control is {self.control} s, must be above 0 and at most seconds, which is {self.seconds}")
         if not (self.drive is None or self.drive == "random" or callable(self.drive)):
             raise TypeError(f'drive is {self.drive!r}, must be a function, Recorded, Policy, "random" or None')
+        if not (self.exact is None or callable(self.exact)):
+            raise TypeError(f"exact is {self.exact!r}, must be a function of a world and times that returns qpos and qvel, or None")
         names = [outcome.name for outcome in self.all_outcomes]
         if len(set(names)) < len(names):
             raise ValueError(f"two outcomes have one name: {names}")
@@ -242,11 +250,19 @@ class Study:
             "versions": {"stepper": __version__, "numpy": np.__version__, "mujoco": package_version("mujoco-core")},
         }
 
+    @property
+    def notes(self) -> list[str]:
+        """What of the model's source is left out, and what it asks for that is by default otherwise."""
+        model, _ = self.loaded
+        left = [f"{kind} {name}: {reason}" for kind, name, reason in model.omitted]
+        return left + [f"asked for, and by default otherwise: {line}" for line in model.deviations]
+
     @cached_property
     def in_force(self) -> dict[str, Any]:
-        """`identity` with what it ran on: the interpreter and the digest of the binary."""
+        """`identity` with what it ran on, the interpreter and the digest of the binary, and with `notes`."""
         binary = hashlib.sha256(Path(_stepper.__file__).read_bytes()).hexdigest()
         return self.identity | {
+            "notes": self.notes,
             "compiled": self._compiled_digest,
             "python": platform.python_version(),
             "system": sys.platform,

@@ -71,6 +71,8 @@ class World:
         timestep: s.
         time: Since the start of the episode, s.
         senses: Whether a sensor was read.
+        ideal: Whether sensors are to have no errors whatever the study gives them: where episodes are run again to tell whose a failure is,
+            in a chart and in a tuning. A drive that has errors of its own, as a field of view, leaves them out then.
         last_ctrl: What the drive said last; None where it holds what is in force.
         theta: Values of the study's parameters by name: (num_envs,), numbers or words.
         episodes: Number of each environment's episode, (num_envs,).
@@ -84,7 +86,7 @@ class World:
         self.episodes: NDArray[np.int64] = np.arange(num_envs)
         self.timestep = 0.0
         self.last_ctrl: Any = None
-        self.senses = False
+        self.senses = self.ideal = False
 
     # What an engine has to have.
 

@@ -1,0 +1,15 @@
+"""gymnasium-robotics' Fetch (`pip install --no-deps gymnasium-robotics`) with random controls, beside its cube: docs/studies.md."""
+
+from __future__ import annotations
+
+import stepper
+from stepper.shared.machine import package_file
+
+study = stepper.Study(
+    name="fetch",
+    model=package_file("gymnasium_robotics", "envs/assets/fetch/pick_and_place.xml", "for its Fetch"),
+    drive="random",
+    seconds=0.5,
+    episodes=8,
+    qvel_noise=0.05,
+)

@@ -1,0 +1,48 @@
+"""Unitree's G1 of mjlab (`pip install --no-deps mjlab`) on a plane, held by position servos: docs/studies.md.
+
+It begins a hair above the floor, with its legs straight, and velocities that are a little off. Its wrists have no armature here, so that
+the servos' damping is stiff: Euler's rule, which takes it explicitly, diverges at every time step of 0.125 ms and more.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import mujoco
+import stepper
+from stepper.shared.machine import package_file
+
+KP, KD = 200.0, 10.0
+"""N m/rad, N m s/rad"""
+
+
+def robot() -> Any:
+    """The package's model on a plane, with a servo for every hinge."""
+    spec = mujoco.MjSpec.from_file(
+        str(package_file("mjlab", "asset_zoo/robots/unitree_g1/xmls/g1.xml", "for Unitree's G1, whose file it has"))
+    )
+    spec.worldbody.add_geom(name="floor", type=mujoco.mjtGeom.mjGEOM_PLANE, size=[5, 5, 1])
+    for joint in spec.joints:
+        if joint.type == mujoco.mjtJoint.mjJNT_HINGE:
+            spec.add_actuator(name=joint.name, target=joint.name, trntype=mujoco.mjtTrn.mjTRN_JOINT).set_to_position(kp=KP, kv=KD)
+    return spec.compile()
+
+
+study = stepper.Study(
+    name="g1",
+    model=robot,
+    outcomes=[
+        stepper.Outcome(name="pelvis", measure="body pelvis z", over="min", success=">= 0.7", unit="m"),
+        stepper.Outcome(name="way", measure="body pelvis x", over="change", unit="m"),
+    ],
+    parameters={
+        "friction": stepper.Parameter(
+            target="geom_friction", names=("floor", "*_foot*"), column=0, low=0.2, high=1.0, source="wet tiles to rubber on concrete"
+        ),
+        "payload": stepper.Parameter(target="body_mass", names=("torso_link",), how="scale", low=0.8, high=1.8, source="a rucksack"),
+        "stiffness": stepper.Parameter(target="kp", how="scale", low=0.05, high=1.5, source="gains that people use: 10 to 300 N m/rad"),
+    },
+    seconds=0.5,
+    episodes=4,
+    qvel_noise=0.1,
+)

@@ -14,8 +14,8 @@
 //! the first, steps on the exact law are tried, s included, whose matrix is not symmetric: near the answer they converge at once, and where
 //! they do not they are taken back.
 //!
-//! That outer loop on s does not converge where contacts are many, and takes most of the steps where they are few. So all proximal steps
-//! are of the exact law first, short ones at the beginning (`ProximalPoint::solve_exact`); terms are held for what that leaves.
+//! That outer loop on s does not converge where contacts are many: there, and where it has failed, all proximal steps are of the exact law,
+//! short at first (`ProximalPoint::solve_exact`).
 //!
 //! Nothing proves that s converges, and Coulomb's law may have no solution or several (Painleve 1895). The residual says how it went.
 
@@ -196,17 +196,13 @@ impl Newton {
     fn solve_island<R: Real>(&mut self, criteria: Criteria) -> [u32; 2] {
         let Self { proximal, island, v, .. } = self;
         let [mut steps, mut rounds] = [0; 2];
-        if criteria.terms != Terms::Held {
-            steps += proximal.solve_exact::<R>(island, criteria);
+        let (small, held) = (island.w.len() <= SMALL, criteria.terms == Terms::Held);
+        if held || small && criteria.terms == Terms::HeldThenExact {
+            steps += proximal.solve::<R>(island, criteria);
             rounds += proximal.rounds;
         }
-        let is_held = match criteria.terms {
-            Terms::Held => true,
-            Terms::ExactThenHeld => island.w.len() <= SMALL && island.residual(v) > criteria.tolerance,
-            Terms::Exact => false,
-        };
-        if is_held {
-            steps += proximal.solve::<R>(island, criteria);
+        if !held && (steps == 0 || island.residual(v) > criteria.tolerance) {
+            steps += proximal.solve_exact::<R>(island, criteria);
             rounds += proximal.rounds;
         }
         [steps, rounds]

@@ -28,15 +28,13 @@ by_kind! {
     pub struct System['a, R: Real] {
         /// What all solves share.
         pub(crate) problem: &'a Problem<R>,
-        /// Whether it is that of [`PositionRows`](crate::PositionRows).
-        pub(crate) of_positions: bool,
     } each rows
 }
 
 impl<'a, R: Real> From<&'a Problem<R>> for System<'a, R> {
     #[inline(always)]
     fn from(problem: &'a Problem<R>) -> Self {
-        make_kinds!(System { problem, of_positions: false, } [set: &problem] => set.rows())
+        make_kinds!(System { problem, } [set: &problem] => set.rows())
     }
 }
 

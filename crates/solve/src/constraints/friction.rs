@@ -240,7 +240,9 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContacts<R, N, L> {
     pub fn set_compliance(&mut self, compliance: R) {
         if let Some(contact) = self.rows.items.last_mut() {
             contact.compliance = compliance;
-            contact.firmness = contact.local.give(compliance);
+            // Where there is no spring nothing changes, whatever other lanes have: the ratio is 1 but for rounding.
+            let ratio = contact.local.give(compliance);
+            contact.firmness = R::select(compliance.gt(R::zero()), ratio, R::one());
             self.rows.compliant = true;
         }
     }

@@ -52,8 +52,9 @@ pub(super) const SMALL: usize = 64;
 pub enum Terms {
     /// De Saxce's terms are held, which leaves convex problems, and renewed.
     Held,
-    /// The exact law; then, where an island with few contacts is not solved, terms are held.
-    ExactThenHeld,
+    /// De Saxce's terms are held, and where that does not solve an island, the law is exact; in islands with many contacts it is from the
+    /// beginning.
+    HeldThenExact,
     /// The exact law.
     Exact,
 }
@@ -188,8 +189,8 @@ impl ProximalPoint {
         self.now = rows.residual(&mut self.v);
         self.best.save(rows, self.now);
         let small = rows.w.len() <= SMALL;
-        // What is left of the steps is for terms that are held.
-        let ratio = if small && criteria.terms == Terms::ExactThenHeld { EXACT_RATIO - 1 } else { EXACT_RATIO };
+        // The others were for terms that are held.
+        let ratio = if small && criteria.terms == Terms::HeldThenExact { EXACT_RATIO - 1 } else { EXACT_RATIO };
         let most_steps = criteria.steps.saturating_mul(ratio);
         let mut kappa = FIRST_EXACT_KAPPA[usize::from(!small)];
         while self.steps < most_steps && self.best.residual > criteria.tolerance && self.now.is_finite() {

@@ -15,23 +15,24 @@ use stepper_real::Real;
 
 /// Ratios kappa of the first proximal step, which corrects what sweeps left, and of the others.
 ///
-/// Measured on 280 problems that sweeps left of robots, grasps and heaps: 1e3 and 1e5 take as many Newton steps, but a third more in a
-/// heap of ten boxes and a quarter more where two arms push.
-const KAPPA: [f64; 2] = [1e4, 1e6];
+/// Measured on 1,202 problems that sweeps left of humanoids: beginning with 10 or with 1e5 takes 10 to 20 % more Newton steps; 1e4 and 1e6
+/// at the end as many, 1e7 twice as many.
+const KAPPA: [f64; 2] = [1e3, 1e5];
 /// Largest kappa, where proximal steps are too short (mass ratios beyond 1e5, rows that are nearly multiples of others): the matrix is the
 /// identity and some kappa of it, and what is left of the identity after rounding is still above zero.
 const MOST_KAPPA: f64 = 1e12;
 /// Least kappa, however tight the tolerance.
 const LEAST_KAPPA: f64 = 1e2;
 
-/// Ratio kappa of the first steps of [`ProximalPoint::solve_exact`], in islands of at most [`SMALL`] coordinates and in larger ones, and of
-/// the shortest.
+/// Ratio kappa of the first steps of [`ProximalPoint::solve_exact`], in islands of at most [`SMALL`] coordinates and in larger ones, of the
+/// shortest, and of the longest.
 ///
 /// Measured on 53 problems of a struck wall and of a heap of thirty boxes that sweeps and steps with De Saxce's terms held had left: a
 /// first kappa of 10 or 1000, growth by 4, or 6 instead of [`MOST_STEPS`] take within 15 % as many Newton steps, and leave none either.
 /// In small islands, of 280 problems, 300 or 3000 take up to 20 % more.
 const FIRST_EXACT_KAPPA: [f64; 2] = [1e3, 1e2];
 const LEAST_EXACT_KAPPA: f64 = 0.3;
+const MOST_EXACT_KAPPA: f64 = 1e6;
 /// Number of Newton steps of a proximal step at the most, and of one after which the next is longer.
 const MOST_STEPS: u32 = 6;
 const FEW_STEPS: u32 = 4;
@@ -197,8 +198,8 @@ impl ProximalPoint {
             self.rounds += 1;
             self.lagrangian.kappa = kappa;
             match self.step_exactly::<R>(rows, criteria, most_steps) {
-                Some((_, false)) if kappa >= KAPPA[1] => break,
-                Some((steps, _)) if steps <= FEW_STEPS => kappa = (2.0 * kappa).min(KAPPA[1]),
+                Some((_, false)) if kappa >= MOST_EXACT_KAPPA => break,
+                Some((steps, _)) if steps <= FEW_STEPS => kappa = (2.0 * kappa).min(MOST_EXACT_KAPPA),
                 Some(_) => {}
                 None if kappa <= LEAST_EXACT_KAPPA => break,
                 None => kappa = (0.3 * kappa).max(LEAST_EXACT_KAPPA),
@@ -207,7 +208,7 @@ impl ProximalPoint {
         // What is left of a contact that holds would add up while it holds: a long step more takes nearly all of it.
         if self.steps > 0 && self.best.residual <= criteria.tolerance {
             self.rounds += 1;
-            self.lagrangian.kappa = KAPPA[1];
+            self.lagrangian.kappa = MOST_EXACT_KAPPA;
             self.step_exactly::<R>(rows, criteria, most_steps.min(self.steps + LAST_STEPS));
         }
         self.best.restore(rows);

@@ -90,7 +90,7 @@ pub struct Options {
     /// Solver.
     pub solver: Solver,
     /// Sweeps of the solver at the most, and Newton steps at the most for each island of an environment; [`Solver::Auto`] makes no more
-    /// than 50 of the former, and no more than 25 before the first Newton step.
+    /// than 50 of the former, and in 64 bits no more than 25 before the first Newton step.
     pub iterations: u32,
     /// Residual at which the solver stops, m/s; `None` is [`Precision::tolerance`].
     pub tolerance: Option<f64>,

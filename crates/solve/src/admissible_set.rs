@@ -1,7 +1,7 @@
 //! Sets of admissible impulses as Newton's method sees them, lane by lane in scalar f64: projection, its derivative, De Saxce's term and
 //! the natural map, for any number of rows. A set that is new is an alternative here and nowhere else in Newton's method.
 
-use crate::vectors::{TILE, norm};
+use crate::vectors::{TILE, add_scaled, norm, tile};
 
 /// Set of the admissible impulses of one constraint.
 #[derive(Clone, Copy, Debug)]
@@ -115,7 +115,7 @@ fn differentiate_cone([rho, mu]: [f64; 2], x: &[f64], tangent: f64, case: ConeRe
     for at in (0..n).step_by(TILE) {
         let mut normal = tile(y, at);
         for k in 1..rows {
-            add_tile(&mut normal, slip[k - 1], tile(y, k * n + at));
+            add_scaled(&mut normal, slip[k - 1], &tile(y, k * n + at));
         }
         let ConeRegion::Surface { height } = case else {
             put_tile(out, at, scaled(rho, normal));
@@ -126,7 +126,7 @@ fn differentiate_cone([rho, mu]: [f64; 2], x: &[f64], tangent: f64, case: ConeRe
         };
         let mut radial = [0.0; TILE];
         for k in 1..rows {
-            add_tile(&mut radial, x[k] * inverse, tile(y, k * n + at));
+            add_scaled(&mut radial, x[k] * inverse, &tile(y, k * n + at));
         }
         let shrink = mu * height * inverse;
         for (normal, radial) in normal.iter_mut().zip(&mut radial) {
@@ -136,7 +136,7 @@ fn differentiate_cone([rho, mu]: [f64; 2], x: &[f64], tangent: f64, case: ConeRe
         put_tile(out, at, normal);
         for k in 1..rows {
             let mut row = scaled(rho * shrink, tile(y, k * n + at));
-            add_tile(&mut row, x[k] * inverse, radial);
+            add_scaled(&mut row, x[k] * inverse, &radial);
             put_tile(out, k * n + at, row);
         }
     }
@@ -149,21 +149,6 @@ fn scaled(s: f64, mut y: [f64; TILE]) -> [f64; TILE] {
         *y *= s;
     }
     y
-}
-
-/// x += s y
-#[inline(always)]
-fn add_tile(x: &mut [f64; TILE], s: f64, y: [f64; TILE]) {
-    for k in 0..TILE {
-        x[k] += s * y[k];
-    }
-}
-
-/// Four numbers from index `at` on.
-#[inline(always)]
-fn tile(x: &[f64], at: usize) -> [f64; TILE] {
-    let x = &x[at..at + TILE];
-    [x[0], x[1], x[2], x[3]]
 }
 
 /// Puts four numbers at index `at`.

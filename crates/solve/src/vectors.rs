@@ -4,6 +4,13 @@
 /// Number of coordinates in a tile.
 pub(crate) const TILE: usize = 4;
 
+/// Four numbers from index `at` on.
+#[inline(always)]
+pub(crate) fn tile(x: &[f64], at: usize) -> [f64; TILE] {
+    let x = &x[at..at + TILE];
+    [x[0], x[1], x[2], x[3]]
+}
+
 /// Length of a vector.
 #[inline(always)]
 pub(crate) fn norm(x: &[f64]) -> f64 {

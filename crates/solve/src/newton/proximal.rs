@@ -28,7 +28,7 @@ const LEAST_KAPPA: f64 = 1e2;
 /// shortest, and of the longest.
 ///
 /// Measured on 53 problems of a struck wall and of a heap of thirty boxes that sweeps and steps with De Saxce's terms held had left: a
-/// first kappa of 10 or 1000, growth by 4, or 6 instead of [`MOST_STEPS`] take within 15 % as many Newton steps, and leave none either.
+/// first kappa of 10 or 1000, growth by 4, or 10 instead of [`MOST_STEPS`] take within 15 % as many Newton steps, and leave none either.
 /// In small islands, of 280 problems, 300 or 3000 take up to 20 % more.
 const FIRST_EXACT_KAPPA: [f64; 2] = [1e3, 1e2];
 const LEAST_EXACT_KAPPA: f64 = 0.3;

@@ -5,7 +5,7 @@
 //! same skyline, four of them at a time: for each coordinate the four numbers of a tile lie side by side. There is no pivoting: the
 //! matrices are the identity plus a positive semidefinite part, or near that; who factors others looks at the pivots.
 
-use crate::vectors::TILE;
+use crate::vectors::{TILE, tile};
 
 /// Numbers of four rows in one column.
 type Tile = [f64; TILE];
@@ -256,10 +256,4 @@ fn add_tile<const N: usize>(out: &mut [Tile], a: &[Tile; N], b: &[f64], n: usize
         }
     }
     out.copy_from_slice(&d);
-}
-
-/// Four numbers from index `at` on.
-#[inline(always)]
-fn tile(x: &[f64], at: usize) -> Tile {
-    std::array::from_fn(|k| x[at + k])
 }

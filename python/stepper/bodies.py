@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stepper._stepper import Model, Stepper
+from stepper.quantities import written
 
 Array = NDArray[Any]
 
@@ -39,7 +40,7 @@ def xipos(sim: Stepper, *, out: Array | None = None) -> Array:
     Raises:
         ValueError: An `out` of another shape or scalar type.
     """
-    return _written(sim.xipos, out)
+    return written(sim.xipos, out)
 
 
 def cinert(sim: Stepper, *, out: Array | None = None) -> Array:
@@ -56,7 +57,7 @@ def cinert(sim: Stepper, *, out: Array | None = None) -> Array:
     Raises:
         ValueError: An `out` of another shape or scalar type.
     """
-    return _written(sim.cinert, out)
+    return written(sim.cinert, out)
 
 
 def cvel(sim: Stepper, *, out: Array | None = None) -> Array:
@@ -72,7 +73,7 @@ def cvel(sim: Stepper, *, out: Array | None = None) -> Array:
     Raises:
         ValueError: An `out` of another shape or scalar type.
     """
-    return _written(sim.cvel, out)
+    return written(sim.cvel, out)
 
 
 def cfrc_ext(sim: Stepper, *, xfrc_applied: Array | None = None, out: Array | None = None) -> Array:
@@ -95,14 +96,14 @@ def cfrc_ext(sim: Stepper, *, xfrc_applied: Array | None = None, out: Array | No
     """
     contacts = sim.cfrc_ext
     if xfrc_applied is None:
-        return _written(contacts, out)
+        return written(contacts, out)
     applied = np.asarray(xfrc_applied)
     if applied.shape != contacts.shape:
         raise ValueError(f"xfrc_applied has shape {applied.shape}, must be {contacts.shape}")
     arm = sim.xipos - np.take(sim.subtree_com, _roots(sim.model), axis=-2)
     force = np.array(applied[..., :3])  # A copy, as `out` may be the same array.
     torque = applied[..., 3:] + np.cross(arm, force)
-    out = _written(contacts, out)
+    out = written(contacts, out)
     out[..., :3] += torque
     out[..., 3:] += force
     out[..., 0, :] = 0.0
@@ -111,16 +112,6 @@ def cfrc_ext(sim: Stepper, *, xfrc_applied: Array | None = None, out: Array | No
 
 QUANTITIES: Mapping[str, Callable[[Stepper], Array]] = {"xipos": xipos, "cinert": cinert, "cvel": cvel, "cfrc_ext": cfrc_ext}
 """The functions of this module by name."""
-
-
-def _written(values: Array, out: Array | None) -> Array:
-    """A copy of an attribute's array, in `out` if it is given."""
-    if out is None:
-        return np.array(values)
-    if out.shape != values.shape or out.dtype != values.dtype:
-        raise ValueError(f"out has shape {out.shape} and type {out.dtype}, must have {values.shape} and {values.dtype}")
-    out[...] = values
-    return out
 
 
 @lru_cache(maxsize=8)

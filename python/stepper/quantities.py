@@ -62,7 +62,7 @@ def read(sim: Stepper, name: str, of: Key | Sequence[Key] | None = None, *, out:
         axis = 0 if sim.num_envs is None else 1
         chosen = _places(sim.model, KINDS[name], name, of)
         values = np.take(values, chosen, axis=axis)
-    return _written(values, out)
+    return written(values, out)
 
 
 def jacobian(sim: Stepper, *, body: Key | None = None, site: Key | None = None, out: Array | None = None) -> Array:
@@ -75,7 +75,7 @@ def jacobian(sim: Stepper, *, body: Key | None = None, site: Key | None = None, 
         ValueError: Both were given, or neither; an `out` of another shape or scalar type.
         KeyError, IndexError: No element of that name or index.
     """
-    return _written(np.asarray(sim.jacobian(body=body, site=site)), out)
+    return written(np.asarray(sim.jacobian(body=body, site=site)), out)
 
 
 def mass_matrix(sim: Stepper, *, out: Array | None = None) -> Array:
@@ -142,7 +142,7 @@ def inverse_dynamics(sim: Stepper, qacc: ArrayLike, *, out: Array | None = None)
     forces += np.asarray(sim.qfrc_actuator)
     forces += np.asarray(sim.qfrc_applied)
     forces += _of_applied(sim)
-    return _written(forces, out)
+    return written(forces, out)
 
 
 def _of_applied(sim: Stepper) -> Array:
@@ -181,25 +181,34 @@ def _places(model: Model, kind: str, name: str, of: Key | Sequence[Key]) -> Any:
 def _each(sim: Stepper, ask: Any, out: Array | None) -> Array:
     """What is asked of each environment, one after the other."""
     if sim.num_envs is None:
-        return _written(ask(0), out)
+        return written(ask(0), out)
     first = ask(0)
-    found = _room((sim.num_envs, *first.shape), first.dtype, out)
+    found = room((sim.num_envs, *first.shape), first.dtype, out)
     found[0] = first
     for env in range(1, sim.num_envs):
         found[env] = ask(env)
     return found
 
 
-def _written(values: Array, out: Array | None) -> Array:
-    """Numbers as an array of the caller's, in `out` if it is given."""
-    found = _room(values.shape, values.dtype, out)
-    found[...] = values
-    return found
+def room(shape: tuple[int, ...], dtype: Any, out: Array | None) -> Array:
+    """An array of a shape and scalar type: `out` if it is given, or a new one.
 
-
-def _room(shape: tuple[int, ...], dtype: Any, out: Array | None) -> Array:
+    Raises:
+        ValueError: An `out` of another shape or scalar type.
+    """
     if out is None:
         return np.empty(shape, dtype)
     if out.shape != shape or out.dtype != dtype:
         raise ValueError(f"out has shape {out.shape} and type {out.dtype}, must have {shape} and {dtype}")
     return out
+
+
+def written(values: Array, out: Array | None) -> Array:
+    """A copy of an array, in `out` if it is given.
+
+    Raises:
+        ValueError: An `out` of another shape or scalar type.
+    """
+    found = room(values.shape, values.dtype, out)
+    found[...] = values
+    return found

@@ -14,6 +14,7 @@ from stepper._stepper import Model, Stepper
 from stepper.envs.streams import Draws, Streams
 from stepper.envs.task import Array, Contact, Moment, Quantity, Task, Terms
 from stepper.envs.tasks import TASKS
+from stepper.quantities import room
 
 _NON_FINITE = np.uint32(Status.NON_FINITE)
 
@@ -186,12 +187,7 @@ class Batch:
         Raises:
             ValueError: An `out` of another shape or type.
         """
-        shape = (self.num_envs, *self.observation_space.shape)
-        if out is None:
-            return np.empty(shape, dtype=self.dtype)
-        if out.shape != shape or out.dtype != self.dtype:
-            raise ValueError(f"out has shape {out.shape} and type {out.dtype}, must have {shape} and {self.dtype}")
-        return out
+        return room((self.num_envs, *self.observation_space.shape), self.dtype, out)
 
     def observation(self, out: Array | None = None) -> Array:
         """The observation, (num_envs, n), written to an array of `room`: a new one by default."""

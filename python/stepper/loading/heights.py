@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from stepper._stepper import Model, Stepper
 from stepper.loading.load import compile_source
 from stepper.loading.origins import Origin, origin_of
+from stepper.quantities import written
 
 Array = NDArray[Any]
 
@@ -98,12 +99,7 @@ class HeightField:
         found = self._of_grid(local) + pos[..., None, 2]
         outside = (np.abs(local) > self._half).any(axis=-1)
         found = np.where(outside, beyond, found)
-        if out is None:
-            return found
-        if out.shape != found.shape or out.dtype != found.dtype:
-            raise ValueError(f"out has shape {out.shape} and type {out.dtype}, must have {found.shape} and {found.dtype}")
-        out[...] = found
-        return out
+        return found if out is None else written(found, out)
 
     def scan(self, sim: Stepper, body: str | int, offsets: ArrayLike, *, beyond: float = np.nan, out: Array | None = None) -> Array:
         """Heights of the ground around a body, of places that turn with its heading, as locomotion policies observe them.

@@ -5,7 +5,7 @@
 
 use crate::geometry::facing::Separation;
 use crate::geometry::pair::{Pair, Vertex};
-use crate::geometry::vectors::V;
+use crate::geometry::vectors::{V, neg};
 use crate::math::spatial::*;
 
 /// Corners of the difference around the point of it that is nearest to the origin.
@@ -25,6 +25,8 @@ pub(super) struct Nearest {
 }
 
 const ITERATIONS: usize = 200;
+/// A corner of a triangle narrower than this (sine) has two edges much longer than the third, or nearly in line.
+const NARROW: f64 = 0.01;
 
 /// The nearest points of A and B + shift, searched from the direction `start` (from B to A); points further apart than `beyond` (m) where
 /// the sets certainly are.
@@ -173,8 +175,14 @@ fn segment(w: &[V; 4], [i, j]: [usize; 2]) -> Best {
 #[inline(always)]
 fn triangle(w: &[V; 4], [i, j, k]: [usize; 3]) -> Best {
     let (u, v) = (sub(w[j], w[i]), sub(w[k], w[i]));
-    let n = cross(u, v);
-    let nn = dot(n, n);
+    let mut n = cross(u, v);
+    let mut nn = dot(n, n);
+    if nn < NARROW * NARROW * dot(u, u) * dot(v, v) {
+        // Two long edges leave their rounding in the normal of a narrow triangle; its shortest edge and one of them do not.
+        let across = sub(w[k], w[j]);
+        n = if dot(u, u) < dot(v, v) { cross(u, across) } else { cross(across, neg(v)) };
+        nn = dot(n, n);
+    }
     let area = [dot(n, cross(w[j], w[k])), dot(n, cross(w[k], w[i])), dot(n, cross(w[i], w[j]))];
     // Thin triangles: rounding may leave an edge nearer.
     let thin = nn <= 1e-12 * dot(u, u) * dot(u, u);

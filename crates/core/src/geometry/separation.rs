@@ -35,21 +35,26 @@ const FAR: f64 = 0.5;
 const NEAR_FACE: f64 = 0.05;
 /// Nearest points further beside one another than this share of the size are not one over the other.
 const BESIDE: f64 = 1e-7;
+
 /// The largest separation of the cores; stops early with a lower bound of it where that is beyond reach.
 ///
 /// What is known of the normal saves time, and changes nothing.
 pub(super) fn nearest(pair: &Pair<'_>, reach: &Reach, polytope: &mut Polytope) -> Facing {
-    if let Some(facing) = reach.known.and_then(|known| recall(pair, &known, reach)) {
-        return if reach.is_beyond(pair, &facing.found) { facing } else { prefer_face(pair, facing) };
+    let mut facing = reach.known.and_then(|known| recall(pair, &known, reach)).unwrap_or_else(|| search(pair, reach, polytope));
+    if !reach.is_beyond(pair, &facing.found) {
+        facing = prefer_face(pair, facing);
     }
+    // A zero has one sign, whichever way it was found.
+    facing.found.normal = facing.found.normal.map(|x| x + 0.0);
+    facing
+}
+
+fn search(pair: &Pair<'_>, reach: &Reach, polytope: &mut Polytope) -> Facing {
     let distance = reach.prediction + pair.thickness();
     let found = if pair.is_polytope() { of_polytopes(pair, distance, polytope) } else { of_round_bodies(pair, distance) };
-    if reach.is_beyond(pair, &found) {
-        return Facing::new(pair, found);
-    }
     // Rounding of the search is left behind: the normal is the facet's own.
-    let facing = facet(pair, found.normal, reach).unwrap_or_else(|| Facing::new(pair, found));
-    prefer_face(pair, facing)
+    let own = if reach.is_beyond(pair, &found) { None } else { facet(pair, found.normal, reach) };
+    own.unwrap_or_else(|| Facing::new(pair, found))
 }
 
 fn of_polytopes(pair: &Pair<'_>, reach: f64, polytope: &mut Polytope) -> Separation {

@@ -218,6 +218,21 @@ impl Grid {
         first..if last < 0.0 { 0 } else { (last as usize + 1).min(n - 1) }
     }
 
+    /// Whether a point is below the surface; beside the grid, below the point of its border that is nearest.
+    fn holds(&self, p: V) -> bool {
+        // Along x and y: the cell, and how far across it.
+        let [(c, x), (r, y)] = [0, 1].map(|k| {
+            let cells = self.shape[1 - k] - 1;
+            let at = ((p[k] + self.half[k]) / (2.0 * self.half[k])).clamp(0.0, 1.0) * cells as f64;
+            let first = (at as usize).min(cells - 1);
+            (first, at - first as f64)
+        });
+        let height = |dc: usize, dr: usize| self.elevation[(r + dr) * self.shape[1] + c + dc];
+        let beside = if x > y { height(1, 0) } else { height(0, 1) };
+        let (first, last) = (x.max(y), x.min(y));
+        p[2] <= (1.0 - first) * height(0, 0) + (first - last) * beside + last * height(1, 1)
+    }
+
     /// What is under a disc.
     pub(crate) fn under_disc(&self, [x, y]: [f64; 2], radius: f64) -> Under {
         let [rows, columns] = self.shape;
@@ -422,16 +437,26 @@ fn touch(
     let over = |room: &mut Room, out: &mut Manifold| {
         room.clipper.over_facet(pair, &Facing::new(pair, flat), &facet.bulges, &facet.rises, prediction, out);
     };
-    if dot(normal, pair.apart) <= 0.0 {
-        // Behind the triangle: inside a height field, on the other side of a wall of a mesh.
-        if matches!(surface, Surface::Grid(_)) {
+    let behind = dot(normal, pair.apart) <= 0.0;
+    if behind {
+        if let Surface::Grid(grid) = surface {
+            // Inside a height field, or outside again beyond a sharp crest.
             over(room, out);
+            if !grid.holds(add(pair.apart, pair.a.centre())) {
+                out.points.retain(|p| p.distance >= 0.0 || grid.holds(add_scaled(p.pos, p.normal, 0.5 * p.distance)));
+            }
+            return None;
         }
-        return None;
+        // On the other side of a wall of a mesh, or beyond a sharp edge that it may still be in front of with its end.
+        if dot(normal, sub(pair.support_b(normal), facet.corners[0])) <= 0.0 {
+            return None;
+        }
     }
     if facet.bulges == [false; 3] {
         // Nothing is nearest at its outline that is not the neighbours' too.
-        over(room, out);
+        if !behind {
+            over(room, out);
+        }
         return None;
     }
     let facing = separation::nearest(pair, &prediction.into(), &mut room.polytope);
@@ -440,6 +465,9 @@ fn touch(
         return None;
     }
     let cos = dot(found.normal, normal);
+    if behind && (cos <= 0.0 || found.separation <= 0.0) {
+        return None;
+    }
     if 1.0 - cos <= PARALLEL {
         over(room, out);
         return None;
@@ -449,6 +477,8 @@ fn touch(
         room.clipper.manifold(pair, &facing, prediction, out);
         return None;
     }
-    over(room, out);
+    if !behind {
+        over(room, out);
+    }
     (out.points.is_empty() && cos > 0.0).then_some(facing)
 }

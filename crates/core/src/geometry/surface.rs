@@ -438,25 +438,27 @@ fn touch(
         room.clipper.over_facet(pair, &Facing::new(pair, flat), &facet.bulges, &facet.rises, prediction, out);
     };
     let behind = dot(normal, pair.apart) <= 0.0;
-    if behind {
-        if let Surface::Grid(grid) = surface {
-            // Inside a height field, or outside again beyond a sharp crest.
-            over(room, out);
-            if !grid.holds(add(pair.apart, pair.a.centre())) {
-                out.points.retain(|p| p.distance >= 0.0 || grid.holds(add_scaled(p.pos, p.normal, 0.5 * p.distance)));
-            }
-            return None;
+    if behind && let Surface::Grid(grid) = surface {
+        // Inside a height field, or outside again beyond a sharp crest.
+        over(room, out);
+        if !grid.holds(add(pair.apart, pair.a.centre())) {
+            out.points.retain(|p| p.distance >= 0.0 || grid.holds(add_scaled(p.pos, p.normal, 0.5 * p.distance)));
         }
-        // On the other side of a wall of a mesh, or beyond a sharp edge that it may still be in front of with its end.
-        if dot(normal, sub(pair.support_b(normal), facet.corners[0])) <= 0.0 {
-            return None;
-        }
+        return None;
     }
-    if facet.bulges == [false; 3] {
-        // Nothing is nearest at its outline that is not the neighbours' too.
+    if behind && dot(normal, sub(pair.support_b(normal), facet.corners[0])) <= 0.0 {
+        // Whole on the other side of a wall of a mesh.
+        return None;
+    }
+    // Of a mesh, a shape whose centre is behind the face, beyond a sharp edge of it, may be nearest to its outline; what is over it is behind.
+    let over = |room: &mut Room, out: &mut Manifold| {
         if !behind {
             over(room, out);
         }
+    };
+    if facet.bulges == [false; 3] {
+        // Nothing is nearest at its outline that is not the neighbours' too.
+        over(room, out);
         return None;
     }
     let facing = separation::nearest(pair, &prediction.into(), &mut room.polytope);
@@ -477,8 +479,6 @@ fn touch(
         room.clipper.manifold(pair, &facing, prediction, out);
         return None;
     }
-    if !behind {
-        over(room, out);
-    }
+    over(room, out);
     (out.points.is_empty() && cos > 0.0).then_some(facing)
 }

@@ -450,7 +450,8 @@ fn touch(
         // Whole on the other side of a wall of a mesh.
         return None;
     }
-    // Of a mesh, a shape whose centre is behind the face, beyond a sharp edge of it, may be nearest to its outline; what is over it is behind.
+    // Of a mesh, a shape whose centre is behind the face, beyond a sharp edge of it, may be nearest to its outline; what is over it is
+    // behind.
     let over = |room: &mut Room, out: &mut Manifold| {
         if !behind {
             over(room, out);

@@ -176,8 +176,8 @@ proptest! {
             return Ok(());
         }
         let nearest = points.iter().map(|p| p.distance).fold(f64::INFINITY, f64::min);
-        // Faces are preferred to edges up to a millionth of the size, and as [`by_faces`] says. The axes know all ways out of an overlap, the
-        // general way some short ones.
+        // Faces are preferred to edges up to a millionth of the size, and as [`by_faces`] says. The axes know all ways out of an overlap,
+        // the general way some short ones.
         prop_assert!(nearest > by_faces(general) - 3e-6, "{nearest} {general}");
         // Of edges at right angles to the normal and parallel, both up to a hundredth, the ends of what they share are taken: as far beside
         // the nearest points as one leans away from the other, and lower by as much of that as they slope.

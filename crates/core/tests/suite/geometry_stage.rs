@@ -145,8 +145,8 @@ proptest! {
         let here = found(&together, 0);
         prop_assert_eq!(swapped.len(), here.len());
         for (s, h) in swapped.iter().zip(&here) {
-            // Capsules that are parallel up to an angle of 1e-3 touch twice, at the ends of what they share as measured along the first: the
-            // other way round these are that angle of their distance (less than 1 m) beside, on a slope of that angle.
+            // Capsules that are parallel up to an angle of 1e-3 touch twice, at the ends of what they share as measured along the first:
+            // the other way round these are that angle of their distance (less than 1 m) beside, on a slope of that angle.
             let twice = here.iter().filter(|c| c.0 == h.0).count() == 2;
             let rounding = if twice { 1e-6 } else { 1e-12 };
             prop_assert!(s.0 == h.0 && (s.1 - h.1).abs() < rounding, "{s:?} {h:?}");

@@ -5,6 +5,9 @@ use stepper_real::{Mask, Real};
 use crate::math::lanes::MAX_LANES;
 use crate::math::spatial::*;
 
+/// Change of a tangent from which on it is a jump of its choice: far more than contacts turn within a difference.
+const TANGENT_JUMP: f64 = 1e-2;
+
 /// Identity of a contact from step to step: which pair of the compiled model (high 32 bits), which feature of the pair (low 32 bits).
 /// Ascending within an environment.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
@@ -246,14 +249,15 @@ impl<R: Real> Contacts<R> {
         )
     }
 
-    /// Turns the tangents so that they are those of the same contacts in `solved`, near which these are, as far as the normals let them:
-    /// the choice of [`Contacts::prepare`] jumps at some normals.
+    /// Turns the tangents that are far from those of the same contacts in `solved`, near which these are, so that they are as near as the
+    /// normals let them: the choice of [`Contacts::prepare`] jumps at some normals. Elsewhere it stays, since demands may depend on it.
     pub(crate) fn follow_tangents(&mut self, solved: &Self) {
         R::vectorize(
             #[inline(always)]
             || {
                 for k in 0..self.slots() {
-                    let mut tangent = self.data[k].tangent;
+                    let own = self.data[k].tangent;
+                    let mut tangent = own;
                     for l in 0..R::LANES {
                         if let Some(at) = solved.find(l, k, self.ids[k][l]).filter(|_| k < self.count[l]) {
                             for (to, from) in tangent.iter_mut().zip(&solved.data[at].tangent) {
@@ -263,7 +267,8 @@ impl<R: Real> Contacts<R> {
                     }
                     let n = self.data[k].point.normal;
                     let flat = add_scaled(tangent, n, -dot(tangent, n));
-                    self.data[k].tangent = scale(flat, R::one() / norm(flat));
+                    let jumped = norm(sub(own, tangent)).gt(R::of(TANGENT_JUMP));
+                    self.data[k].tangent = select(jumped, scale(flat, R::one() / norm(flat)), own);
                 }
             },
         )

@@ -43,13 +43,22 @@ pub(crate) fn place_bodies<R: Real>(compiled: &LaneModel<R>, scheme: &Scheme<R>,
 fn displace_evaluation<R: Real>(compiled: &LaneModel<R>, scheme: &Scheme<R>, s: &mut Workspace<R>) {
     if scheme.in_the_middle {
         displace(compiled, &s.state.q, &s.state.v, scheme.time_before, &mut s.evaluation.q);
-        advance_activation(compiled, &s.state.act, &s.state.act, &s.inputs.ctrl, scheme.time_before, &mut s.evaluation.act);
     } else {
         s.evaluation.q.copy_from_slice(&s.state.q);
-        s.evaluation.act.copy_from_slice(&s.state.act);
     }
+    advance_evaluation(compiled, scheme, s);
     if scheme.looks_ahead {
         displace(compiled, &s.evaluation.q, &s.state.v, scheme.time_ahead, &mut s.evaluation.q_ahead);
+    }
+}
+
+/// The activations at which forces are taken.
+#[inline(always)]
+fn advance_evaluation<R: Real>(compiled: &LaneModel<R>, scheme: &Scheme<R>, s: &mut Workspace<R>) {
+    if scheme.in_the_middle {
+        advance_activation(compiled, &s.state.act, &s.state.act, &s.inputs.ctrl, scheme.time_before, &mut s.evaluation.act);
+    } else {
+        s.evaluation.act.copy_from_slice(&s.state.act);
     }
 }
 
@@ -82,7 +91,7 @@ pub(crate) fn free_motion<R: Real>(compiled: &LaneModel<R>, scheme: &Scheme<R>, 
 
 /// Stages 1 and 2 again where velocities, activations or controls alone are others, and the mass matrix depends on none of them.
 pub(crate) fn renew_forces<R: Real>(compiled: &LaneModel<R>, scheme: &Scheme<R>, s: &mut Workspace<R>) {
-    s.evaluation.act.copy_from_slice(&s.state.act);
+    advance_evaluation(compiled, scheme, s);
     s.free_motion.actuator_forces.transmit(compiled, &s.evaluation.kinematics, &s.state.v, scheme.time_ahead);
     actuate_freely(compiled, scheme, s);
     s.free_motion.accelerate(compiled, &s.evaluation.kinematics, &s.state.v, &s.state.v);

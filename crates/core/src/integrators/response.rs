@@ -95,6 +95,8 @@ impl<R: Real> HardResponse<R> {
         if !self.scheme.corrects {
             return lanes;
         }
+        // The time of an impact is found by iteration, to a part of the step.
+        let lanes = lanes & !s.impacts.lanes.bits();
         let follows = is_estimated(&s.state.v, self.scheme.h).bits() | if depends_on_estimate(compiled) { 0 } else { lanes };
         lanes & follows & self.has_expected(options, s).bits()
     }

@@ -45,13 +45,15 @@ impl Simulation {
         let StepSettings { contact, integrator, stabilization, .. } = *self.engine.settings();
         let wrong = |name, found: &str, must| Err(Error::Option { name, found: found.to_owned(), must });
         match (contact, integrator) {
-            (ContactLaw::Hard, Integrator::Euler | Integrator::Implicit) if stabilization == Stabilization::Split => {
+            (ContactLaw::Hard, Integrator::Euler | Integrator::Implicit | Integrator::Midpoint)
+                if stabilization == Stabilization::Split =>
+            {
                 return wrong("stabilization", "split", "baumgarte or none for method='implicit'; method='fd' takes all");
             }
-            (ContactLaw::Hard, Integrator::Euler | Integrator::Implicit)
+            (ContactLaw::Hard, Integrator::Euler | Integrator::Implicit | Integrator::Midpoint)
             | (ContactLaw::Mujoco, Integrator::Euler | Integrator::ImplicitFast | Integrator::Implicit) => {}
             (ContactLaw::Hard, other) => {
-                return wrong("integrator", other.name(), "euler or implicit for method='implicit'; method='fd' takes all");
+                return wrong("integrator", other.name(), "midpoint, euler or implicit for method='implicit'; method='fd' takes all");
             }
             (ContactLaw::Mujoco, other) => {
                 return wrong("integrator", other.name(), "euler, implicitfast or implicit for method='implicit'; method='fd' takes all");

@@ -33,6 +33,11 @@ def flat(observation):
     return np.concatenate([np.ravel(value) for value in observation.values()])
 
 
+def bounds(spec):
+    """Least and largest actions; dm_control has MuJoCo's largest number where there are none."""
+    return tuple(np.where(np.abs(bound) < mujoco.mjMAXVAL, bound, np.sign(bound) * np.inf) for bound in (spec.minimum, spec.maximum))
+
+
 def pair(name):
     """dm_control's environment and ours, both with solvers that converge."""
     with warnings.catch_warnings():
@@ -92,8 +97,16 @@ def near_goal(physics, domain):
         physics.forward()
         physics.named.model.body_pos[f"target_{thing}"] = physics.named.data.xpos[thing] + 0.002
         physics.named.model.body_quat[f"target_{thing}"] = physics.named.data.xquat[thing]
-    if domain == "point_mass":
+    if domain in {"point_mass", "lqr"}:
         data.qpos[:] = 0.0
+    if domain == "stacker":
+        data.qpos[:], data.qvel[:] = physics.model.qpos0, 0.0
+        qpos = physics.named.data.qpos
+        boxes = [name[:-2] for name in qpos.axes.row.names if name.endswith("_z")]
+        for k, box in enumerate(boxes):
+            qpos[[f"{box}_x", f"{box}_z"]] = 0.2 + 0.01 * (-1.0) ** k, 0.0222 + 0.0442 * k
+        physics.forward()
+        physics.named.model.body_pos["target"] = physics.named.data.xpos["box1"] + 0.002
     if domain == "reacher":
         physics.forward()
         physics.named.model.geom_pos["target", :2] = physics.named.data.geom_xpos["finger", :2] + 0.003
@@ -111,7 +124,7 @@ def test_every_step_is_dm_controls(name):
     theirs, ours = pair(name)
     ours.reset(seed=0)
     rng = np.random.default_rng(0)
-    spec = theirs.action_spec()
+    low, high = (np.where(np.isfinite(bound), bound, np.sign(bound)) for bound in bounds(theirs.action_spec()))
     rewards = []
     for k in range(120):
         if k % 20 == 0:
@@ -121,7 +134,7 @@ def test_every_step_is_dm_controls(name):
         if k % 20 == 15 and "cartpole" in name:
             theirs.physics.data.qpos[1] = 0.3
         follow(theirs, ours)
-        action = rng.uniform(spec.minimum, spec.maximum)
+        action = rng.uniform(low, high)
         step = theirs.step(action)
         found, reward, terminated, truncated, _ = ours.step(action)
         # Both solve the same convex problem to round-off, some 1e-14 of velocities of up to 1e2, and an action is up to ten steps.
@@ -144,10 +157,10 @@ def test_spaces_and_times_are_dm_controls(name):
     ours = gymnasium.make(named(name))
     spec = theirs.action_spec()
     assert ours.action_space.shape == spec.shape
-    np.testing.assert_array_equal([ours.action_space.low, ours.action_space.high], np.float32([spec.minimum, spec.maximum]))
+    np.testing.assert_array_equal([ours.action_space.low, ours.action_space.high], np.float32(bounds(spec)))
     assert ours.observation_space.shape == flat(theirs.reset().observation).shape
     assert ours.unwrapped.dt == pytest.approx(theirs.control_timestep(), rel=1e-12)
-    assert ours.spec.max_episode_steps == round(theirs._step_limit)
+    assert (ours.spec.max_episode_steps or np.inf) == pytest.approx(theirs._step_limit, rel=1e-12)
 
 
 @pytest.mark.parametrize("name", sorted(SUITE))
@@ -178,6 +191,8 @@ def test_an_environment_is_the_same_alone_and_among_others():
         "quadruped-fetch",
         "manipulator-insert_peg",
         "point_mass-hard",
+        "stacker-stack_4",
+        "lqr-lqr_6_2",
     ):
         kind, arguments = SUITE[name]
         batch = StepperVectorEnv(kind, 9, **arguments)
@@ -191,6 +206,31 @@ def test_an_environment_is_the_same_alone_and_among_others():
         assert (again[mask] != observations[mask]).any(axis=1).all()
 
 
-def test_wrong_arguments_are_named():
-    with pytest.raises(ValueError, match="poles is 0, must be at least 1"):
-        gymnasium.make(named("cartpole-balance"), poles=0)
+@pytest.mark.parametrize("seed", [0, 7])
+def test_springs_of_the_regulator_are_dm_controls(seed):
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        theirs = suite.load("lqr", "lqr_6_2", task_kwargs={"random": seed})
+    ours = StepperEnv(SUITE["lqr-lqr_6_2"][0], bodies=6, driven=2, model_seed=seed)
+    np.testing.assert_array_equal(ours.sim.model.jnt_stiffness, np.ravel(theirs.physics.model.jnt_stiffness))
+
+
+def test_the_regulator_ends_at_rest():
+    envs = StepperVectorEnv(SUITE["lqr-lqr_2_1"][0], 2)
+    envs.reset(seed=0)
+    envs.sim.set_state(qpos=[[1e-8, 0.0], [1e-5, 0.0]], qvel=np.zeros((2, 2)))
+    assert envs.step(np.zeros((2, 1)))[2].tolist() == [True, False]
+
+
+@pytest.mark.parametrize(
+    ("name", "arguments", "message"),
+    [
+        ("cartpole-balance", {"poles": 0}, "poles is 0, must be at least 1"),
+        ("lqr-lqr_2_1", {"driven": 3}, "driven is 3 and bodies is 2: at least one mass must be driven"),
+        ("lqr-lqr_2_1", {"model_seed": -1}, "model_seed is -1, must be from 0"),
+        ("stacker-stack_2", {"boxes": 5}, "boxes is 5, must be from 1 to 4"),
+    ],
+)
+def test_wrong_arguments_are_named(name, arguments, message):
+    with pytest.raises(ValueError, match=message):
+        gymnasium.make(named(name), **arguments)

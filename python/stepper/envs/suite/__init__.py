@@ -6,6 +6,7 @@ from stepper.envs.suite.acrobot import Acrobot
 from stepper.envs.suite.base import SuiteTask
 from stepper.envs.suite.cartpole import Cartpole
 from stepper.envs.suite.cheetah import Cheetah
+from stepper.envs.suite.dog import Dog
 from stepper.envs.suite.finger import Finger, FingerTurn
 from stepper.envs.suite.fish import Fish
 from stepper.envs.suite.hopper import Hopper
@@ -30,6 +31,11 @@ SUITE: dict[str, tuple[type[SuiteTask], dict[str, Any]]] = {
     "cartpole-three_poles": (Cartpole, {"swing_up": True, "poles": 3}),
     "cartpole-two_poles": (Cartpole, {"swing_up": True, "poles": 2}),
     "cheetah-run": (Cheetah, {}),
+    "dog-fetch": (Dog, {"fetch": True}),
+    "dog-run": (Dog, {"move_speed": 9.0}),
+    "dog-stand": (Dog, {}),
+    "dog-trot": (Dog, {"move_speed": 3.0}),
+    "dog-walk": (Dog, {"move_speed": 1.0}),
     "finger-spin": (Finger, {}),
     "finger-turn_easy": (FingerTurn, {"target_size": 0.07}),
     "finger-turn_hard": (FingerTurn, {"target_size": 0.03}),

@@ -99,6 +99,7 @@ _FALLS: dict[str, Callable[[Array, float], Array]] = {
     "gaussian": lambda x, value: np.exp(np.log(value) * x * x),
     "linear": lambda x, value: np.maximum(1.0 - (1.0 - value) * x, 0.0),
     "quadratic": lambda x, value: np.maximum(1.0 - (1.0 - value) * x * x, 0.0),
+    "reciprocal": lambda x, value: 1.0 / ((1.0 / value - 1.0) * x + 1.0),
     "long_tail": lambda x, value: 1.0 / ((1.0 / value - 1.0) * x * x + 1.0),
 }
 """Functions that are 1 at 0 and `value` at 1."""
@@ -120,7 +121,7 @@ def tolerance(
         low: Lower bound.
         high: Upper bound.
         margin: Distance from the bounds at which it is `value`; with 0 it is 0 everywhere beside the bounds.
-        fall: How it falls: "gaussian", "linear", "quadratic" or "long_tail".
+        fall: How it falls: "gaussian", "linear", "quadratic", "reciprocal" or "long_tail".
         value: At the margin.
     """
     inside = (low <= x) & (x <= high)

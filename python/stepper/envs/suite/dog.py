@@ -58,6 +58,7 @@ class Dog(SuiteTask):
         """Hinges, heights and verticals, velocity, what it feels, activations: (223,); with a ball (232,)."""
         rows = (
             Quantity("joint_angles", of=lambda now: now.qpos[:, [joint.qposadr for joint in _hinges(now.sim.model)]]),
+            # dm_control spells it so.
             Quantity("joint_velocites", of=lambda now: now.qvel[:, [joint.dofadr for joint in _hinges(now.sim.model)]]),
             Quantity("torso_pelvis_height", of=_heights),
             Quantity("z_projection", of=_verticals),

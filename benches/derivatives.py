@@ -112,6 +112,7 @@ def implicit(num_envs: int = 24) -> None:
     laws = {
         "hard, smooth at rest": SETTINGS["hard, smooth at rest"],
         "hard, no correction": Options(stabilization="none", integrator="euler"),
+        "hard, implicit rule": Options(stabilization="baumgarte", baumgarte=1.0, slop=0.0, integrator="implicit"),
         "mujoco, Euler": Options(contact="mujoco", integrator="euler"),
         "mujoco, implicitfast": Options(contact="mujoco", integrator="implicitfast"),
     }

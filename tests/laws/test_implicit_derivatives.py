@@ -17,6 +17,7 @@ NOISE = 1e-8
 SETTINGS = {
     "hard": {"integrator": "euler", "stabilization": "baumgarte", "baumgarte": 1.0, "slop": 0.0},
     "hard, no correction": {"integrator": "euler", "stabilization": "none"},
+    "hard, implicit rule": {"integrator": "implicit", "stabilization": "baumgarte", "baumgarte": 1.0, "slop": 0.0},
     "mujoco, Euler": {"contact": "mujoco", "integrator": "euler"},
     "mujoco, implicitfast": {"contact": "mujoco", "integrator": "implicitfast"},
 }
@@ -187,7 +188,7 @@ def test_a_batch_in_f32_is_differentiated_in_f64():
 def test_what_there_are_no_implicit_derivatives_of_is_refused_by_name():
     model = scene(BALL.format(joints=SLIDES), more=PUSHED)
     default = stepper.Stepper(model, 2)
-    with pytest.raises(ValueError, match=r"integrator is midpoint, must be euler .*method='fd'"):
+    with pytest.raises(ValueError, match=r"integrator is midpoint, must be euler or implicit .*method='fd'"):
         default.linearize(method="implicit")
     with pytest.raises(ValueError, match=r"stabilization is split, must be baumgarte or none"):
         simulation(model, 2, stabilization="split").linearize(method="implicit")

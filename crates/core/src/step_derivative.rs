@@ -8,14 +8,14 @@
 pub(crate) mod kink;
 
 use stepper_real::{Mask, Real, Scalar};
-use stepper_solve::newton::Switch;
+use stepper_solve::newton::{Followed, Switch};
 
 use crate::compile::LaneModel;
 use crate::dynamics::kinematics::{displace, quat_at};
 use crate::integrators::devices::Devices;
 use crate::integrators::mujoco;
 use crate::integrators::renewed::Renewed;
-use crate::integrators::response::HardResponse;
+use crate::integrators::response::{HardResponse, is_solved};
 use crate::integrators::workspace::{State, Workspace};
 use crate::math::lanes::{MAX_LANES, each_of};
 use crate::math::spatial::*;
@@ -28,9 +28,6 @@ use crate::step_derivative::kink::*;
 /// Change of a slope per unit of a coordinate, relative to the slope, that smooth motion may have, and the largest for any width.
 const CURVATURE: f64 = 1e4;
 const LARGEST_BEND: f64 = 0.1;
-
-/// Residual with which a step counts as solved, m/s: modes are certain, and what the response is wrong by is of this order.
-const SOLVED: f64 = 1e-9;
 
 /// Difference of the response at the solution from the solution, relative to its velocities, that is rounding and residual: elsewhere
 /// something has a part in the step that the response does not know.
@@ -112,6 +109,19 @@ impl<'a> DerivativeRows<'a> {
         })
         .take(num_envs.div_ceil(size))
     }
+
+    /// Notes what has come nearer to another mode by the displacement of column `c` of so many.
+    fn note(&mut self, near: Followed, (c, columns): (usize, usize)) {
+        self.distance[near.lane] = self.distance[near.lane].min(near.distance);
+        if near.distance <= 1.0 {
+            self.causes[near.lane * columns + c] |= match near.switch {
+                Switch::Contact => CONTACT,
+                Switch::Slip => SLIP,
+                Switch::Limit => LIMIT,
+                Switch::DryFriction => DRY_FRICTION,
+            };
+        }
+    }
 }
 
 /// Rows of `num_envs` environments in parts of so many environments; as many empty parts as are asked for where rows have no numbers.
@@ -147,7 +157,7 @@ impl<R: Real> StepDerivative<R> {
         let [nq, nv, na] = [compiled.nq, compiled.nv, compiled.na];
         Self {
             law: match options.contact {
-                ContactLaw::Hard => LawResponse::Hard(Box::new(HardResponse::new(compiled, max_contacts))),
+                ContactLaw::Hard => LawResponse::Hard(Box::new(HardResponse::new(compiled, options, max_contacts))),
                 ContactLaw::Mujoco => LawResponse::Mujoco(zeros(nv)),
             },
             before: [nq, nv, na, compiled.actuators.len()].map(zeros),
@@ -176,10 +186,8 @@ impl<R: Real> StepDerivative<R> {
             for (c, &(part, i)) in columns.iter().enumerate().filter(|(_, (part, _))| part.renews() == renewed) {
                 let offsets = self.offsets(query, alive, c, columns.len());
                 for (point, &offset) in offsets[..query.points].iter().enumerate() {
-                    let lost = self.evaluate(compiled, options, s, (part, i, offset), sound);
-                    sound &= !lost;
+                    sound = self.evaluate(compiled, options, s, (part, i, offset), sound, &mut |near| rows.note(near, (c, columns.len())));
                     self.find_changes(compiled, s, point);
-                    self.find_switches(s, sound, rows, (c, columns.len()));
                 }
                 self.write_slopes(&offsets[..query.points], options.tolerance, alive, rows, (c, columns.len()));
             }
@@ -226,7 +234,7 @@ impl<R: Real> StepDerivative<R> {
                 }
             }
         }
-        let solved = record.residual.le(R::of(SOLVED.max(10.0 * options.tolerance)));
+        let solved = is_solved(options, record.residual);
         let broken = record.non_finite.or(record.infeasible).or(record.unresolved).bits() | record.contacts_full;
         s.alive.and(solved).bits() & !broken
     }
@@ -234,18 +242,21 @@ impl<R: Real> StepDerivative<R> {
     /// Takes up how the solution follows the state in the lanes `solved`. Returns those of them in which the response at the solution is
     /// the solution.
     fn settle(&mut self, compiled: &LaneModel<R>, options: &StepSettings, s: &mut Workspace<R>, solved: u32) -> u32 {
-        let mut sound = match &mut self.law {
-            LawResponse::Hard(response) => response.settle(s, solved),
+        let mut sound = solved;
+        match &mut self.law {
+            LawResponse::Hard(response) => response.keep(s),
             LawResponse::Mujoco(solution) => {
                 if let Some(system) = &mut s.constraints.soft {
                     solution.copy_from_slice(&system.acceleration);
                     system.settle(compiled, &s.free_motion.smooth.mass, &s.free_motion.smooth.acc);
                 }
-                solved
             }
-        };
+        }
         self.return_to_beginning(s);
-        sound &= !self.respond(compiled, options, s, Renewed::Configuration, sound);
+        if let LawResponse::Hard(response) = &mut self.law {
+            sound = response.settle(compiled, options, s, sound);
+        }
+        sound = self.respond(compiled, options, s, Renewed::Configuration, sound, &mut |_| {});
         self.find_changes(compiled, s, 0);
         R::vectorize(
             #[inline(always)]
@@ -282,7 +293,8 @@ impl<R: Real> StepDerivative<R> {
         offsets
     }
 
-    /// Takes the step with one coordinate displaced. Returns the lanes that have lost a constraint.
+    /// Takes the step with one coordinate displaced. Returns those of `lanes` that have all constraints still, and calls `near` with the
+    /// constraints that have come nearer to another mode in these.
     fn evaluate(
         &mut self,
         compiled: &LaneModel<R>,
@@ -290,6 +302,7 @@ impl<R: Real> StepDerivative<R> {
         s: &mut Workspace<R>,
         (part, i, offset): (StatePart, usize, R),
         lanes: u32,
+        near: &mut dyn FnMut(Followed),
     ) -> u32 {
         match part {
             StatePart::Qpos => {
@@ -301,20 +314,28 @@ impl<R: Real> StepDerivative<R> {
             StatePart::Act => s.state.act[i] = self.before[2][i] + offset,
             StatePart::Ctrl => s.inputs.ctrl[i] = self.before[3][i] + offset,
         }
-        let lost = self.respond(compiled, options, s, part.renews(), lanes);
+        let lanes = self.respond(compiled, options, s, part.renews(), lanes, near);
         self.return_to_beginning(s);
-        lost
+        lanes
     }
 
-    fn respond(&mut self, compiled: &LaneModel<R>, options: &StepSettings, s: &mut Workspace<R>, renewed: Renewed, lanes: u32) -> u32 {
+    fn respond(
+        &mut self,
+        compiled: &LaneModel<R>,
+        options: &StepSettings,
+        s: &mut Workspace<R>,
+        renewed: Renewed,
+        lanes: u32,
+        near: &mut dyn FnMut(Followed),
+    ) -> u32 {
         match &mut self.law {
-            LawResponse::Hard(response) => response.step(compiled, options, s, renewed, lanes),
+            LawResponse::Hard(response) => response.follow(compiled, options, s, renewed, lanes, near),
             LawResponse::Mujoco(solution) => {
                 if renewed == Renewed::Configuration {
                     s.poses.begin();
                 }
                 mujoco::respond_step(compiled, options, s, solution, renewed);
-                0
+                lanes
             }
         }
     }
@@ -347,22 +368,6 @@ impl<R: Real> StepDerivative<R> {
                 }
             },
         )
-    }
-
-    /// Notes what comes nearer to another mode by a displacement.
-    fn find_switches(&mut self, s: &Workspace<R>, lanes: u32, rows: &mut DerivativeRows<'_>, (c, columns): (usize, usize)) {
-        let LawResponse::Hard(response) = &mut self.law else { return };
-        response.compare(s, lanes, |near| {
-            rows.distance[near.lane] = rows.distance[near.lane].min(near.distance);
-            if near.distance <= 1.0 {
-                rows.causes[near.lane * columns + c] |= match near.switch {
-                    Switch::Contact => CONTACT,
-                    Switch::Slip => SLIP,
-                    Switch::Limit => LIMIT,
-                    Switch::DryFriction => DRY_FRICTION,
-                };
-            }
-        });
     }
 
     /// Writes the derivatives by a column, from the changes at its points, and notes where slopes on both sides differ.

@@ -71,6 +71,14 @@ pub(crate) fn correct_forces<R: Real>(
     if constrained.any() {
         probe.span(Span::EstimateImpulses, || estimate(options, &s.state.v, scheme.h, constrained, &mut s.constraints));
     }
+    take_forces_again(compiled, scheme, s, probe);
+    if constrained.any() {
+        probe.span(Span::EstimateImpulses, || restore_hyperstatic_impulses(constrained, &mut s.constraints));
+    }
+}
+
+/// The pass of [`correct_forces`], at the velocity that the present impulses lead to.
+pub(crate) fn take_forces_again<R: Real>(compiled: &LaneModel<R>, scheme: &Scheme<R>, s: &mut Workspace<R>, probe: impl Probe) {
     s.constraints.impulse_change(compiled, &s.free_motion.smooth.mass, &mut s.work.impulse_change);
     leave_out_blows(scheme, &s.free_motion.v, &mut s.work.impulse_change);
     advance(&s.free_motion.v, &s.work.impulse_change, R::one(), &mut s.free_motion.v_expected);
@@ -100,9 +108,6 @@ pub(crate) fn correct_forces<R: Real>(
     std::mem::swap(&mut s.free_motion.v, &mut s.work.v_free_again);
     let everywhere = R::Mask::splat(true);
     assemble_demands(compiled, &s.free_motion.smooth.mass, &mut s.constraints, &mut s.work.free_change, None, everywhere);
-    if constrained.any() {
-        probe.span(Span::EstimateImpulses, || restore_hyperstatic_impulses(constrained, &mut s.constraints));
-    }
 }
 
 /// Turn by a blow within the step beyond which the velocity after it says nothing of the forces in it, rad.

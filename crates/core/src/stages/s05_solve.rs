@@ -117,7 +117,7 @@ pub fn estimate<R: Real>(options: &StepSettings, v: &[R], h: R, lanes: R::Mask, 
             let turn = h * fastest(v);
             let slow = (turn * R::of(ROUGHEST_ESTIMATE)).le(R::of(error));
             let tolerance = R::select(slow, R::of(ROUGHEST_ESTIMATE), R::of(error) / R::select(slow, R::one(), turn));
-            (lanes.and(turn.gt(R::of(REST_MOTION))), tolerance)
+            (lanes.and(is_moving(turn)), tolerance)
         },
     );
     let settings = stepper_solve::gauss_seidel::SweepSettings { sweeps, tolerance };
@@ -125,6 +125,20 @@ pub fn estimate<R: Real>(options: &StepSettings, v: &[R], h: R, lanes: R::Mask, 
     // Impulses that share a load evenly are not for sweeps to change: they come back after the estimate.
     shared.save(iterate, lanes.and(patches.lanes()));
     stepper_solve::gauss_seidel::estimate(problem, iterate, settings, lanes, moving);
+}
+
+/// Lanes that an estimate is made of at the velocity `v`: the others keep the impulses of the step before.
+pub(crate) fn is_estimated<R: Real>(v: &[R], h: R) -> R::Mask {
+    R::vectorize(
+        #[inline(always)]
+        || is_moving(h * fastest(v)),
+    )
+}
+
+/// Lanes that are not at rest, by their fastest motion within a step.
+#[inline(always)]
+fn is_moving<R: Real>(turn: R) -> R::Mask {
+    turn.gt(R::of(REST_MOTION))
 }
 
 /// Gives the lanes whose loads are shared evenly their impulses back after an estimate.

@@ -45,12 +45,14 @@ impl Simulation {
         let StepSettings { contact, integrator, stabilization, .. } = *self.engine.settings();
         let wrong = |name, found: &str, must| Err(Error::Option { name, found: found.to_owned(), must });
         match (contact, integrator) {
-            (ContactLaw::Hard, Integrator::Euler) if stabilization == Stabilization::Split => {
+            (ContactLaw::Hard, Integrator::Euler | Integrator::Implicit) if stabilization == Stabilization::Split => {
                 return wrong("stabilization", "split", "baumgarte or none for method='implicit'; method='fd' takes all");
             }
-            (ContactLaw::Hard, Integrator::Euler)
+            (ContactLaw::Hard, Integrator::Euler | Integrator::Implicit)
             | (ContactLaw::Mujoco, Integrator::Euler | Integrator::ImplicitFast | Integrator::Implicit) => {}
-            (ContactLaw::Hard, other) => return wrong("integrator", other.name(), "euler for method='implicit'; method='fd' takes all"),
+            (ContactLaw::Hard, other) => {
+                return wrong("integrator", other.name(), "euler or implicit for method='implicit'; method='fd' takes all");
+            }
             (ContactLaw::Mujoco, other) => {
                 return wrong("integrator", other.name(), "euler, implicitfast or implicit for method='implicit'; method='fd' takes all");
             }

@@ -47,6 +47,24 @@ impl Level {
         .clone()
     }
 
+    /// Whether instructions on a whole register of this level occupy the CPU's units for two cycles: those of AVX-512 on AMD's cores before
+    /// Zen 5, whose units have half the width. A second register beside the first then hides no latency.
+    #[cfg(target_arch = "x86_64")]
+    pub fn takes_two_cycles(self) -> bool {
+        use core::arch::x86_64::__cpuid;
+        /// "AuthenticAMD", as leaf 0 has it in EBX, EDX and ECX.
+        const AMD: [u32; 3] = [0x6874_7541, 0x6974_6e65, 0x444d_4163];
+        const ZEN_5: u32 = 0x1a;
+        let [maker, signature] = [__cpuid(0), __cpuid(1)];
+        // Families from 15 on are the sum of two fields.
+        let family = (signature.eax >> 8 & 0xf) + (signature.eax >> 20 & 0xff);
+        self == Level::Avx512 && [maker.ebx, maker.edx, maker.ecx] == AMD && family < ZEN_5
+    }
+    #[cfg(not(target_arch = "x86_64"))]
+    pub fn takes_two_cycles(self) -> bool {
+        false
+    }
+
     fn asked_for(word: &str) -> Result<Level, LevelError> {
         let level: Level = word.parse()?;
         if level.is_available() { Ok(level) } else { Err(LevelError::Unavailable(level)) }

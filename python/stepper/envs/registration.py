@@ -25,9 +25,6 @@ _EPISODES: dict[str, tuple[int, float | None]] = {
 }
 """Actions of an episode, and the return from which on a task counts as solved, by task: those of Gymnasium's registry."""
 
-_SUITE_STEPS = 1000
-"""Actions of every episode of dm_control's suite: its time limits over its time steps of control."""
-
 
 def register_tasks() -> None:
     """Registers "stepper/NAME-v5" for Gymnasium's tasks, "stepper/dm_control.NAME-v0" for dm_control's, and stepper's own, once.
@@ -42,10 +39,10 @@ def register_tasks() -> None:
         _register(f"stepper/{name}-v0", robot.episode_steps, {"task": robot})
         _register(f"stepper/{name}Real-v0", robot.episode_steps, {"task": robot, "noise": 1.0, "motors": True})
     for name, (kind, arguments) in SUITE.items():
-        _register(f"stepper/dm_control.{name}-v0", _SUITE_STEPS, {"task": kind, **arguments})
+        _register(f"stepper/dm_control.{name}-v0", kind.episode_steps, {"task": kind, **arguments})
 
 
-def _register(name: str, steps: int, arguments: dict[str, Any], threshold: float | None = None) -> None:
+def _register(name: str, steps: int | None, arguments: dict[str, Any], threshold: float | None = None) -> None:
     if name not in registry:
         register(
             name,

@@ -104,11 +104,12 @@ pub struct GroupPosition<'a, 'b, S> {
 /// registers make dm_control's humanoid (243) 4 to 6 % faster, humanoid_CMU (952) up to 4 % slower.
 const MAX_CACHED_ENTRIES: usize = 512;
 
-/// The level's lanes, `n`, or twice as many where that takes less time: with AVX-512 it takes as much as 1.8 times one register
-/// (docs/performance.md). With the sixteen registers of AVX2 it would take 2.2 to 2.5 times.
+/// The level's lanes, `n`, or twice as many where that takes less time: with AVX-512 it takes as much as 1.8 times one register, but
+/// twice as much and more where the CPU has units of half the width (docs/performance.md). With the sixteen registers of AVX2 it would
+/// take 2.2 to 2.5 times.
 fn lanes<S: Scalar>(n: usize, compiled: &CompiledModel<S>, num_envs: usize, threads: usize, level: Level) -> usize {
     let groups = |lanes: usize| num_envs.div_ceil(lanes).div_ceil(threads);
-    let pays = compiled.chain.len() <= MAX_CACHED_ENTRIES && 9 * groups(2 * n) <= 5 * groups(n);
+    let pays = !level.takes_two_cycles() && compiled.chain.len() <= MAX_CACHED_ENTRIES && 9 * groups(2 * n) <= 5 * groups(n);
     if level == Level::Avx512 && pays { 2 * n } else { n }
 }
 

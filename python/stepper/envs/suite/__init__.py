@@ -6,15 +6,18 @@ from stepper.envs.suite.acrobot import Acrobot
 from stepper.envs.suite.base import SuiteTask
 from stepper.envs.suite.cartpole import Cartpole
 from stepper.envs.suite.cheetah import Cheetah
+from stepper.envs.suite.dog import Dog
 from stepper.envs.suite.finger import Finger, FingerTurn
 from stepper.envs.suite.fish import Fish
 from stepper.envs.suite.hopper import Hopper
 from stepper.envs.suite.humanoid import Humanoid, HumanoidCMU
+from stepper.envs.suite.lqr import LQR
 from stepper.envs.suite.manipulator import Manipulator
 from stepper.envs.suite.pendulum import Pendulum
 from stepper.envs.suite.point_mass import PointMass
 from stepper.envs.suite.quadruped import Quadruped
 from stepper.envs.suite.reacher import Reacher
+from stepper.envs.suite.stacker import Stacker
 from stepper.envs.suite.swimmer import Swimmer
 from stepper.envs.suite.walker import Walker
 
@@ -28,6 +31,11 @@ SUITE: dict[str, tuple[type[SuiteTask], dict[str, Any]]] = {
     "cartpole-three_poles": (Cartpole, {"swing_up": True, "poles": 3}),
     "cartpole-two_poles": (Cartpole, {"swing_up": True, "poles": 2}),
     "cheetah-run": (Cheetah, {}),
+    "dog-fetch": (Dog, {"fetch": True}),
+    "dog-run": (Dog, {"move_speed": 9.0}),
+    "dog-stand": (Dog, {}),
+    "dog-trot": (Dog, {"move_speed": 3.0}),
+    "dog-walk": (Dog, {"move_speed": 1.0}),
     "finger-spin": (Finger, {}),
     "finger-turn_easy": (FingerTurn, {"target_size": 0.07}),
     "finger-turn_hard": (FingerTurn, {"target_size": 0.03}),
@@ -42,6 +50,8 @@ SUITE: dict[str, tuple[type[SuiteTask], dict[str, Any]]] = {
     "humanoid_CMU-run": (HumanoidCMU, {"move_speed": 10.0}),
     "humanoid_CMU-stand": (HumanoidCMU, {}),
     "humanoid_CMU-walk": (HumanoidCMU, {"move_speed": 1.0}),
+    "lqr-lqr_2_1": (LQR, {}),
+    "lqr-lqr_6_2": (LQR, {"bodies": 6, "driven": 2}),
     "manipulator-bring_ball": (Manipulator, {}),
     "manipulator-bring_peg": (Manipulator, {"peg": True}),
     "manipulator-insert_ball": (Manipulator, {"insert": True}),
@@ -54,6 +64,8 @@ SUITE: dict[str, tuple[type[SuiteTask], dict[str, Any]]] = {
     "quadruped-walk": (Quadruped, {}),
     "reacher-easy": (Reacher, {"target_size": 0.05}),
     "reacher-hard": (Reacher, {"target_size": 0.015}),
+    "stacker-stack_2": (Stacker, {}),
+    "stacker-stack_4": (Stacker, {"boxes": 4}),
     "swimmer-swimmer15": (Swimmer, {"links": 15}),
     "swimmer-swimmer6": (Swimmer, {}),
     "walker-run": (Walker, {"move_speed": 8.0}),

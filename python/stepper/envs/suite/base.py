@@ -24,19 +24,21 @@ class SuiteTask(Task):
     """A task of dm_control's suite (Tassa et al. 2018, https://arxiv.org/abs/1801.00690), under MuJoCo's law by default.
 
     Observations are the entries of dm_control's, one after the other. What they have of bodies is that of the present state: dm_control,
-    too, evaluates the state after a step before it observes. No episode terminates.
+    too, evaluates the state after a step before it observes. No episode terminates but those of `LQR`.
     """
 
     contact = "mujoco"
     file: ClassVar[str]
     """Its model, a file of dm_control's."""
+    episode_steps: ClassVar[int | None] = 1000
+    """Actions of an episode: dm_control's time limit over its time step of control. None is no limit."""
 
     def model(self) -> Model:
         """The scene of the file, which is read once."""
         return scene(self.file)
 
     def reward(self, now: Moment) -> tuple[Array, Terms]:
-        """From 0 to 1."""
+        """From 0 to 1, but for `LQR`."""
         return self.score(now), {}
 
     def score(self, now: Moment) -> Array:
@@ -97,6 +99,7 @@ _FALLS: dict[str, Callable[[Array, float], Array]] = {
     "gaussian": lambda x, value: np.exp(np.log(value) * x * x),
     "linear": lambda x, value: np.maximum(1.0 - (1.0 - value) * x, 0.0),
     "quadratic": lambda x, value: np.maximum(1.0 - (1.0 - value) * x * x, 0.0),
+    "reciprocal": lambda x, value: 1.0 / ((1.0 / value - 1.0) * x + 1.0),
     "long_tail": lambda x, value: 1.0 / ((1.0 / value - 1.0) * x * x + 1.0),
 }
 """Functions that are 1 at 0 and `value` at 1."""
@@ -118,7 +121,7 @@ def tolerance(
         low: Lower bound.
         high: Upper bound.
         margin: Distance from the bounds at which it is `value`; with 0 it is 0 everywhere beside the bounds.
-        fall: How it falls: "gaussian", "linear", "quadratic" or "long_tail".
+        fall: How it falls: "gaussian", "linear", "quadratic", "reciprocal" or "long_tail".
         value: At the margin.
     """
     inside = (low <= x) & (x <= high)
@@ -153,12 +156,14 @@ def randomize_joints(model: Model, qpos: Array, draws: Draws) -> None:
             raise NotImplementedError(f"joint {joint.name!r} is a ball: no task of the suite that is here has one")
 
 
-def randomize_without_overlap(model: Model, qpos: Array, draws: Draws) -> None:
-    """Draws joints as `randomize_joints`, again and again until nothing touches."""
+def randomize_without_overlap(
+    model: Model, qpos: Array, draws: Draws, randomize: Callable[[Model, Array, Draws], None] = randomize_joints
+) -> None:
+    """Draws configurations (n, nq) as `randomize` does, which changes them in place, again and again until nothing touches."""
     again = np.ones(len(qpos), dtype=bool)
     while again.any():
         some = qpos[again]
-        randomize_joints(model, some, draws.of(again))
+        randomize(model, some, draws.of(again))
         qpos[again] = some
         again[again] = overlapping(model, some)
 

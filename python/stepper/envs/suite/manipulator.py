@@ -9,12 +9,11 @@ import numpy as np
 from stepper._stepper import Model, Stepper
 from stepper.envs.assets import load_quietly, read_once
 from stepper.envs.streams import Draws
-from stepper.envs.suite.base import SuiteTask, norm, overlapping, place, reading, source_tree, tolerance
+from stepper.envs.suite.arm import arm_quantities, draw_arm, pose
+from stepper.envs.suite.base import SuiteTask, norm, overlapping, place, source_tree, tolerance
 from stepper.envs.task import Array, Moment, Quantity, Terms
 from stepper.shared.rotations import matrices
 
-_ARM = ("arm_root", "arm_shoulder", "arm_elbow", "arm_wrist", "finger", "fingertip", "thumb", "thumbtip")
-_TOUCH = ("palm_touch", "finger_touch", "thumb_touch", "fingertip_touch", "thumbtip_touch")
 _PROPS = {"ball", "target_ball", "cup", "peg", "target_peg", "slot"}
 _CLOSE = 0.01
 """Distance that is close, m."""
@@ -48,13 +47,10 @@ class Manipulator(SuiteTask):
         """Arm and hand, what touches it, the object, the target: (44,)."""
         thing = self._object
         return (
-            Quantity("arm_pos", of=_arm_angles),
-            Quantity("arm_vel", of=lambda now: now.qvel[:, [now.sim.model.joint(name).dofadr for name in _ARM]]),
-            Quantity("touch", of=lambda now: np.log1p(reading(now, *_TOUCH))),
-            Quantity("hand_pos", of=lambda now: _pose(now, "hand")),
-            Quantity("object_pos", of=lambda now: _pose(now, thing)),
+            *arm_quantities(),
+            Quantity("object_pos", of=lambda now: pose(now, thing)),
             Quantity("object_vel", of=lambda now: now.qvel[:, [now.sim.model.joint(f"{thing}_{k}").dofadr for k in "xzy"]]),
-            Quantity("target_pos", of=lambda now: _pose(now, f"target_{thing}")),
+            Quantity("target_pos", of=lambda now: pose(now, f"target_{thing}")),
         )
 
     def score(self, now: Moment) -> Array:
@@ -82,10 +78,7 @@ class Manipulator(SuiteTask):
 
     def _draw(self, model: Model, qpos: Array, qvel: Array, draws: Draws) -> Array:
         """Draws a configuration, changed in place, and the target's x, z and angle, (n, 3)."""
-        for joint in map(model.joint, _ARM):
-            low, high = joint.range if joint.limited else (-np.pi, np.pi)
-            qpos[:, joint.qposadr] = draws.uniform(low, high, 1)[:, 0]
-        qpos[:, model.joint("finger").qposadr] = qpos[:, model.joint("thumb").qposadr]
+        draw_arm(model, qpos, draws)
         widest = np.pi / 3.0 if self.insert else np.pi
         target = np.hstack([draws.uniform(-0.4, 0.4, 1), draws.uniform(0.1, 0.4, 1), draws.uniform(-widest, widest, 1)])
         kind = draws.uniform(0.0, 1.0, 1)[:, 0]
@@ -99,18 +92,6 @@ class Manipulator(SuiteTask):
         qvel[flies, model.joint(f"{self._object}_x").dofadr] = speed[flies]
         qpos[:, [model.joint(f"{self._object}_{k}").qposadr for k in "xzy"]] = thing
         return target
-
-
-def _arm_angles(now: Moment) -> Array:
-    """Sine and cosine of each joint of the arm: (num_envs, 8, 2)."""
-    angles = now.qpos[:, [now.sim.model.joint(name).qposadr for name in _ARM]]
-    return np.stack([np.sin(angles), np.cos(angles)], axis=2)
-
-
-def _pose(now: Moment, body: str) -> Array:
-    """Place of a body in its plane, m, and its orientation: (num_envs, 4)."""
-    index = now.sim.model.body(body).id
-    return np.concatenate([now.xpos[:, index, ::2], now.xquat[:, index, ::2]], axis=1)
 
 
 def _near(now: Moment, one: str, other: str) -> Array:

@@ -1,0 +1,43 @@
+"""The planar arm with a hand that dm_control's manipulator and stacker have in common."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from stepper._stepper import Model
+from stepper.envs.streams import Draws
+from stepper.envs.suite.base import reading
+from stepper.envs.task import Array, Moment, Quantity
+
+_JOINTS = ("arm_root", "arm_shoulder", "arm_elbow", "arm_wrist", "finger", "fingertip", "thumb", "thumbtip")
+_TOUCH = ("palm_touch", "finger_touch", "thumb_touch", "fingertip_touch", "thumbtip_touch")
+
+
+def arm_quantities() -> tuple[Quantity, ...]:
+    """Arm and hand, and what touches it: (33,)."""
+    return (
+        Quantity("arm_pos", of=_angles),
+        Quantity("arm_vel", of=lambda now: now.qvel[:, [now.sim.model.joint(name).dofadr for name in _JOINTS]]),
+        Quantity("touch", of=lambda now: np.log1p(reading(now, *_TOUCH))),
+        Quantity("hand_pos", of=lambda now: pose(now, "hand")),
+    )
+
+
+def draw_arm(model: Model, qpos: Array, draws: Draws) -> None:
+    """Draws angles within their limits, with finger and thumb alike; changes qpos (n, nq)."""
+    for joint in map(model.joint, _JOINTS):
+        low, high = joint.range if joint.limited else (-np.pi, np.pi)
+        qpos[:, joint.qposadr] = draws.uniform(low, high, 1)[:, 0]
+    qpos[:, model.joint("finger").qposadr] = qpos[:, model.joint("thumb").qposadr]
+
+
+def pose(now: Moment, body: str) -> Array:
+    """Place of a body in its plane, m, and its orientation: (num_envs, 4)."""
+    index = now.sim.model.body(body).id
+    return np.concatenate([now.xpos[:, index, ::2], now.xquat[:, index, ::2]], axis=1)
+
+
+def _angles(now: Moment) -> Array:
+    """Sine and cosine of each joint of the arm: (num_envs, 8, 2)."""
+    angles = now.qpos[:, [now.sim.model.joint(name).qposadr for name in _JOINTS]]
+    return np.stack([np.sin(angles), np.cos(angles)], axis=2)

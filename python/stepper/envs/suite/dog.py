@@ -1,0 +1,206 @@
+"""dm_control's dog."""
+
+from __future__ import annotations
+
+import functools
+from dataclasses import dataclass
+
+import numpy as np
+
+from stepper._stepper import Joint, Model, Stepper
+from stepper.envs.assets import load_quietly, read_once
+from stepper.envs.streams import Draws
+from stepper.envs.suite.base import SuiteTask, norm, reading, rotation, source_tree, tolerance
+from stepper.envs.task import Array, Moment, Quantity, Terms, per_moment
+from stepper.shared.machine import package_file
+from stepper.shared.rotations import matrices
+
+_EPISODE = 15.0
+"""Time of an episode, s."""
+_ARENA = 10.0
+"""Half the side of the arena in which the ball is fetched, m."""
+_UPRIGHT = np.cos(np.deg2rad(30.0))
+"""Cosine of the inclination from which on it is upright."""
+_STANDING = 0.9
+"""Part of its heights at the reference pose at which it stands."""
+_BITE = 0.005
+"""Distance of the ball from the jaws at which it is in the mouth, m."""
+_BALL = {("body", "ball"), ("geom", "target"), ("camera", "ball"), ("camera", "head")}
+"""Elements of the file that are there for the ball, beside the walls, by tag and name."""
+_FEET = ("foot_L", "foot_R", "hand_L", "hand_R")
+_SOLES = ("palm_L", "palm_R", "sole_L", "sole_R")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Dog(SuiteTask):
+    """Stand; or move forwards; or fetch a ball.
+
+    What it feels is as stepper's sensors have it. The accelerometer and the forces at the feet are of the change of velocity in the
+    last step, as those of `Quadruped` are. A sole feels the contacts of the last step that are within its volume after the step, in
+    dm_control those that were before it: they differ where a foot moves, and the reward then by up to a tenth. At the first observation
+    of an episode the activations pull already, in dm_control they do not yet.
+
+    Attributes:
+        move_speed: Speed from which on the reward is 1, m/s; 0 to stand.
+        fetch: Whether there is a ball, which has to be brought to the middle.
+    """
+
+    file = "dog.xml"
+    frame_skip: int = 3
+    move_speed: float = 0.0
+    fetch: bool = False
+
+    def model(self) -> Model:
+        """The scene; without a ball, the floor is as large as one gets in an episode."""
+        return _scene(None if self.fetch else _EPISODE * (self.move_speed or 1.0))
+
+    def quantities(self) -> tuple[Quantity, ...]:
+        """Hinges, heights and verticals, velocity, what it feels, activations: (223,); with a ball (232,)."""
+        rows = (
+            Quantity("joint_angles", of=lambda now: now.qpos[:, [joint.qposadr for joint in _hinges(now.sim.model)]]),
+            # dm_control spells it so.
+            Quantity("joint_velocites", of=lambda now: now.qvel[:, [joint.dofadr for joint in _hinges(now.sim.model)]]),
+            Quantity("torso_pelvis_height", of=_heights),
+            Quantity("z_projection", of=_verticals),
+            Quantity("torso_com_velocity", of=_velocity),
+            Quantity("inertial_sensors", of=lambda now: reading(now, "accelerometer", "velocimeter", "gyro")),
+            Quantity("foot_forces", of=lambda now: reading(now, *_FEET)),
+            Quantity("touch_sensors", of=lambda now: reading(now, *_SOLES)),
+            Quantity("actuator_state", of=lambda now: now.act),
+        )
+        return (*rows, Quantity("ball_state", of=_ball), Quantity("target_position", of=_target)) if self.fetch else rows
+
+    def score(self, now: Moment) -> Array:
+        """High, upright and on its feet; and fast, or at the ball, and with it in the middle."""
+        heights, weight = _standing(now.sim.model)
+        high = tolerance(_heights(now), heights, float("inf"), margin=heights)
+        upright = tolerance(_verticals(now)[:, :, 2], _UPRIGHT, float("inf"), margin=_UPRIGHT + 1.0, fall="linear", value=0.0)
+        felt = reading(now, *_SOLES).sum(axis=1)
+        carried = tolerance(felt, weight, float("inf"), margin=weight, fall="linear", value=0.9)
+        reward: Array = high.prod(axis=1) * upright.prod(axis=1) * carried
+        if self.fetch:
+            return reward * _fetching(now)
+        if self.move_speed:
+            wanted = self.move_speed
+            speed = tolerance(_velocity(now)[:, 0], wanted, 2.0 * wanted, margin=max(1.0, wanted), fall="linear", value=0.0)
+            return reward * (4.0 * speed + 1.0) / 5.0
+        return reward
+
+    def start(self, qpos: Array, qvel: Array, draws: Draws) -> None:
+        """On its feet, in any direction, pushed; the ball somewhere in flight towards the middle."""
+        model = self.model()
+        root = model.joint("root")
+        turn = 0.5 * draws.uniform(0.0, 2.0 * np.pi, 1)[:, 0]
+        zero = np.zeros_like(turn)
+        qpos[:, root.qposadr + 3 : root.qposadr + 7] = np.stack([np.cos(turn), zero, zero, np.sin(turn)], axis=1)
+        qvel[:, [root.dofadr, root.dofadr + 1, root.dofadr + 5]] = 2.0 * draws.normal(3)
+        if not self.fetch:
+            return
+        ball = model.joint("ball_root")
+        azimuth, height, speed = draws.uniform(0.0, 2.0 * np.pi, 1), draws.uniform(0.0, 3.0, 1), draws.uniform(0.0, 5.0, 1)
+        outwards = np.hstack([np.sin(azimuth), np.cos(azimuth)])
+        qpos[:, ball.qposadr : ball.qposadr + 3] = np.hstack([0.75 * _ARENA * outwards, np.full_like(azimuth, 0.05)])
+        rising = np.sqrt(-2.0 * model.gravity[2] * height)
+        qvel[:, ball.dofadr : ball.dofadr + 3] = np.hstack([speed * (0.05 * draws.normal(2) - outwards), rising])
+
+    def prepare(self, sim: Stepper, memory: Terms, mask: Array, draws: Draws) -> None:
+        """Activations are anywhere within the bounds of the controls."""
+        low, high = sim.model.actuator_ctrlrange.T
+        act = np.array(sim.act)
+        act[mask] = low + (high - low) * draws.uniform(0.0, 1.0, len(low))
+        sim.set_state(act=act, mask=mask)
+
+
+@functools.cache
+def _hinges(model: Model) -> tuple[Joint, ...]:
+    return tuple(joint for joint in map(model.joint, range(model.njnt)) if joint.type == "hinge")
+
+
+@functools.cache
+def _standing(model: Model) -> tuple[Array, float]:
+    """Heights of torso and pelvis from which on it stands, m, (2,); and its weight, N."""
+    rest = Stepper(model, 1)
+    heights = np.asarray(rest.xpos)[0, [model.body(name).id for name in ("torso", "pelvis")], 2]
+    mass = float(sum(body.mass for body in map(model.body, range(model.nbody)) if body.name != "ball"))
+    return _STANDING * heights, -mass * float(model.gravity[2])
+
+
+def _heights(now: Moment) -> Array:
+    """Of torso and pelvis, m: (num_envs, 2)."""
+    heights: Array = now.xpos[:, [now.sim.model.body(name).id for name in ("torso", "pelvis")], 2]
+    return heights
+
+
+@per_moment
+def _verticals(now: Moment) -> Array:
+    """The vertical in the frames of skull, torso and pelvis: (num_envs, 3, 3)."""
+    return np.stack([rotation(now, body)[:, 2] for body in ("skull", "torso", "pelvis")], axis=1)
+
+
+@per_moment
+def _velocity(now: Moment) -> Array:
+    """Of the centre of mass, in the frame of the torso, m/s: (num_envs, 3)."""
+    velocity: Array = np.einsum("nk,nkj->nj", reading(now, "torso_linvel"), rotation(now, "torso"))
+    return velocity
+
+
+def _ball(now: Moment) -> Array:
+    """Position and velocity of the ball beside the head, in the frame of the head: (num_envs, 2, 3)."""
+    model = now.sim.model
+    head, ball = model.site("head"), model.joint("ball_root").dofadr
+    arm = now.site_xpos[:, head.id] - now.xpos[:, head.bodyid]
+    velocity = now.body_linvel[:, head.bodyid] + np.cross(now.body_angvel[:, head.bodyid], arm)
+    return _to_head(now, np.stack([_from_head(now, "ball"), now.qvel[:, ball : ball + 3] - velocity], axis=1))
+
+
+def _target(now: Moment) -> Array:
+    """From the head to the target, in the frame of the head, m: (num_envs, 1, 3)."""
+    return _to_head(now, _from_head(now, "target")[:, None])
+
+
+def _from_head(now: Moment, geom: str) -> Array:
+    offset: Array = _place(now, geom) - now.site_xpos[:, now.sim.model.site("head").id]
+    return offset
+
+
+def _to_head(now: Moment, vectors: Array) -> Array:
+    """Vectors (num_envs, n, 3) in the frame of the head."""
+    local: Array = vectors @ matrices(now.site_xquat[:, now.sim.model.site("head").id])
+    return local
+
+
+def _place(now: Moment, geom: str) -> Array:
+    place: Array = now.geom_xpos[:, now.sim.model.geom(geom).id]
+    return place
+
+
+def _fetching(now: Moment) -> Array:
+    """The ball in the mouth, until it is at the target: (num_envs,)."""
+    model = now.sim.model
+    ball, radius = _place(now, "ball"), float(model.geom("target").size[0])
+    upper, lower = (norm(ball - now.site_xpos[:, model.site(site).id]) for site in ("upper_bite", "lower_bite"))
+    to_mouth = 0.5 * (upper + lower)
+    to_target = norm(ball - _place(now, "target"))
+    reached = (6.0 * tolerance(to_mouth, 0.0, _BITE, margin=2.0, fall="reciprocal") + 1.0) / 7.0
+    brought = (tolerance(to_target, 0.0, radius, margin=_ARENA, fall="reciprocal") + 1.0) / 2.0
+    fetching: Array = np.where(to_target < 2.0 * radius, 1.0, reached) * brought
+    return fetching
+
+
+@read_once
+def _scene(floor: float | None) -> Model:
+    """The file on a floor of that half side; None is the arena with its walls and the ball."""
+    tree = source_tree(Dog.file)
+    assets = package_file("dm_control", "suite/dog_assets", "for tasks of its suite, whose models it has")
+    for compiler in tree.iter("compiler"):
+        compiler.set("meshdir", assets)
+        compiler.set("texturedir", assets)
+    for parent in list(tree.iter()):
+        for child in list(parent):
+            name = child.get("name", "")
+            is_of_the_ball = name.startswith("wall_") or (child.tag, name) in _BALL
+            if floor is not None and is_of_the_ball:
+                parent.remove(child)
+            elif floor is not None and name == "floor":
+                child.set("size", f"{floor!r} {floor!r} 0.1")
+    return load_quietly(tree)

@@ -1,0 +1,93 @@
+"""dm_control's linear-quadratic regulator: masses in a row on springs, of which the first are driven."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from stepper._stepper import Model
+from stepper.envs.assets import load_quietly, read_once
+from stepper.envs.streams import Draws
+from stepper.envs.suite.base import SuiteTask, norm, source_tree
+from stepper.envs.task import Array, Moment, Quantity
+
+_STIFFNESS = (15.0, 25.0)
+"""Least and largest stiffness of a spring, N/m."""
+_CONTROL_COST = 0.1
+_AT_REST = 1e-6
+"""Length of the state below which an episode ends."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class LQR(SuiteTask):
+    """Bring masses on springs to rest, with little control: the one task of the suite whose episodes terminate, and that has no time limit.
+
+    Controls have no bounds, and rewards no lower one.
+
+    Attributes:
+        bodies: Number of masses.
+        driven: Number of masses that are driven, the first ones.
+        model_seed: What the springs follow from: those of dm_control's environment with `task_kwargs={"random": model_seed}`, bit for bit.
+    """
+
+    file = "lqr.xml"
+    episode_steps = None
+    frame_skip: int = 1
+    bodies: int = 2
+    driven: int = 1
+    model_seed: int = 0
+
+    def model(self) -> Model:
+        """The masses in their row."""
+        return _scene(self.bodies, self.driven, self.model_seed)
+
+    def quantities(self) -> tuple[Quantity, ...]:
+        """Places and velocities: (2 bodies,)."""
+        return (Quantity("position", of=lambda now: now.qpos), Quantity("velocity", of=lambda now: now.qvel))
+
+    def score(self, now: Moment) -> Array:
+        """1 less what the state and the control cost; velocities cost nothing."""
+        reward: Array = 1.0 - 0.5 * (norm(now.qpos) ** 2 + _CONTROL_COST * norm(now.action) ** 2)
+        return reward
+
+    def terminated(self, now: Moment) -> Array:
+        """Where everything is at rest."""
+        over: Array = norm(np.hstack([now.qpos, now.qvel])) < _AT_REST
+        return over
+
+    def start(self, qpos: Array, qvel: Array, draws: Draws) -> None:
+        """At rest, on a sphere of radius sqrt(2)."""
+        direction = draws.normal(self.bodies)
+        qpos[:] = np.sqrt(2.0) * direction / norm(direction)[:, None]
+
+
+@read_once
+def _scene(bodies: int, driven: int, seed: int) -> Model:
+    """dm_control's model, without the tendons that only show the springs.
+
+    Raises:
+        ValueError: Fewer than one mass or one that is driven, more that are driven than there are, or a seed out of range.
+    """
+    if not 1 <= driven <= bodies:
+        raise ValueError(f"driven is {driven} and bodies is {bodies}: at least one mass must be driven, and at most all of them")
+    if not 0 <= seed < 2**32:
+        raise ValueError(f"model_seed is {seed}, must be from 0 to 2**32 - 1")
+    tree = source_tree(LQR.file)
+    parent = tree.find("./worldbody")
+    if parent is None:
+        raise ValueError("dm_control's lqr.xml has no world: this version of dm_control is not known")
+    # dm_control draws a damping after each stiffness, which is always zero.
+    stiffness = np.random.RandomState(seed).uniform(*_STIFFNESS, 2 * bodies)[::2]
+    make = type(tree)
+    actuators = make("actuator")
+    tree.append(actuators)
+    for k in range(bodies):
+        child = make("body", name=f"body_{k}", pos=".25 0 0" if k else ".25 0 .1")
+        child.append(make("joint", name=f"joint_{k}", stiffness=repr(float(stiffness[k]))))
+        child.append(make("geom", name=f"geom_{k}"))
+        if k < driven:
+            actuators.append(make("motor", name=f"motor_{k}", joint=f"joint_{k}"))
+        parent.append(child)
+        parent = child
+    return load_quietly(tree)

@@ -1,0 +1,109 @@
+"""dm_control's planar stacker: an arm with a hand that stacks boxes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from stepper._stepper import Model, Stepper
+from stepper.envs.assets import load_quietly, read_once
+from stepper.envs.streams import Draws
+from stepper.envs.suite.arm import arm_quantities, draw_arm, pose
+from stepper.envs.suite.base import SuiteTask, norm, randomize_without_overlap, source_tree, tolerance
+from stepper.envs.task import Array, Moment, Quantity, Terms
+
+_CLOSE = 0.01
+"""Distance that is close, m."""
+_MOST_BOXES = 4
+"""Boxes that the file has."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Stacker(SuiteTask):
+    """Bring a box to a target, which may be on other boxes, and let go of it.
+
+    The target is a mocap body: each environment has it elsewhere.
+
+    Attributes:
+        boxes: Number of boxes, 1 to 4.
+    """
+
+    file = "stacker.xml"
+    frame_skip: int = 10
+    boxes: int = 2
+
+    def model(self) -> Model:
+        """The scene with as many boxes."""
+        return _scene(self.boxes)
+
+    def quantities(self) -> tuple[Quantity, ...]:
+        """Arm and hand, what touches it, the boxes, the target: (35 + 7 boxes,)."""
+        return (
+            *arm_quantities(),
+            Quantity("box_pos", of=lambda now: np.stack([pose(now, box) for box in self._names], axis=1)),
+            Quantity("box_vel", of=self._rates),
+            Quantity("target_pos", of=lambda now: pose(now, "target")[:, :2]),
+        )
+
+    def score(self, now: Moment) -> Array:
+        """A box at the target, and the hand away from it."""
+        size = float(now.sim.model.geom("target").size[0])
+        nearest = np.min([_to_target(now, box) for box in self._names], axis=0)
+        away = tolerance(_to_target(now, "grasp"), 0.1, float("inf"), margin=_CLOSE)
+        reward: Array = tolerance(nearest, margin=2.0 * size) * away
+        return reward
+
+    def start(self, qpos: Array, qvel: Array, draws: Draws) -> None:
+        """At rest, the arm and the boxes anywhere, where nothing touches."""
+        randomize_without_overlap(self.model(), qpos, draws, self._draw)
+
+    def prepare(self, sim: Stepper, memory: Terms, mask: Array, draws: Draws) -> None:
+        """The target is where a box would lie, anywhere on the floor or on up to as many boxes as are left."""
+        size, boxes_below = sim.model.geom("target").size[0], np.floor(draws.uniform(0.0, self.boxes, 1))
+        at = sim.model.body("target").mocapid
+        sim.mocap_pos[mask, at, 2:] = size * (2.0 * boxes_below + 1.0)
+        sim.mocap_pos[mask, at, :1] = draws.uniform(-0.37, 0.37, 1)
+
+    @property
+    def _names(self) -> list[str]:
+        return [f"box{k}" for k in range(self.boxes)]
+
+    def _rates(self, now: Moment) -> Array:
+        """Velocities in x, about y, and in z of each box: (num_envs, 3 boxes)."""
+        rates: Array = now.qvel[:, [now.sim.model.joint(f"{box}_{k}").dofadr for box in self._names for k in "xyz"]]
+        return rates
+
+    def _draw(self, model: Model, qpos: Array, draws: Draws) -> None:
+        """Draws a configuration, changed in place."""
+        draw_arm(model, qpos, draws)
+        for box in self._names:
+            for axis, low, high in (("x", 0.1, 0.3), ("z", 0.0, 0.7), ("y", 0.0, 2.0 * np.pi)):
+                at = model.joint(f"{box}_{axis}").qposadr
+                qpos[:, at : at + 1] = draws.uniform(low, high, 1)
+
+
+def _to_target(now: Moment, site: str) -> Array:
+    """Distance of a site from the target, m: (num_envs,)."""
+    model = now.sim.model
+    return norm(now.site_xpos[:, model.site(site).id] - now.site_xpos[:, model.site("target").id])
+
+
+@read_once
+def _scene(boxes: int) -> Model:
+    """The file without the boxes that are not used.
+
+    Raises:
+        ValueError: A number of boxes out of range.
+    """
+    if not 1 <= boxes <= _MOST_BOXES:
+        raise ValueError(f"boxes is {boxes}, must be from 1 to {_MOST_BOXES}")
+    tree = source_tree(Stacker.file)
+    for parent in list(tree.iter()):
+        for body in parent.findall("body"):
+            name = body.get("name", "")
+            if name in {f"box{k}" for k in range(boxes, _MOST_BOXES)}:
+                parent.remove(body)
+            elif name == "target":
+                body.set("mocap", "true")
+    return load_quietly(tree)

@@ -28,6 +28,15 @@ def load_quietly(source: str | ElementTree.Element, *, strict: bool = True) -> M
         return load(source if isinstance(source, str) else ElementTree.tostring(source, encoding="unicode"), strict=strict)
 
 
+def without(tree: ElementTree.Element, is_unwanted: Callable[[ElementTree.Element], bool]) -> ElementTree.Element:
+    """The tree, from which elements are taken out."""
+    for parent in list(tree.iter()):
+        for child in list(parent):
+            if is_unwanted(child):
+                parent.remove(child)
+    return tree
+
+
 def read_once(read: Callable[P, Model]) -> Callable[P, Model]:
     """A function that loads a model, with a memory: of the model by its arguments, and of what the model was loaded from.
 

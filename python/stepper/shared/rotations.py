@@ -17,3 +17,10 @@ def matrices(quat: NDArray[Any]) -> NDArray[Any]:
         *(2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)),
     ]
     return np.stack(rows, axis=-1).reshape(*quat.shape[:-1], 3, 3)
+
+
+def about_vertical(angle: NDArray[Any]) -> NDArray[Any]:
+    """Unit quaternions (w, x, y, z), (..., 4), of turns about the z axis by angles (...), rad."""
+    half = 0.5 * angle
+    zero = np.zeros_like(half)
+    return np.stack([np.cos(half), zero, zero, np.sin(half)], axis=-1)

@@ -11,7 +11,7 @@ from xml.etree.ElementTree import Element
 import numpy as np
 
 from stepper._stepper import Model
-from stepper.envs.assets import load_quietly
+from stepper.envs.assets import load_quietly, without
 from stepper.envs.locomotion import terrain
 from stepper.shared.machine import package_file
 
@@ -97,13 +97,11 @@ def _strip(tree: Element, geom: Callable[[str], Mapping[str, str]]) -> None:
     """Takes out what is drawn, and pairs that do not touch anyway; gives the other geoms their attributes."""
     for asset in tree.findall("asset"):
         tree.remove(asset)
-    for parent in list(tree.iter()):
-        for child in list(parent):
-            if child.tag in ("light", "camera", "exclude") or child.get("class") == "visual":
-                parent.remove(child)
-            elif child.tag == "geom" and (name := child.get("name", "")):
-                # In group 0 renderers draw it: what the file has for them to draw is left out.
-                child.attrib |= {"conaffinity": "0", "group": "0", **geom(name)}
+    without(tree, lambda element: element.tag in ("light", "camera", "exclude") or element.get("class") == "visual")
+    for element in tree.iter("geom"):
+        if name := element.get("name", ""):
+            # In group 0 renderers draw it: what the file has for them to draw is left out.
+            element.attrib |= {"conaffinity": "0", "group": "0", **geom(name)}
 
 
 def _add_servos(tree: Element, servo: Callable[[str], Servo], height: float) -> None:

@@ -16,7 +16,7 @@ from stepper.envs.locomotion import terrain
 from stepper.envs.streams import Draws
 from stepper.envs.task import Array, Moment, Quantity, Task, Terms, per_moment, square_sum
 from stepper.sensors import Reading, SensorModel, Transfer
-from stepper.shared.rotations import matrices
+from stepper.shared.rotations import about_vertical, matrices
 
 _COMMANDS, _PUSHES = 2, 3
 """Commands of an episode, one after the other; pushes of an episode."""
@@ -227,9 +227,9 @@ class VelocityTask(Task):
 
     def start(self, qpos: Array, qvel: Array, draws: Draws) -> None:
         """In its stance with some noise, in any direction, with some velocity; on rough ground anywhere, above what is under it."""
-        turn = draws.uniform(-np.pi, np.pi, 1)[:, 0] / 2.0
+        turn = draws.uniform(-np.pi, np.pi, 1)[:, 0]
         qpos[:] = self.model().keyframe("stance").qpos
-        qpos[:, 3:7] = np.stack([np.cos(turn), 0.0 * turn, 0.0 * turn, np.sin(turn)], axis=1)
+        qpos[:, 3:7] = about_vertical(turn)
         qpos[:, 7:] += draws.uniform(-0.1, 0.1, qpos.shape[1] - 7)
         qvel[:, :6] = draws.uniform(-0.3, 0.3, 6)
         if self.roughness:

@@ -2,15 +2,27 @@
 
 from __future__ import annotations
 
+from collections.abc import Set
+
 import numpy as np
 
 from stepper._stepper import Model
+from stepper.envs.assets import load_quietly, without
 from stepper.envs.streams import Draws
-from stepper.envs.suite.base import reading
+from stepper.envs.suite.base import reading, source_tree
 from stepper.envs.task import Array, Moment, Quantity
 
 _JOINTS = ("arm_root", "arm_shoulder", "arm_elbow", "arm_wrist", "finger", "fingertip", "thumb", "thumbtip")
 _TOUCH = ("palm_touch", "finger_touch", "thumb_touch", "fingertip_touch", "thumbtip_touch")
+
+
+def arm_scene(file: str, *, unused: Set[str], placed: Set[str]) -> Model:
+    """A file with the arm without the bodies that are not used, in which those that a task places are mocap bodies."""
+    tree = without(source_tree(file), lambda element: element.tag == "body" and element.get("name") in unused)
+    for body in tree.iter("body"):
+        if body.get("name") in placed:
+            body.set("mocap", "true")
+    return load_quietly(tree)
 
 
 def arm_quantities() -> tuple[Quantity, ...]:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import functools
+from collections.abc import Callable, Set
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar
@@ -11,8 +12,8 @@ from xml.etree import ElementTree
 import numpy as np
 
 from stepper._options import Options
-from stepper._stepper import Model, Stepper
-from stepper.envs.assets import load_quietly, read_once
+from stepper._stepper import Joint, Model, Stepper
+from stepper.envs.assets import load_quietly, read_once, without
 from stepper.envs.streams import Draws
 from stepper.envs.task import Array, Moment, Task, Terms, per_moment
 from stepper.shared.machine import package_file
@@ -69,6 +70,19 @@ def source_tree(file: str) -> ElementTree.Element:
     for element in tree.iter():
         element.attrib.pop("material", None)
     return tree
+
+
+def open_floor(tree: ElementTree.Element, half_side: float, ball: Set[tuple[str, str]]) -> ElementTree.Element:
+    """A file's arena without its walls and what is there for its ball, by tag and name, on a floor of that half side, m."""
+    for floor in tree.iterfind(".//geom[@name='floor']"):
+        floor.set("size", f"{half_side!r} {half_side!r} {floor.get('size', '').split()[2]}")
+    return without(tree, lambda element: element.get("name", "").startswith("wall_") or (element.tag, element.get("name")) in ball)
+
+
+@functools.cache
+def hinges(model: Model) -> tuple[Joint, ...]:
+    """The hinges of a model, in its order."""
+    return tuple(joint for joint in map(model.joint, range(model.njnt)) if joint.type == "hinge")
 
 
 @per_moment

@@ -7,13 +7,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stepper._stepper import Joint, Model, Stepper
+from stepper._stepper import Model, Stepper
 from stepper.envs.assets import load_quietly, read_once
 from stepper.envs.streams import Draws
-from stepper.envs.suite.base import SuiteTask, norm, reading, rotation, source_tree, tolerance
+from stepper.envs.suite.base import SuiteTask, hinges, norm, open_floor, reading, rotation, source_tree, tolerance
 from stepper.envs.task import Array, Moment, Quantity, Terms, per_moment
 from stepper.shared.machine import package_file
-from stepper.shared.rotations import matrices
+from stepper.shared.rotations import about_vertical, matrices
 
 _EPISODE = 15.0
 """Time of an episode, s."""
@@ -57,9 +57,9 @@ class Dog(SuiteTask):
     def quantities(self) -> tuple[Quantity, ...]:
         """Hinges, heights and verticals, velocity, what it feels, activations: (223,); with a ball (232,)."""
         rows = (
-            Quantity("joint_angles", of=lambda now: now.qpos[:, [joint.qposadr for joint in _hinges(now.sim.model)]]),
+            Quantity("joint_angles", of=lambda now: now.qpos[:, [joint.qposadr for joint in hinges(now.sim.model)]]),
             # dm_control spells it so.
-            Quantity("joint_velocites", of=lambda now: now.qvel[:, [joint.dofadr for joint in _hinges(now.sim.model)]]),
+            Quantity("joint_velocites", of=lambda now: now.qvel[:, [joint.dofadr for joint in hinges(now.sim.model)]]),
             Quantity("torso_pelvis_height", of=_heights),
             Quantity("z_projection", of=_verticals),
             Quantity("torso_com_velocity", of=_velocity),
@@ -90,9 +90,7 @@ class Dog(SuiteTask):
         """On its feet, in any direction, pushed; the ball somewhere in flight towards the middle."""
         model = self.model()
         root = model.joint("root")
-        turn = 0.5 * draws.uniform(0.0, 2.0 * np.pi, 1)[:, 0]
-        zero = np.zeros_like(turn)
-        qpos[:, root.qposadr + 3 : root.qposadr + 7] = np.stack([np.cos(turn), zero, zero, np.sin(turn)], axis=1)
+        qpos[:, root.qposadr + 3 : root.qposadr + 7] = about_vertical(draws.uniform(0.0, 2.0 * np.pi, 1)[:, 0])
         qvel[:, [root.dofadr, root.dofadr + 1, root.dofadr + 5]] = 2.0 * draws.normal(3)
         if not self.fetch:
             return
@@ -109,11 +107,6 @@ class Dog(SuiteTask):
         act = np.array(sim.act)
         act[mask] = low + (high - low) * draws.uniform(0.0, 1.0, len(low))
         sim.set_state(act=act, mask=mask)
-
-
-@functools.cache
-def _hinges(model: Model) -> tuple[Joint, ...]:
-    return tuple(joint for joint in map(model.joint, range(model.njnt)) if joint.type == "hinge")
 
 
 @functools.cache
@@ -195,12 +188,4 @@ def _scene(floor: float | None) -> Model:
     for compiler in tree.iter("compiler"):
         compiler.set("meshdir", assets)
         compiler.set("texturedir", assets)
-    for parent in list(tree.iter()):
-        for child in list(parent):
-            name = child.get("name", "")
-            is_of_the_ball = name.startswith("wall_") or (child.tag, name) in _BALL
-            if floor is not None and is_of_the_ball:
-                parent.remove(child)
-            elif floor is not None and name == "floor":
-                child.set("size", f"{floor!r} {floor!r} 0.1")
-    return load_quietly(tree)
+    return load_quietly(tree if floor is None else open_floor(tree, floor, _BALL))

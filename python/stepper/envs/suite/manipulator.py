@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from stepper._stepper import Model, Stepper
-from stepper.envs.assets import load_quietly, read_once
+from stepper.envs.assets import read_once
 from stepper.envs.streams import Draws
-from stepper.envs.suite.arm import arm_quantities, draw_arm, pose
-from stepper.envs.suite.base import SuiteTask, norm, overlapping, place, source_tree, tolerance
+from stepper.envs.suite.arm import arm_quantities, arm_scene, draw_arm, pose
+from stepper.envs.suite.base import SuiteTask, norm, overlapping, place, tolerance
 from stepper.envs.task import Array, Moment, Quantity, Terms
 from stepper.shared.rotations import matrices
 
@@ -122,13 +122,5 @@ def _posed(model: Model, target: Array) -> tuple[Array, Array]:
 @read_once
 def _scene(peg: bool, insert: bool) -> Model:
     """The file with the props of a task alone, of which those that it places are mocap bodies."""
-    tree = source_tree("manipulator.xml")
     placed = {"target_peg" if peg else "target_ball"} | ({"slot" if peg else "cup"} if insert else set())
-    unused = _PROPS - placed - {"peg" if peg else "ball"}
-    for parent in list(tree.iter()):
-        for body in parent.findall("body"):
-            if body.get("name") in unused:
-                parent.remove(body)
-            elif body.get("name") in placed:
-                body.set("mocap", "true")
-    return load_quietly(tree)
+    return arm_scene(Manipulator.file, unused=_PROPS - placed - {"peg" if peg else "ball"}, placed=placed)

@@ -7,16 +7,29 @@ from dataclasses import dataclass
 import numpy as np
 
 from stepper._stepper import Model
-from stepper.envs.assets import load_quietly, read_once
+from stepper.envs.assets import load_quietly, read_once, without
 from stepper.envs.streams import Draws
-from stepper.envs.suite.base import SuiteTask, lift_until_free, norm, reading, rotation, source_tree, tolerance
+from stepper.envs.suite.base import (
+    SuiteTask,
+    hinges,
+    lift_until_free,
+    norm,
+    open_floor,
+    reading,
+    rotation,
+    source_tree,
+    tolerance,
+)
 from stepper.envs.task import Array, Moment, Quantity
+from stepper.shared.rotations import about_vertical
 
 _TOES = ("front_left", "front_right", "back_right", "back_left")
 _EPISODE = 20.0
 """Time of an episode, s."""
 _ARENA = 15.0
 """Half the side of the arena in which the ball is fetched, m."""
+_BALL = {("body", "ball"), ("site", "target")}
+"""Elements of the file that are there for the ball, beside the walls, by tag and name."""
 _WORKSPACE, _TARGET = 0.3, 0.4
 """Radii of the place before the robot where the ball is near, and of that where it is brought, m."""
 
@@ -82,9 +95,7 @@ class Quadruped(SuiteTask):
             qpos[:, at + 3 : at + 7] = quat / norm(quat)[:, None]
             lift_until_free(model, qpos, at + 2)
             return
-        turn = 0.5 * draws.uniform(0.0, 2.0 * np.pi, 1)[:, 0]
-        zero = np.zeros_like(turn)
-        qpos[:, at + 3 : at + 7] = np.stack([np.cos(turn), zero, zero, np.sin(turn)], axis=1)
+        qpos[:, at + 3 : at + 7] = about_vertical(draws.uniform(0.0, 2.0 * np.pi, 1)[:, 0])
         qpos[:, at : at + 2] = draws.uniform(-0.9 * _ARENA, 0.9 * _ARENA, 2)
         lift_until_free(model, qpos, at + 2)
         ball = model.joint("ball_root")
@@ -95,8 +106,8 @@ class Quadruped(SuiteTask):
 
 def _egocentric_state(now: Moment) -> Array:
     """Angles and velocities of the hinges, activations: (num_envs, 44)."""
-    hinges = [joint for joint in map(now.sim.model.joint, range(now.sim.model.njnt)) if joint.type == "hinge"]
-    angles, rates = now.qpos[:, [joint.qposadr for joint in hinges]], now.qvel[:, [joint.dofadr for joint in hinges]]
+    joints = hinges(now.sim.model)
+    angles, rates = now.qpos[:, [joint.qposadr for joint in joints]], now.qvel[:, [joint.dofadr for joint in joints]]
     return np.concatenate([angles, rates, now.act], axis=1)
 
 
@@ -133,13 +144,5 @@ def _place(now: Moment, body: str) -> Array:
 @read_once
 def _scene(floor: float | None) -> Model:
     """The file on a floor of that half side; None is the arena with its walls and the ball."""
-    tree = source_tree("quadruped.xml")
-    for parent in list(tree.iter()):
-        for child in list(parent):
-            name = child.get("name", "")
-            is_of_the_ball = floor is not None and (name.startswith("wall_") or (child.tag, name) in {("body", "ball"), ("site", "target")})
-            if child.tag == "rangefinder" or child.get("type") == "hfield" or is_of_the_ball:
-                parent.remove(child)
-            elif name == "floor" and floor is not None:
-                child.set("size", f"{floor!r} {floor!r} 0.5")
-    return load_quietly(tree)
+    tree = without(source_tree(Quadruped.file), lambda element: element.tag == "rangefinder" or element.get("type") == "hfield")
+    return load_quietly(tree if floor is None else open_floor(tree, floor, _BALL))

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from stepper._stepper import Model, Stepper
-from stepper.envs.assets import load_quietly, read_once
+from stepper.envs.assets import read_once
 from stepper.envs.streams import Draws
-from stepper.envs.suite.arm import arm_quantities, draw_arm, pose
-from stepper.envs.suite.base import SuiteTask, norm, randomize_without_overlap, source_tree, tolerance
+from stepper.envs.suite.arm import arm_quantities, arm_scene, draw_arm, pose
+from stepper.envs.suite.base import SuiteTask, norm, randomize_without_overlap, tolerance
 from stepper.envs.task import Array, Moment, Quantity, Terms
 
 _CLOSE = 0.01
@@ -98,12 +98,4 @@ def _scene(boxes: int) -> Model:
     """
     if not 1 <= boxes <= _MOST_BOXES:
         raise ValueError(f"boxes is {boxes}, must be from 1 to {_MOST_BOXES}")
-    tree = source_tree(Stacker.file)
-    for parent in list(tree.iter()):
-        for body in parent.findall("body"):
-            name = body.get("name", "")
-            if name in {f"box{k}" for k in range(boxes, _MOST_BOXES)}:
-                parent.remove(body)
-            elif name == "target":
-                body.set("mocap", "true")
-    return load_quietly(tree)
+    return arm_scene(Stacker.file, unused={f"box{k}" for k in range(boxes, _MOST_BOXES)}, placed={"target"})

@@ -146,11 +146,12 @@ def test_loads_that_are_shared_matter_where_a_patch_turns():
 @pytest.mark.parametrize("law", ["hard, implicit rule", "hard, midpoint"])
 def test_a_ball_that_slips_on_a_body_which_turns(law):
     # How the velocity of a contact of two bodies changes as it moves on is bounded along each tangent: rows demand what depends on these.
+    # At 30 rad/s the bound holds in some contacts; with tangents that are not those of the step columns are off by 1e-2.
     table = '<body pos="0 0 1"><freejoint/><geom type="box" size=".3 .4 .1" mass="5" friction=".3 0 0"/></body>'
     ball = '<body pos="0 0 1.2"><freejoint/><geom type="sphere" size=".1" mass="1" friction=".3 0 0"/></body>'
-    model, rng = scene(table + ball), np.random.default_rng(3)
+    model, rng = scene(table + ball), np.random.default_rng(4)
     sim = simulation(model, 16, law)
-    sim.set_state(qvel=rng.normal(size=(16, 12)) * [1, 1, 0, 3, 3, 3, 1, 1, -1, 3, 3, 3] - [0, 0, 0, 0, 0, 0, 0, 0, 2, 0, 0, 0])
+    sim.set_state(qvel=rng.normal(size=(16, 12)) * [1, 1, 0, 30, 30, 30, 1, 1, -1, 30, 30, 30] - [0, 0, 0, 0, 0, 0, 0, 0, 2, 0, 0, 0])
     sim.step(nstep=3)
     own, differences = sim.linearize(method="implicit"), sim.linearize(extrapolate=True)
     smooth = (joined(differences.kinks) == 0) & own.implicit[:, None]

@@ -109,8 +109,8 @@ const MAX_CACHED_ENTRIES: usize = 512;
 /// take 2.2 to 2.5 times.
 fn lanes<S: Scalar>(n: usize, compiled: &CompiledModel<S>, num_envs: usize, threads: usize, level: Level) -> usize {
     let groups = |lanes: usize| num_envs.div_ceil(lanes).div_ceil(threads);
-    let pays = !level.takes_two_cycles() && compiled.chain.len() <= MAX_CACHED_ENTRIES && 9 * groups(2 * n) <= 5 * groups(n);
-    if level == Level::Avx512 && pays { 2 * n } else { n }
+    let pays = compiled.chain.len() <= MAX_CACHED_ENTRIES && 9 * groups(2 * n) <= 5 * groups(n);
+    if level == Level::Avx512 && pays && !level.takes_two_cycles() { 2 * n } else { n }
 }
 
 fn width<R: Real>() -> usize {

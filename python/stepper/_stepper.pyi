@@ -764,7 +764,7 @@ class Stepper:
     status: Final[Any]
     """Flags of the last call of `step`, see `stepper.Status`: (num_envs,) uint32."""
     residual: Final[Any]
-    """Natural-map residual of the last step in m/s: (num_envs,)."""
+    """Natural-map residual of the last step in m/s, 0 where it was NON_FINITE: (num_envs,)."""
     iterations: Final[Any]
     """Sweeps and Newton steps of the solver in the last step, together: (num_envs,) uint32."""
     sweeps: Final[Any]

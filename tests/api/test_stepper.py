@@ -7,6 +7,7 @@ import threading
 import numpy as np
 import pytest
 import stepper
+from golden import scenes
 from models import mujoco_model, random_state, simulate, stepper_model
 
 ROBOT = "dm_control/humanoid"
@@ -184,6 +185,22 @@ def test_a_nan_action_stays_in_its_environment():
     assert sick.status[2] == stepper.Status.NON_FINITE
     assert np.array_equal(sick.qpos[2], before)
     assert np.array_equal(np.delete(sick.qpos, 2, 0), np.delete(well.qpos, 2, 0))
+
+
+def test_a_step_that_is_not_taken_has_no_residual():
+    """What the numbers of a motion beyond all numbers say differs with the other environments of its group."""
+    model = stepper.load(scenes.WHIRL)
+    rng = np.random.default_rng(0)
+    sim = stepper.Stepper(model, 64, options=stepper.Options(integrator="euler"))
+    sim.set_state(model.qpos0 + rng.uniform(-0.05, 0.05, (64, model.nq)), rng.uniform(-1, 1, (64, model.nv)) * 2e61)
+    refused = 0
+    for _ in range(20):
+        sim.step()
+        lost = (sim.status & stepper.Status.NON_FINITE) != 0
+        refused += np.count_nonzero(lost)
+        assert (sim.residual[lost] == 0).all()
+        assert not (sim.status[lost] & stepper.Status.NOT_CONVERGED).any()
+    assert refused > 0
 
 
 def test_a_single_environment_with_a_nan_action_keeps_its_state():

@@ -176,7 +176,9 @@ pub(crate) fn record<R: Real>(
     [finite, tunnelled]: [R::Mask; 2],
 ) -> Record<R> {
     let (depth, overshoot) = (depth(&s.constraints, &s.state.contacts, finite), limit_overshoot(compiled, &s.state.q));
-    let residual = solution.outcome.residual;
+    // A step that was not taken has no residual: what its numbers say depends on which of them are no numbers.
+    let residual = R::select(finite, solution.outcome.residual, R::zero());
+    let unsolved = solution.undecided.or(s.alive.and_not(residual.le(R::of(options.tolerance))));
     Record {
         residual,
         sweeps: solution.outcome.sweeps,
@@ -185,8 +187,8 @@ pub(crate) fn record<R: Real>(
         overshoot,
         deep: s.alive.and(depth.gt(R::of(DEEP))),
         over_limit: s.alive.and(overshoot.gt(R::of(OVER_LIMIT))),
-        not_converged: solution.undecided.or(s.alive.and_not(residual.le(R::of(options.tolerance)))),
-        infeasible: s.alive.and(solution.infeasible),
+        not_converged: unsolved.and(finite),
+        infeasible: s.alive.and(finite).and(solution.infeasible),
         non_finite: s.alive.and_not(finite),
         contacts_full: s.state.contacts.full,
         unresolved: s.free_motion.unresolved,

@@ -69,7 +69,7 @@ impl fmt::Display for Status {
 /// The record of one step, lane by lane.
 #[derive(Clone, Copy, Debug)]
 pub struct Record<R: Real> {
-    /// Residual, m/s.
+    /// Residual, m/s; 0 where the step was not finite.
     pub residual: R,
     /// Sweeps of the solver.
     pub sweeps: R,

@@ -20,7 +20,7 @@ impl Stepper {
         self.per_env(py, "status", |env| self.simulation.status(env).bits())
     }
 
-    /// Natural-map residual of the last step in m/s: (num_envs,).
+    /// Natural-map residual of the last step in m/s, 0 where it was NON_FINITE: (num_envs,).
     #[getter]
     fn residual<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         self.per_env(py, "residual", |env| self.simulation.certificate(env).residual)

@@ -221,11 +221,13 @@ def table_of_transfers(episodes: int, only: str) -> str:
             if column == engine:
                 continue
             envs = home[0].format(task), name.format(task)
-            both: Comparison = compare(policy, *envs, episodes=episodes, seed=2**33, settings=(home[1], settings))
+            both: Comparison = compare(policy, *envs, episodes=episodes, seed=2**33, alpha=0.025, settings=(home[1], settings))
             (low, high), share = both.interval, 100.0 / abs(both.one.mean)
-            rows[task, engine, engine] = f"| {task} | {engine} | {engine} | {both.one.mean:.0f} | | | |"
-            cells = [task, engine, column, f"{both.other.mean:.0f}", f"{both.difference:+.0f} ({share * both.difference:+.1f} %)"]
-            cells += [f"{share * low:+.1f} % to {share * high:+.1f} %", both.verdict]
+            digits = 0 if abs(both.one.mean) > 100.0 else 3
+            rows[task, engine, engine] = f"| {task} | {engine} | {engine} | {episodes} | {both.one.mean:.{digits}f} | | | |"
+            cells = [task, engine, column, f"{episodes}", f"{both.other.mean:.{digits}f}"]
+            cells += [f"{both.difference:+.{digits}f} ({share * both.difference:+.2f} %)"]
+            cells += [f"{share * low:+.2f} % to {share * high:+.2f} %", both.verdict]
             rows[task, engine, column] = "| " + " | ".join(cells) + " |"
             print(rows[task, engine, column], flush=True)
     # Where it was trained comes first.

@@ -187,6 +187,7 @@ def compare(
     episodes: int = 100,
     seed: int = 0,
     margin: float = 0.02,
+    alpha: float = 0.05,
     settings: tuple[dict[str, Any], dict[str, Any]] = ({}, {}),
 ) -> Comparison:
     """Runs a policy in two environments from the same starts, those that a stepper environment draws from its seeds.
@@ -198,6 +199,7 @@ def compare(
         episodes: In each.
         seed: Episode k has the seed `seed + k`.
         margin: See `Comparison`.
+        alpha: See `Comparison`; with 0.025 the interval is one of 95 %.
         settings: Arguments of the two environments.
 
     Raises:
@@ -211,7 +213,7 @@ def compare(
         evaluate(policy, name, episodes=episodes, seed=seed, starts=starts, **given)
         for name, given in zip((one, other), settings, strict=True)
     )
-    return Comparison(one=first, other=second, margin=margin)
+    return Comparison(one=first, other=second, margin=margin, alpha=alpha)
 
 
 def _starts(env: str, episodes: int, seed: int, settings: dict[str, Any]) -> tuple[Array, Array]:

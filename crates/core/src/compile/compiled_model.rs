@@ -133,6 +133,13 @@ impl<S: Scalar> ModelStructure<S> {
         1 + self.links.len() + self.mocap.len()
     }
 
+    /// Tree of the degrees of freedom that move a frame, if any do.
+    #[inline(always)]
+    pub fn tree_of(&self, frame: usize) -> Option<usize> {
+        let (w, word) = self.moved_dofs[frame].iter().enumerate().find(|(_, word)| **word != 0)?;
+        Some(self.dofs[64 * w + word.trailing_zeros() as usize].tree)
+    }
+
     /// A pair by its number.
     ///
     /// # Panics

@@ -3,7 +3,8 @@
 use stepper_real::Scalar;
 use stepper_solve::soft::SlipEffort;
 
-use crate::compile::compiled_model::CompiledModel;
+use crate::compile::collision::bulk;
+use crate::compile::compiled_model::{CompiledModel, ModelStructure};
 use crate::compile::limits::is_scalar;
 use crate::compile::softness::{CompiledSoftness, LawMaker};
 use crate::compile::tree::CompiledFriction;
@@ -55,10 +56,26 @@ impl<S: Scalar> CompiledModel<S> {
             maker,
             geom_weights,
             geom_bodies: model.geoms.iter().map(|g| g.body as u32).collect(),
+            order: order_by_size(model, &self.structure),
         };
         self.structure.patches.clear();
         self.structure.softness = Some(softness);
     }
+}
+
+/// Degrees of freedom of all trees, those of the largest trees first: what is large touches many, and to eliminate it before these would
+/// couple each of them with every other. It is the model's order, not that of a state's contacts, so that all environments share it.
+fn order_by_size<S: Scalar>(model: &Model, structure: &ModelStructure<S>) -> Vec<u32> {
+    let mut sizes = vec![0.0; structure.ntree];
+    for geom in &structure.geoms {
+        if let Some(tree) = structure.tree_of(geom.frame) {
+            sizes[tree] += bulk(model, geom.index).bounding_radius;
+        }
+    }
+    let tree = |d: u32| structure.dofs[d as usize].tree;
+    let mut order: Vec<u32> = (0..structure.nv as u32).collect();
+    order.sort_by(|&a, &b| sizes[tree(b)].total_cmp(&sizes[tree(a)]).then(tree(a).cmp(&tree(b))));
+    order
 }
 
 /// Approximate inverse inertia along the rows of an equality: of translation, and of rotation (`mj_diagApprox`).

@@ -79,6 +79,8 @@ pub struct CompiledSoftness<S> {
     pub(super) geom_weights: Vec<f64>,
     /// Body of every geom of the model.
     pub geom_bodies: Vec<u32>,
+    /// Degrees of freedom in the order of the solver's matrix, which it eliminates from the last to the first.
+    pub order: Vec<u32>,
 }
 
 /// What a law is made with, besides its softness.

@@ -169,7 +169,11 @@ impl<R: Real> Constraints<R> {
     /// Room for a compiled model.
     pub fn new(compiled: &ModelStructure<R::Scalar>, max_contacts: usize) -> Self {
         let block = compiled.equalities.iter().map(|b| b.rows).max().unwrap_or(0);
-        let room = room(compiled, max_contacts, R::LANES);
+        let lanes = R::LANES;
+        // With MuJoCo's law a slot is a contact for the lanes that touch the same trees, so for each lane at the most.
+        let soft_contacts = max_contacts * if compiled.softness.is_some() && compiled.ntree > 1 { lanes } else { 1 };
+        let soft_support = room(compiled, 0, lanes * max_contacts / soft_contacts.max(1)).contact_support;
+        let room = room(compiled, max_contacts, lanes);
         Self {
             problem: Problem::new(&room),
             iterate: Iterate::new(&room),
@@ -190,8 +194,8 @@ impl<R: Real> Constraints<R> {
             shared: Snapshot::new(&room),
             scalar_impulse: vec![R::zero(); compiled.scalar_impulses],
             owners: Vec::with_capacity(room.scalars),
-            slots: Vec::with_capacity(max_contacts),
-            rolling_slots: Vec::with_capacity(room.rolling_contacts),
+            slots: Vec::with_capacity(soft_contacts),
+            rolling_slots: Vec::with_capacity(if compiled.has_rolling_friction { soft_contacts } else { 0 }),
             sizes: Vec::with_capacity(block),
             demands: Vec::with_capacity(block),
             column: vec![zero(); compiled.nv],
@@ -202,7 +206,7 @@ impl<R: Real> Constraints<R> {
             words: vec![0; compiled.nv.div_ceil(64)],
             moving: 0,
             tied: Vec::with_capacity(compiled.equalities.len()),
-            soft: SoftSystem::new(compiled, max_contacts, room.contact_support),
+            soft: SoftSystem::new(compiled, max_contacts, soft_contacts, soft_support),
             separate: std::array::from_fn(|_| Vec::with_capacity(compiled.equalities.iter().map(|b| b.rows * b.support.len()).sum())),
         }
     }

@@ -30,12 +30,12 @@ struct Zone<R: Real> {
     tangents: [R; 6],
 }
 
-/// Zone of the argument `u` = J a - r.
+/// Zone of the argument `u` = J a - r, of whose rows the first `U` are in use.
 #[inline(always)]
-fn zone<R: Real, const N: usize>(contact: &SoftContact<R, N>, u: &[R; N]) -> Zone<R> {
+fn zone<R: Real, const N: usize, const U: usize>(contact: &SoftContact<R, N>, u: &[R; N]) -> Zone<R> {
     let mu = contact.scale[0];
     let (n, mut tangents, mut sum) = (u[0] * mu, [R::zero(); 6], R::zero());
-    for k in 1..N {
+    for k in 1..U {
         tangents[k] = u[k] * contact.scale[k];
         sum += tangents[k] * tangents[k];
     }
@@ -51,10 +51,15 @@ impl Cone {
     /// Force f(u) of a contact: minus the slope of s.
     #[inline(always)]
     pub(crate) fn force<R: Real, const N: usize>(self, contact: &SoftContact<R, N>, u: &[R; N]) -> [R; N] {
+        if N == 6 && contact.spins { self.force_of::<R, N, 4>(contact, u) } else { self.force_of::<R, N, N>(contact, u) }
+    }
+
+    #[inline(always)]
+    fn force_of<R: Real, const N: usize, const U: usize>(self, contact: &SoftContact<R, N>, u: &[R; N]) -> [R; N] {
         let mut force = [R::zero(); N];
         match self {
             Cone::Pyramidal => {
-                for k in 1..N {
+                for k in 1..U {
                     let (slope, weight) = (contact.scale[k] * u[k], contact.weight[k]);
                     let [up, down] = [-(u[0] + slope) * weight, -(u[0] - slope) * weight];
                     let (up, down) = (up.max(R::zero()), down.max(R::zero()));
@@ -63,10 +68,10 @@ impl Cone {
                 }
             }
             Cone::Elliptic => {
-                let (zone, mu) = (zone(contact, u), contact.scale[0]);
+                let (zone, mu) = (zone::<R, N, U>(contact, u), contact.scale[0]);
                 let slide = -contact.cone_weight * (zone.n - mu * zone.t) * mu;
                 force[0] = R::select(zone.slides, slide, R::select(zone.sticks, -contact.weight[0] * u[0], R::zero()));
-                for k in 1..N {
+                for k in 1..U {
                     let along = -slide * zone.inv_t * zone.tangents[k] * contact.scale[k];
                     force[k] = R::select(zone.slides, along, R::select(zone.sticks, -contact.weight[k] * u[k], R::zero()));
                 }
@@ -90,10 +95,15 @@ impl Cone {
     /// Second derivative of s: symmetric, positive semidefinite.
     #[inline(always)]
     pub(crate) fn curvature<R: Real, const N: usize>(self, contact: &SoftContact<R, N>, u: &[R; N]) -> [[R; N]; N] {
+        if N == 6 && contact.spins { self.curvature_of::<R, N, 4>(contact, u) } else { self.curvature_of::<R, N, N>(contact, u) }
+    }
+
+    #[inline(always)]
+    fn curvature_of<R: Real, const N: usize, const U: usize>(self, contact: &SoftContact<R, N>, u: &[R; N]) -> [[R; N]; N] {
         let mut c = [[R::zero(); N]; N];
         match self {
             Cone::Pyramidal => {
-                for k in 1..N {
+                for k in 1..U {
                     let (slope, weight, mu) = (contact.scale[k] * u[k], contact.weight[k], contact.scale[k]);
                     let up = R::select((u[0] + slope).lt(R::zero()), weight, R::zero());
                     let down = R::select((u[0] - slope).lt(R::zero()), weight, R::zero());
@@ -104,8 +114,8 @@ impl Cone {
                 }
             }
             Cone::Elliptic => {
-                let (zone, mu) = (zone(contact, u), contact.scale[0]);
-                for k in 0..N {
+                let (zone, mu) = (zone::<R, N, U>(contact, u), contact.scale[0]);
+                for k in 0..U {
                     c[k][k] = R::select(zone.sticks, contact.weight[k], R::zero());
                 }
                 if zone.slides.none() {
@@ -116,11 +126,11 @@ impl Cone {
                 let shrink = mu * (mu * zone.t - zone.n) * zone.inv_t;
                 let mut row = [R::zero(); N];
                 row[0] = R::one();
-                for k in 1..N {
+                for k in 1..U {
                     row[k] = -(mu * zone.tangents[k] * zone.inv_t);
                 }
-                for i in 0..N {
-                    for j in i..N {
+                for i in 0..U {
+                    for j in i..U {
                         let mut x = row[i] * row[j];
                         if i > 0 {
                             let across = -(zone.tangents[i] * zone.inv_t * (zone.tangents[j] * zone.inv_t));
@@ -134,5 +144,48 @@ impl Cone {
             }
         }
         c
+    }
+
+    /// Second derivative of s at u along `du`: du^T C du with the [curvature](Self::curvature) C, without the matrix.
+    #[inline(always)]
+    pub(crate) fn bend<R: Real, const N: usize>(self, contact: &SoftContact<R, N>, u: &[R; N], du: &[R; N]) -> R {
+        if N == 6 && contact.spins { self.bend_of::<R, N, 4>(contact, u, du) } else { self.bend_of::<R, N, N>(contact, u, du) }
+    }
+
+    #[inline(always)]
+    fn bend_of<R: Real, const N: usize, const U: usize>(self, contact: &SoftContact<R, N>, u: &[R; N], du: &[R; N]) -> R {
+        let mut sum = R::zero();
+        match self {
+            Cone::Pyramidal => {
+                for k in 1..U {
+                    let (slope, change, weight) = (contact.scale[k] * u[k], contact.scale[k] * du[k], contact.weight[k]);
+                    let [up, down] = [du[0] + change, du[0] - change];
+                    sum += R::select((u[0] + slope).lt(R::zero()), weight * up * up, R::zero());
+                    sum += R::select((u[0] - slope).lt(R::zero()), weight * down * down, R::zero());
+                }
+            }
+            Cone::Elliptic => {
+                let (zone, mu) = (zone::<R, N, U>(contact, u), contact.scale[0]);
+                for k in 0..U {
+                    sum += contact.weight[k] * du[k] * du[k];
+                }
+                sum = R::select(zone.sticks, sum, R::zero());
+                if zone.slides.none() {
+                    return sum;
+                }
+                // Of the change of U, as in the curvature: its part along t, and the square of what is across.
+                let (mut along, mut square) = (R::zero(), R::zero());
+                for k in 1..U {
+                    let change = contact.scale[k] * du[k];
+                    along += zone.tangents[k] * zone.inv_t * change;
+                    square += change * change;
+                }
+                let shrink = mu * (mu * zone.t - zone.n) * zone.inv_t;
+                let outward = mu * du[0] - mu * along;
+                let slides = contact.cone_weight * (outward * outward + shrink * (square - along * along).max(R::zero()));
+                sum = R::select(zone.slides, slides, sum);
+            }
+        }
+        sum
     }
 }

@@ -4,6 +4,8 @@ use std::ops::Range;
 
 use stepper_real::Real;
 
+use crate::constraints::constraint_set::is_nonzero;
+
 /// Contact with `N` rows: normal, two tangents and, of six, spin and two axes of rolling.
 #[derive(Clone, Debug)]
 pub struct SoftContact<R: Real, const N: usize> {
@@ -16,6 +18,8 @@ pub struct SoftContact<R: Real, const N: usize> {
     pub weight: [R; N],
     /// Friction of the regularised cone, then the coefficient of friction of every other row; (1, 0, ...) without friction.
     pub scale: [R; N],
+    /// Whether it does not roll in any lane: the last two of six rows are empty.
+    pub(super) spins: bool,
     /// Weight of the cone's surface, D_n / (mu^2 (1 + mu^2)).
     pub(super) cone_weight: R,
 }
@@ -25,6 +29,7 @@ impl<R: Real, const N: usize> SoftContact<R, N> {
     #[inline(always)]
     pub(super) fn new(entries: Range<usize>, reference: [R; N], weight: [R; N], scale: [R; N]) -> Self {
         let mu = scale[0] * scale[0];
-        Self { entries, reference, weight, scale, cone_weight: weight[0] / (mu * (R::one() + mu)) }
+        let spins = N == 6 && !is_nonzero(weight[N - 2]) && !is_nonzero(weight[N - 1]);
+        Self { entries, reference, weight, scale, spins, cone_weight: weight[0] / (mu * (R::one() + mu)) }
     }
 }

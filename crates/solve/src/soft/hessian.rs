@@ -1,7 +1,7 @@
-//! Hessian M + J^T D J of the soft problem and its sparse factors L^T D L, from the last coordinate to the first, over lanes.
+//! Hessian M + J^T D J of the soft problem and its sparse factors L^T D L, from the last place to the first, over lanes.
 //!
-//! Without constraints between branches of a tree there is no fill-in (Featherstone 2008, section 6.5). Its pattern is that of all lanes:
-//! a lane that lacks an entry has a zero there, which changes none of its other numbers.
+//! Without constraints between branches of a tree there is no fill-in (Featherstone 2008, section 6.5), and none where what touches many
+//! others comes first. Its pattern is that of all lanes: a lane that lacks an entry has a zero there, which changes none of its other numbers.
 
 use std::ops::Range;
 
@@ -15,22 +15,37 @@ use crate::soft::problem::{Metric, SoftContacts, SoftProblem};
 #[derive(Clone, Debug)]
 pub(super) struct Hessian<R: Real> {
     dimension: usize,
+    /// Row of every coordinate; the last is eliminated first.
+    places: Vec<u32>,
     /// Lower triangle, row by row; entries outside the pattern are never read. Factored, a row of L with 1 / D on the diagonal.
     entries: Vec<R>,
     /// Columns left of the diagonal that each row has, as a set, in words of 64 bits.
     sets: Vec<u64>,
     /// The same as ranges, ascending: of a tree's row there are few, and what is done to a range needs no index for every entry.
     runs: Vec<Vec<Range<usize>>>,
+    /// Whether a row has the columns of the row before it, that row's own, and no others: the joints of a body, or of a limb.
+    follows: Vec<bool>,
+    /// A vector in the order of the rows.
+    ordered: Vec<R>,
 }
 
+/// Rows that are eliminated together at the most: entries of the rows above are then read and written once for all of them.
+const BLOCK: usize = 3;
+
 impl<R: Real> Hessian<R> {
-    /// Room for a matrix of this dimension.
-    pub(super) fn new(dimension: usize) -> Self {
+    /// Room for a matrix whose rows are the coordinates in the order `order`.
+    pub(super) fn new(order: &[u32]) -> Self {
+        let dimension = order.len();
+        let mut places = vec![0; dimension];
+        order.iter().enumerate().for_each(|(place, &d)| places[d as usize] = place as u32);
         Self {
             dimension,
+            places,
             entries: vec![R::zero(); dimension * dimension],
             sets: vec![0; dimension * dimension.div_ceil(64)],
             runs: (0..dimension).map(|i| Vec::with_capacity(i.div_ceil(2))).collect(),
+            follows: vec![false; dimension],
+            ordered: vec![R::zero(); dimension],
         }
     }
 
@@ -38,35 +53,36 @@ impl<R: Real> Hessian<R> {
     pub(super) fn find_pattern(&mut self, problem: &SoftProblem<R>, metric: &impl Metric<R>) {
         let words = self.dimension.div_ceil(64);
         self.sets.fill(0);
-        let mut couple = |columns: &mut dyn Iterator<Item = u32>, last: u32| {
+        let mut couple = |coordinates: &[u32]| {
+            let places = coordinates.iter().map(|&d| self.places[d as usize]);
+            let Some(last) = places.clone().max() else { return };
             let set = &mut self.sets[last as usize * words..][..words];
-            for c in columns {
-                set[c as usize / 64] |= 1 << (c % 64);
+            for place in places.filter(|&place| place != last) {
+                set[place as usize / 64] |= 1 << (place % 64);
             }
         };
         for i in 0..self.dimension {
-            couple(&mut metric.row(i).0[1..].iter().copied(), i as u32);
+            couple(metric.row(i).0);
         }
-        let rows = problem.rows.iter().map(|row| problem.entries(row).0);
-        let contacts = problem.contacts.items.iter().map(|contact| problem.contacts.entries(contact).0);
-        let rolling = problem.rolling_contacts.items.iter().map(|contact| problem.rolling_contacts.entries(contact).0);
-        for support in rows.chain(contacts).chain(rolling) {
-            if let [before @ .., last] = support {
-                couple(&mut before.iter().copied(), *last);
-            }
-        }
+        problem.rows.iter().for_each(|row| couple(problem.entries(row).0));
+        problem.contacts.items.iter().for_each(|contact| couple(problem.contacts.entries(contact).0));
+        problem.rolling_contacts.items.iter().for_each(|contact| couple(problem.rolling_contacts.entries(contact).0));
         // Elimination of a row couples the others of its columns: the last of them takes the rest up.
         for i in (0..self.dimension).rev() {
             let runs = &mut self.runs[i];
             let (above, own) = self.sets.split_at_mut(i * words);
-            let own = &own[..words];
+            let own = &mut own[..words];
             list_runs(own, runs);
+            self.follows[i] = false;
             if let Some(parent) = runs.last().map(|run| run.end - 1) {
                 let target = &mut above[parent * words..][..words];
-                for (target, own) in target.iter_mut().zip(own) {
+                own[parent / 64] &= !(1 << (parent % 64));
+                for (target, own) in target.iter_mut().zip(&*own) {
                     *target |= own;
                 }
-                target[parent / 64] &= !(1 << (parent % 64));
+                // What lies between the two has taken up what it can: the row before is complete.
+                self.follows[i] = parent + 1 == i && target == own;
+                own[parent / 64] |= 1 << (parent % 64);
             }
         }
     }
@@ -74,26 +90,16 @@ impl<R: Real> Hessian<R> {
     /// Makes the matrix: `argument` is where the rows of the problem are.
     #[inline(always)]
     pub(super) fn assemble(&mut self, problem: &SoftProblem<R>, metric: &impl Metric<R>, argument: &Argument<R>) {
-        let n = self.dimension;
-        for (i, runs) in self.runs.iter().enumerate() {
-            let row = &mut self.entries[i * n..][..=i];
-            for run in runs {
-                row[run.clone()].fill(R::zero());
-            }
-            let (columns, entries) = metric.row(i);
-            for (&c, &entry) in columns.iter().zip(entries) {
-                row[c as usize] = entry;
-            }
-        }
+        self.copy_metric(metric);
         for (row, &u) in problem.rows.iter().zip(&argument.rows) {
             let ((support, jacobian), weight) = (problem.entries(row), row.curvature(u));
             if !is_nonzero(weight) {
                 continue;
             }
             for (k, (&d, &j)) in support.iter().zip(jacobian).enumerate() {
-                let (entries, scaled) = (&mut self.entries[d as usize * n..][..=d as usize], j * weight);
+                let scaled = j * weight;
                 for (&c, &j) in support[..=k].iter().zip(jacobian) {
-                    entries[c as usize] += scaled * j;
+                    *self.entry(d, c) += scaled * j;
                 }
             }
         }
@@ -105,55 +111,76 @@ impl<R: Real> Hessian<R> {
     /// pattern must be that of the problem.
     #[inline(always)]
     pub(super) fn assemble_metric(&mut self, problem: &SoftProblem<R>, metric: &impl Metric<R>, first: usize, lumped: bool) {
-        let n = self.dimension;
-        for (i, runs) in self.runs.iter().enumerate() {
-            let row = &mut self.entries[i * n..][..=i];
-            for run in runs {
-                row[run.clone()].fill(R::zero());
-            }
-            let (columns, entries) = metric.row(i);
-            for (&c, &entry) in columns.iter().zip(entries) {
-                row[c as usize] = entry;
-            }
-        }
+        self.copy_metric(metric);
         for row in &problem.rows[first..] {
             let (support, jacobian) = problem.entries(row);
             for (k, (&d, &j)) in support.iter().zip(jacobian).enumerate() {
-                let (entries, scaled) = (&mut self.entries[d as usize * n..][..=d as usize], j * row.weight);
-                let from = if lumped { k } else { 0 };
+                let (scaled, from) = (j * row.weight, if lumped { k } else { 0 });
                 for (&c, &j) in support[from..=k].iter().zip(&jacobian[from..=k]) {
-                    entries[c as usize] += scaled * j;
+                    *self.entry(d, c) += scaled * j;
                 }
             }
         }
     }
 
+    /// Begins with the metric.
+    #[inline(always)]
+    fn copy_metric(&mut self, metric: &impl Metric<R>) {
+        for (i, runs) in self.runs.iter().enumerate() {
+            let row = &mut self.entries[i * self.dimension..][..=i];
+            for run in runs {
+                row[run.clone()].fill(R::zero());
+            }
+        }
+        for i in 0..self.dimension {
+            let (columns, entries) = metric.row(i);
+            for (&c, &entry) in columns.iter().zip(entries) {
+                *self.entry(i as u32, c) = entry;
+            }
+        }
+    }
+
+    /// The entry of two coordinates.
+    #[inline(always)]
+    fn entry(&mut self, a: u32, b: u32) -> &mut R {
+        let (a, b) = (self.places[a as usize] as usize, self.places[b as usize] as usize);
+        &mut self.entries[a.max(b) * self.dimension + a.min(b)]
+    }
+
     #[inline(always)]
     fn add_contacts<const N: usize>(&mut self, contacts: &SoftContacts<R, N>, cone: Cone, u: &[[R; N]]) {
-        let n = self.dimension;
         for (contact, u) in contacts.items.iter().zip(u) {
             let ((support, jacobian), curvature) = (contacts.entries(contact), cone.curvature(contact, u));
             // Where a contact is open in every lane there is nothing to add, and what is not open moves along the normal.
             if !is_nonzero(curvature[0][0]) {
                 continue;
             }
-            for (k, (&d, j)) in support.iter().zip(jacobian).enumerate() {
-                let mut scaled = [R::zero(); N];
-                for i in 0..N {
-                    let mut sum = curvature[i][0] * j[0];
-                    for m in 1..N {
-                        sum += curvature[i][m] * j[m];
-                    }
-                    scaled[i] = sum;
+            if N == 6 && contact.spins {
+                self.add_contact::<N, 4>(support, jacobian, &curvature);
+            } else {
+                self.add_contact::<N, N>(support, jacobian, &curvature);
+            }
+        }
+    }
+
+    /// Adds what the first `U` rows of a contact make.
+    #[inline(always)]
+    fn add_contact<const N: usize, const U: usize>(&mut self, support: &[u32], jacobian: &[[R; N]], curvature: &[[R; N]; N]) {
+        for (k, (&d, j)) in support.iter().zip(jacobian).enumerate() {
+            let mut scaled = [R::zero(); U];
+            for i in 0..U {
+                let mut sum = curvature[i][0] * j[0];
+                for m in 1..U {
+                    sum += curvature[i][m] * j[m];
                 }
-                let entries = &mut self.entries[d as usize * n..][..=d as usize];
-                for (&c, j) in support[..=k].iter().zip(jacobian) {
-                    let mut sum = scaled[0] * j[0];
-                    for m in 1..N {
-                        sum += scaled[m] * j[m];
-                    }
-                    entries[c as usize] += sum;
+                scaled[i] = sum;
+            }
+            for (&c, j) in support[..=k].iter().zip(jacobian) {
+                let mut sum = scaled[0] * j[0];
+                for m in 1..U {
+                    sum += scaled[m] * j[m];
                 }
+                *self.entry(d, c) += sum;
             }
         }
     }
@@ -161,22 +188,56 @@ impl<R: Real> Hessian<R> {
     /// Replaces the matrix by its factors.
     #[inline(always)]
     pub(super) fn factor(&mut self) {
+        let mut end = self.dimension;
+        while end > 0 {
+            let mut first = end - 1;
+            while self.follows[first] && end - first < BLOCK {
+                first -= 1;
+            }
+            match end - first {
+                1 => self.eliminate::<1>(first),
+                2 => self.eliminate::<2>(first),
+                _ => self.eliminate::<BLOCK>(first),
+            }
+            end = first;
+        }
+    }
+
+    /// Eliminates `W` rows from `first` on, of which each has the columns of the one before and that one's own. What the last subtracts
+    /// comes first everywhere, as if each were eliminated by itself.
+    #[inline(always)]
+    fn eliminate<const W: usize>(&mut self, first: usize) {
         let n = self.dimension;
-        for i in (0..n).rev() {
-            let (above, own) = self.entries.split_at_mut(i * n);
-            let (own, runs) = (&mut own[..=i], &self.runs[i]);
-            let inverse = R::one() / own[i];
-            own[i] = inverse;
-            for (r, run) in runs.iter().enumerate().rev() {
-                for a in run.clone().rev() {
-                    let scaled = own[a] * inverse;
-                    let target = &mut above[a * n..][..=a];
-                    // Columns up to this one are not scaled yet.
-                    for before in &runs[..r] {
-                        subtract(&mut target[before.clone()], &own[before.clone()], scaled);
-                    }
-                    subtract(&mut target[run.start..], &own[run.start..=a], scaled);
-                    own[a] = scaled;
+        let (above, block) = self.entries.split_at_mut(first * n);
+        let runs = &self.runs[first];
+        let mut inverse = [R::zero(); W];
+        for t in (0..W).rev() {
+            let (before, own) = block.split_at_mut(t * n);
+            inverse[t] = R::one() / own[first + t];
+            own[first + t] = inverse[t];
+            for r in (0..t).rev() {
+                let (target, scaled) = (&mut before[r * n..], own[first + r] * inverse[t]);
+                for run in runs {
+                    subtract(&mut target[run.clone()], &own[run.clone()], scaled);
+                }
+                subtract(&mut target[first..=first + r], &own[first..=first + r], scaled);
+                own[first + r] = scaled;
+            }
+        }
+        for (r, run) in runs.iter().enumerate().rev() {
+            for a in run.clone().rev() {
+                let mut scaled = [R::zero(); W];
+                for t in 0..W {
+                    scaled[t] = block[t * n + a] * inverse[t];
+                }
+                let target = &mut above[a * n..][..=a];
+                // Columns up to this one are not scaled yet.
+                for before in &runs[..r] {
+                    subtract_rows(&mut target[before.clone()], block, n, before.start, scaled);
+                }
+                subtract_rows(&mut target[run.start..], block, n, run.start, scaled);
+                for t in 0..W {
+                    block[t * n + a] = scaled[t];
                 }
             }
         }
@@ -184,8 +245,19 @@ impl<R: Real> Hessian<R> {
 
     /// x <- H^-1 x, once factored.
     #[inline(always)]
-    pub(super) fn solve(&self, x: &mut [R]) {
-        let n = self.dimension;
+    pub(super) fn solve(&mut self, x: &mut [R]) {
+        for (&place, &x) in self.places.iter().zip(&*x) {
+            self.ordered[place as usize] = x;
+        }
+        self.solve_ordered();
+        for (&place, x) in self.places.iter().zip(x) {
+            *x = self.ordered[place as usize];
+        }
+    }
+
+    #[inline(always)]
+    fn solve_ordered(&mut self) {
+        let (n, x) = (self.dimension, &mut self.ordered);
         for i in (0..n).rev() {
             let (row, value) = (&self.entries[i * n..][..=i], x[i]);
             for run in &self.runs[i] {
@@ -210,6 +282,22 @@ impl<R: Real> Hessian<R> {
 fn subtract<R: Real>(x: &mut [R], y: &[R], factor: R) {
     for (x, &y) in x.iter_mut().zip(y) {
         *x -= factor * y;
+    }
+}
+
+/// x -= sum of factors times rows, which are `n` entries apart and begin at `start`; the last first.
+#[inline(always)]
+fn subtract_rows<R: Real, const W: usize>(x: &mut [R], rows: &[R], n: usize, start: usize, factors: [R; W]) {
+    let mut parts = [&rows[..0]; W];
+    for t in 0..W {
+        parts[t] = &rows[t * n + start..][..x.len()];
+    }
+    for (i, x) in x.iter_mut().enumerate() {
+        let mut value = *x;
+        for t in (0..W).rev() {
+            value -= factors[t] * parts[t][i];
+        }
+        *x = value;
     }
 }
 

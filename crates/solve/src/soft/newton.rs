@@ -56,11 +56,12 @@ const LINE_SEARCH_TOLERANCE: f64 = 1e-2;
 const RESPONSE_STEPS: usize = 2;
 
 impl<R: Real> SoftSolver<R> {
-    /// Room for problems of this dimension.
-    pub fn new(dimension: usize) -> Self {
-        let zeros = || vec![R::zero(); dimension];
+    /// Room for problems of as many coordinates as `order` lists, each once. It is from the last to the first that they are eliminated: what
+    /// rows join to many others belongs in front. Coordinates of one tree stay together and in their own order.
+    pub fn new(order: &[u32]) -> Self {
+        let zeros = || vec![R::zero(); order.len()];
         Self {
-            hessian: Hessian::new(dimension),
+            hessian: Hessian::new(order),
             argument: Argument::default(),
             change: Argument::default(),
             gradient: zeros(),
@@ -179,9 +180,9 @@ impl<R: Real> SoftSolver<R> {
             #[inline(always)]
             || {
                 if coupled {
-                    noslip.find_responses(problem, &self.hessian, constraints)
+                    noslip.find_responses(problem, &mut self.hessian, constraints)
                 } else {
-                    noslip.find_responses(problem, &Uncoupled(metric), constraints)
+                    noslip.find_responses(problem, &mut Uncoupled(metric), constraints)
                 }
             },
         );
@@ -396,14 +397,14 @@ struct Uncoupled<'a, M>(&'a M);
 
 impl<R: Real, M: Metric<R>> Responds<R> for Uncoupled<'_, M> {
     #[inline(always)]
-    fn respond(&self, x: &mut [R]) {
+    fn respond(&mut self, x: &mut [R]) {
         self.0.solve(x);
     }
 }
 
 impl<R: Real> Responds<R> for Hessian<R> {
     #[inline(always)]
-    fn respond(&self, x: &mut [R]) {
+    fn respond(&mut self, x: &mut [R]) {
         self.solve(x);
     }
 }

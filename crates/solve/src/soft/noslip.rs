@@ -104,7 +104,7 @@ impl<R: Real, const N: usize> Friction<R, N> {
     #[inline(always)]
     fn push_responses(
         &mut self,
-        metric: &impl Responds<R>,
+        metric: &mut impl Responds<R>,
         trees: &[u32],
         (support, jacobian): (&[u32], &[[R; N]]),
         rows: Range<usize>,
@@ -157,7 +157,7 @@ impl<R: Real, const N: usize> Friction<R, N> {
 /// What forces do to the acceleration.
 pub(super) trait Responds<R: Real> {
     /// x <- M^-1 x
-    fn respond(&self, x: &mut [R]);
+    fn respond(&mut self, x: &mut [R]);
 }
 
 /// Sweeps over the forces of friction, with their workspace.
@@ -334,7 +334,7 @@ impl<R: Real> NoSlip<R> {
 
     /// What every force that is swept does to the acceleration, by `metric`: once, before [`Noslip::sweep`].
     #[inline(always)]
-    pub(super) fn find_responses(&mut self, problem: &SoftProblem<R>, metric: &impl Responds<R>, constraints: usize) {
+    pub(super) fn find_responses(&mut self, problem: &SoftProblem<R>, metric: &mut impl Responds<R>, constraints: usize) {
         let Self { rows, contacts, rolling, trees, work, .. } = self;
         for (i, row) in problem.rows.iter().enumerate() {
             let (support, jacobian) = problem.entries(row);

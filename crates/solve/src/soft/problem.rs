@@ -165,14 +165,7 @@ impl<R: Real, const N: usize> SoftContacts<R, N> {
     #[inline(always)]
     pub(super) fn add_curvatures(&self, cone: Cone, u: &[[R; N]], du: &[[R; N]], step: R, mut sum: R) -> R {
         for ((contact, u), du) in self.items.iter().zip(u).zip(du) {
-            let curvature = cone.curvature(contact, &moved(u, du, step));
-            for k in 0..N {
-                let mut row = curvature[k][0] * du[0];
-                for i in 1..N {
-                    row += curvature[k][i] * du[i];
-                }
-                sum += row * du[k];
-            }
+            sum += cone.bend(contact, &moved(u, du, step), du);
         }
         sum
     }

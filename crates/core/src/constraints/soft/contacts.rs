@@ -5,7 +5,7 @@ use stepper_solve::soft::Cone;
 
 use crate::collision::contact_set::Contacts;
 use crate::collision::surface_velocity;
-use crate::compile::{EndLaw, MIN_FRICTION, SoftContactLaw, SoftLaw};
+use crate::compile::{EndLaw, LaneModel, MIN_FRICTION, SoftContactLaw, SoftLaw};
 use crate::constraints::constraint_set::Constraints;
 use crate::constraints::soft::effective_mass::in_metric;
 use crate::constraints::soft::input::SoftInput;
@@ -154,40 +154,37 @@ impl<R: Real> ContactLaw<R> {
 }
 
 impl<R: Real> Constraints<R> {
-    /// Contacts that are closer than their margin.
+    /// Contacts that are closer than their margin, those that roll last. A slot may hold contacts of other trees in every lane: it makes a
+    /// contact for the lanes in which these are the same, so that no row joins trees which touch in no lane.
     pub(super) fn add_soft_contacts(&mut self, input: SoftInput<'_, R>, contacts: &Contacts<R>, system: &mut SoftSystem<R>) {
-        for k in 0..contacts.slots() {
-            let near = R::Mask::from_bits(contacts.lanes_of(k)).and(contacts.data[k].point.distance.lt(R::zero())).bits();
-            let mut rolling = 0;
-            if input.row.compiled.has_rolling_friction {
-                for (pair, lanes) in contacts.pairs(k, near) {
-                    rolling |= if input.row.compiled.soft_contact(input.softness, pair).condim > 3 { lanes } else { 0 };
+        let compiled = input.row.compiled;
+        for rolls in [false, true] {
+            if rolls && !compiled.has_rolling_friction {
+                break;
+            }
+            for k in 0..contacts.slots() {
+                let near = R::Mask::from_bits(contacts.lanes_of(k)).and(contacts.data[k].point.distance.lt(R::zero())).bits();
+                let mut rolling = 0;
+                if compiled.has_rolling_friction {
+                    for (pair, lanes) in contacts.pairs(k, near) {
+                        rolling |= if compiled.soft_contact(input.softness, pair).condim > 3 { lanes } else { 0 };
+                    }
                 }
-            }
-            if near & !rolling != 0 {
-                R::vectorize(
-                    #[inline(always)]
-                    || self.add_soft_contact(input, contacts, k, near & !rolling, system),
-                );
-            }
-        }
-        if input.row.compiled.has_rolling_friction {
-            self.add_soft_rolling_contacts(input, contacts, system);
-        }
-    }
-
-    fn add_soft_rolling_contacts(&mut self, input: SoftInput<'_, R>, contacts: &Contacts<R>, system: &mut SoftSystem<R>) {
-        for k in 0..contacts.slots() {
-            let near = R::Mask::from_bits(contacts.lanes_of(k)).and(contacts.data[k].point.distance.lt(R::zero())).bits();
-            let mut rolling = 0;
-            for (pair, lanes) in contacts.pairs(k, near) {
-                rolling |= if input.row.compiled.soft_contact(input.softness, pair).condim > 3 { lanes } else { 0 };
-            }
-            if rolling != 0 {
-                R::vectorize(
-                    #[inline(always)]
-                    || self.add_soft_rolling_contact(input, contacts, k, rolling, system),
-                );
+                let mut rest = if rolls { rolling } else { near & !rolling };
+                while rest != 0 {
+                    let lanes = lanes_of_same_trees(compiled, contacts, k, rest);
+                    rest &= !lanes;
+                    R::vectorize(
+                        #[inline(always)]
+                        || {
+                            if rolls {
+                                self.add_soft_rolling_contact(input, contacts, k, lanes, system)
+                            } else {
+                                self.add_soft_contact(input, contacts, k, lanes, system)
+                            }
+                        },
+                    );
+                }
             }
         }
     }
@@ -269,4 +266,20 @@ impl<R: Real> Constraints<R> {
         self.rolling_slots.push((k, active, [R::one(); 3]));
         self.constrained = self.constrained.or(active);
     }
+}
+
+/// Of the lanes `lanes` those in which slot `k` joins the same trees as in the first of them.
+fn lanes_of_same_trees<R: Real>(compiled: &LaneModel<R>, contacts: &Contacts<R>, k: usize, lanes: u32) -> u32 {
+    if compiled.ntree < 2 {
+        return lanes;
+    }
+    let (mut first, mut same) = (None, 0);
+    for (pair, lanes) in contacts.pairs(k, lanes) {
+        let [a, b] = compiled.pair_geoms(pair).expect("made from this compiled").map(|g| compiled.tree_of(compiled.geoms[g].frame));
+        let trees = [a.min(b), a.max(b)];
+        if *first.get_or_insert(trees) == trees {
+            same |= lanes;
+        }
+    }
+    same
 }

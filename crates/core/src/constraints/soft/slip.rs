@@ -34,12 +34,16 @@ impl<R: Real> Constraints<R> {
         let VisitOrder { visits, places, keyed, order } = order;
         let slots = contacts.slots();
         places.clear();
-        places.resize(slots, [None; 2]);
-        for (index, slot) in self.slots.iter().enumerate() {
-            places[slot.0][0] = Some(index as u32);
-        }
-        for (index, slot) in self.rolling_slots.iter().enumerate() {
-            places[slot.0][1] = Some(index as u32);
+        places.resize(slots, [(0, 0); 2]);
+        let kinds = [self.slots.len(), self.rolling_slots.len()];
+        for (rolling, count) in kinds.into_iter().enumerate() {
+            for index in 0..count {
+                let slot = if rolling == 1 { self.rolling_slots[index].0 } else { self.slots[index].0 };
+                let (first, end) = &mut places[slot][rolling];
+                // Contacts of a slot follow one another.
+                *first = if first == end { index as u32 } else { *first };
+                *end = index as u32 + 1;
+            }
         }
         order.clear();
         order.resize(slots * R::LANES, u32::MAX);
@@ -63,12 +67,13 @@ impl<R: Real> Constraints<R> {
                 rest &= !same;
                 let Some(places) = places.get(first as usize) else { continue };
                 let there = R::Mask::from_bits(same);
-                for (rolling, place) in places.iter().enumerate() {
-                    let Some(index) = place.map(|place| place as usize) else { continue };
-                    let active = if rolling == 1 { self.rolling_slots[index].1 } else { self.slots[index].1 };
-                    let lanes = active.and(there);
-                    if lanes.any() {
-                        visits.push(ContactVisit { rolling: rolling == 1, index, lanes });
+                for (rolling, &(first, end)) in places.iter().enumerate() {
+                    for index in first as usize..end as usize {
+                        let active = if rolling == 1 { self.rolling_slots[index].1 } else { self.slots[index].1 };
+                        let lanes = active.and(there);
+                        if lanes.any() {
+                            visits.push(ContactVisit { rolling: rolling == 1, index, lanes });
+                        }
                     }
                 }
             }

@@ -28,20 +28,21 @@ pub struct SoftSystem<R: Real> {
 }
 
 impl<R: Real> SoftSystem<R> {
-    /// Room for a compiled model; none without softness.
-    pub fn new(compiled: &ModelStructure<R::Scalar>, contacts: usize, support: usize) -> Option<Box<Self>> {
+    /// Room for a compiled model, so many `slots` of contacts and `contacts` in them, whose rows have so many degrees of freedom at the most;
+    /// none without softness.
+    pub fn new(compiled: &ModelStructure<R::Scalar>, slots: usize, contacts: usize, support: usize) -> Option<Box<Self>> {
         let softness = compiled.softness.as_ref()?;
         let zeros = || vec![R::zero(); compiled.nv];
         let rows = compiled.scalar_impulses;
         let problem = SoftProblem::new(softness.cone, rows, rows * compiled.nv.min(16), contacts, support, compiled.has_rolling_friction);
-        let mut solver = SoftSolver::new(compiled.nv);
-        let visited = if softness.noslip.is_some() { contacts } else { 0 };
+        let mut solver = SoftSolver::new(&softness.order);
+        let visited = if softness.noslip.is_some() { slots } else { 0 };
         if softness.noslip.is_some() {
-            // A contact may join two trees in every lane.
+            // A contact joins two trees.
             let mut sizes: Vec<usize> = vec![0; compiled.nv];
             (0..compiled.nv).for_each(|d| sizes[*compiled.chain_of(d).last().expect("a dof is in its own chain") as usize] += 1);
             sizes.sort_unstable();
-            let support = sizes.iter().rev().take(2 * R::LANES).sum();
+            let support = sizes.iter().rev().take(2).sum();
             solver = solver.with_noslip(SlipRoom { rows, contacts, support, rolls: compiled.has_rolling_friction });
         }
         Some(Box::new(Self {

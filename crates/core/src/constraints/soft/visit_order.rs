@@ -11,8 +11,8 @@ pub(super) type Key = [u32; 4];
 pub(super) struct VisitOrder<R: Real> {
     /// Contacts to visit.
     pub(super) visits: Vec<ContactVisit<R::Mask>>,
-    /// Places among the contacts with three rows and among those with six of every slot.
-    pub(super) places: Vec<[Option<u32>; 2]>,
+    /// Places of every slot among the contacts with three rows and among those with six: ranges.
+    pub(super) places: Vec<[(u32, u32); 2]>,
     /// Key and slot of the contacts of one lane.
     pub(super) keyed: Vec<(Key, u32)>,
     /// Slots of every lane in their order, lane by lane.

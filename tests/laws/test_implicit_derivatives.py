@@ -265,8 +265,8 @@ def test_loads_that_are_shared_move_nothing_in_the_correction(law):
 
 
 def test_damping_of_what_corrects_nothing_is_not_decided_by_rounding():
-    # A foot that does not overlap demands of positions what it demands of velocities, but for rounding, where a leg's coupling is taken out
-    # of its row. Whether the row was damped depended on the sign of that, so that where another foot is corrected q+ jumped by up to 1e-8 m.
+    # A foot that does not overlap demands of positions what it demands of velocities, but for rounding where a leg's coupling is taken out
+    # of its row. The sign of that decided whether the row is damped, so that q+ jumped by up to 1e-8 m where another foot is corrected.
     law = "split, Euler"
     sim, ctrl = touching("dm_control/quadruped", law)
     model, points, nv = sim.model, 33, sim.model.nv

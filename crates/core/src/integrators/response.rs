@@ -167,7 +167,7 @@ impl<R: Real> HardResponse<R> {
             let [before, after] = [before, after].map(|gap| gap.lane(lane).to_f64());
             for edge in &self.edges {
                 let [from, to] = [before - edge, after - edge];
-                // Written so that a NaN says nothing.
+                // One that stays says nothing.
                 if from * to <= 0.0 || to.abs() < from.abs() {
                     near(Followed { lane, switch: Switch::Gap, distance: from / (from - to) });
                 }
@@ -183,8 +183,16 @@ impl<R: Real> HardResponse<R> {
                     compare(lane, point.distance, there.data[j].point.distance);
                 }
             }
-            for (i, &gap) in self.limits.iter().enumerate() {
-                compare(lane, gap, limit_gap(compiled, i, &s.evaluation.q));
+        }
+        for (i, &gap) in self.limits.iter().enumerate() {
+            let pushing = R::vectorize(
+                #[inline(always)]
+                || gap.eq(gap).bits(),
+            );
+            // Few limits do.
+            if lanes & pushing != 0 {
+                let after = limit_gap(compiled, i, &s.evaluation.q);
+                each_of(lanes & pushing).for_each(|lane| compare(lane, gap, after));
             }
         }
     }
@@ -258,9 +266,14 @@ impl<R: Real> HardResponse<R> {
         }
         displace(compiled, &s.next.q, &s.work.correction, self.scheme.h, &mut s.work.q_corrected);
         let corrected = R::Mask::from_bits(self.corrected);
-        for (q, &new) in s.next.q.iter_mut().zip(&s.work.q_corrected) {
-            *q = R::select(corrected, new, *q);
-        }
+        R::vectorize(
+            #[inline(always)]
+            || {
+                for (q, &new) in s.next.q.iter_mut().zip(&s.work.q_corrected) {
+                    *q = R::select(corrected, new, *q);
+                }
+            },
+        );
     }
 
     /// What of the rows is to be made again where so much is new. Where forces change the mass matrix that is all, as where servos are
@@ -337,9 +350,14 @@ fn edges(options: &StepSettings) -> Vec<f64> {
 
 /// Distance to the nearer end of a limited joint's range.
 fn limit_gap<R: Real>(compiled: &LaneModel<R>, i: usize, q: &[R]) -> R {
-    let [lowest, highest] = compiled.params.limit(i);
-    let q = q[compiled.limits[i].q];
-    (q - lowest).min(highest - q)
+    R::vectorize(
+        #[inline(always)]
+        || {
+            let [lowest, highest] = compiled.params.limit(i);
+            let q = q[compiled.limits[i].q];
+            (q - lowest).min(highest - q)
+        },
+    )
 }
 
 /// Whether the velocity to be expected matters where all rests: inertial forces are quadratic in it, drag and what pushes with the motion

@@ -72,7 +72,7 @@ pub struct Response<R: Real> {
     /// Impulses and velocities of all rows.
     impulses: Vec<R>,
     velocities: Vec<R>,
-    /// Compliance of all rows of the position solve.
+    /// Compliance of all rows of a position solve; none of other rows.
     compliances: Vec<R>,
     lane: Lane,
     system: Linear,
@@ -223,7 +223,10 @@ impl<R: Real> Response<R> {
         }
         self.take_up(system, iterate);
         self.find_velocities(system, iterate);
-        self.find_compliances(system);
+        self.compliances.clear();
+        if before.is_some() {
+            self.find_compliances(system);
+        }
         for l in (0..R::LANES).filter(|l| lanes >> l & 1 == 1) {
             let Self { lanes: all, velocities, compliances, impulses, .. } = self;
             if let Some(before) = before {
@@ -244,7 +247,7 @@ impl<R: Real> Response<R> {
             let own = &self.lanes[lane];
             for (block, first) in own.blocks.iter().zip(&own.found) {
                 let Some(first) = *first else { continue };
-                if block.switches_damping(number_of(self.compliances[first], lane)) {
+                if self.compliances.get(first).is_some_and(|&c| block.switches_damping(number_of(c, lane))) {
                     f(Followed { lane, switch: Switch::Gap, distance: 1.0 });
                 }
                 for i in 0..block.dim {
@@ -312,9 +315,8 @@ impl<R: Real> Response<R> {
         );
     }
 
-    /// Compliances of all rows.
+    /// Appends the compliances of all rows.
     fn find_compliances(&mut self, system: System<'_, R>) {
-        self.compliances.clear();
         each_kind!([set: &system.problem] [rows: system] => set.compliances(rows, &mut self.compliances));
     }
 }

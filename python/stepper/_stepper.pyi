@@ -1069,9 +1069,8 @@ class Stepper:
             nstep: Number of steps.
             method: "fd", finite differences of whole steps, or "implicit": the step is solved once, and its derivative is that at the
                 modes of the solution, which contacts push, stick and slip, by the implicit function theorem. That is for the midpoint rule,
-                Euler's and the implicit one with `stabilization="baumgarte"` or "none", and for `contact="mujoco"` with "euler",
-                "implicitfast" or "implicit"; by the state and the controls. Environments that it says nothing of are taken by
-                differences (`Linearization.implicit`).
+                Euler's and the implicit one, and for `contact="mujoco"` with "euler", "implicitfast" or "implicit"; by the state and
+                the controls. Environments that it says nothing of are taken by differences (`Linearization.implicit`).
             step: Half width of the differences, for coordinates in SI units and for parameters relative to their size; None is the one
                 that the tolerance asks for (`stepper.derivatives.perturbations.step_of`), or `stepper.derivatives.implicit.STEP`.
             tolerance: Residual to which copies are solved, m/s; None is 1e-13, or the stepper's own if that is less.

@@ -1,7 +1,7 @@
 //! Derivative of a step at the modes of its solution: the implicit function theorem.
 //!
 //! A step is solved once, in all lanes. Then one coordinate after the other is displaced, in every lane that of its own environment, and
-//! stages 1 to 7 are taken there, with the linear response of the solution in the place of stage 5: which contacts push, stick and slip is
+//! stages 1 to 8 are taken there, with the linear response of the solution in the place of solves: which contacts push, stick and slip is
 //! held. Geometry, forces and inertia are differentiated by differences of this, which has no kinks of its own. Where the configuration
 //! stays, poses, mass matrix and rows do.
 
@@ -119,6 +119,7 @@ impl<'a> DerivativeRows<'a> {
                 Switch::Slip => SLIP,
                 Switch::Limit => LIMIT,
                 Switch::DryFriction => DRY_FRICTION,
+                Switch::Gap => GAP,
             };
         }
     }
@@ -244,7 +245,7 @@ impl<R: Real> StepDerivative<R> {
     fn settle(&mut self, compiled: &LaneModel<R>, options: &StepSettings, s: &mut Workspace<R>, solved: u32) -> u32 {
         let mut sound = solved;
         match &mut self.law {
-            LawResponse::Hard(response) => response.keep(s),
+            LawResponse::Hard(response) => response.keep(compiled, s),
             LawResponse::Mujoco(solution) => {
                 if let Some(system) = &mut s.constraints.soft {
                     solution.copy_from_slice(&system.acceleration);

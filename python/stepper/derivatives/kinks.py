@@ -34,7 +34,8 @@ class Kink(IntFlag):
     """Contacts that stick in one and slip in the other; not read with contact="mujoco"."""
     GAP = 4
     """A contact or limit that is open by a hair in one and overlaps in the other: an open gap may close within the step, an overlap is
-    not pushed out by velocity. A robot at rest is at this kink; docs/derivatives.md has settings without it."""
+    not pushed out by velocity. A robot at rest is at this kink; docs/derivatives.md has settings without it. With method="implicit" also
+    a contact whose damping in the correction of positions begins or ends because equalities move it, where the step jumps a little."""
     LIMIT = 8
     """Slides and hinges that reach a limit or leave it; limits of ball joints and tendons are not read."""
     DRY_FRICTION = 16

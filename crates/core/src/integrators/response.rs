@@ -1,14 +1,14 @@
 //! A step near one that is solved, with hard contact: impulses follow from those of the solution to first order.
 
-use stepper_real::{Mask, Real};
-use stepper_solve::Settings;
-use stepper_solve::newton::{Followed, Response};
+use stepper_real::{Mask, Real, Scalar};
+use stepper_solve::newton::{Followed, Newton, Response, Switch};
+use stepper_solve::{Iterate, Settings, System};
 
-use crate::collision::contact_set::Contacts;
+use crate::collision::contact_set::{Contacts, Slot};
 use crate::compile::{ActuatorParams, LaneModel};
 use crate::constraints::Constraints;
 use crate::constraints::restitution::any_elastic;
-use crate::dynamics::kinematics::advance;
+use crate::dynamics::kinematics::{advance, displace};
 use crate::integrators::corrected_forces::take_forces_again;
 use crate::integrators::evaluation::{assemble_here, evaluate};
 use crate::integrators::free_motion::renew_forces;
@@ -16,20 +16,25 @@ use crate::integrators::renewed::Renewed;
 use crate::integrators::scheme;
 use crate::integrators::scheme::Scheme;
 use crate::integrators::workspace::Workspace;
+use crate::math::lanes::each_of;
 use crate::math::spatial::V3;
-use crate::options::StepSettings;
+use crate::options::{Stabilization, StepSettings};
 use crate::probe::NoProbe;
 use crate::stages::s01_actuate::advance_activation;
 use crate::stages::s04_assemble::assemble_demands;
 use crate::stages::s05_solve::is_estimated;
 use crate::stages::s06_integrate_velocity::integrate_velocity;
 use crate::stages::s07_integrate_position::integrate_position;
+use crate::stages::s08_stabilise::{Solved, damp_rows, find_correction};
 
 /// Number of a constraint that is none.
 const NOBODY: u64 = u64::MAX;
 
 /// Residual with which a step counts as solved, m/s: modes are certain, and what the response is wrong by is of this order.
 const SOLVED: f64 = 1e-9;
+
+/// Part of the bounds of a correction of positions that it may not come near to, so that beside the state it is within them, too.
+const NEAR_BOUND: f64 = 1e-3;
 
 /// Lanes in which a residual is that of a solution.
 pub(crate) fn is_solved<R: Real>(options: &StepSettings, residual: R) -> R::Mask {
@@ -43,8 +48,18 @@ pub(crate) struct HardResponse<R: Real> {
     solution: Response<R>,
     /// Those with which forces that depend on the velocity to come are taken, which are a solution of the same rows before these forces.
     estimate: Response<R>,
+    /// Impulses of stage 8 in the place of those of the step, with which positions are corrected.
+    correction: Response<R>,
+    /// Lanes (bits) whose positions are corrected.
+    corrected: u32,
+    /// Whether positions are corrected by a solution of their own.
+    split: bool,
     /// Contacts of the step.
     contacts: Contacts<R>,
+    /// Gaps of its joint limits, negative beyond the end of a range, rad or m; NaN of those that do not push.
+    limits: Vec<R>,
+    /// Distances at which what a contact or a limit demands has a corner, m or rad.
+    edges: Vec<f64>,
     /// Velocity that it expected.
     v_expected: Vec<R>,
     /// Free velocity for which the present rows are.
@@ -71,7 +86,12 @@ impl<R: Real> HardResponse<R> {
         Self {
             solution: Response::default(),
             estimate: Response::default(),
+            correction: Response::default(),
+            corrected: 0,
+            split: options.stabilization == Stabilization::Split,
             contacts: Contacts::new(max_contacts).with_torques(compiled.has_rolling_friction),
+            limits: vec![R::of(f64::NAN); compiled.limits.len()],
+            edges: edges(options),
             v_expected: zeros(),
             v_free: zeros(),
             change: zeros(),
@@ -81,17 +101,21 @@ impl<R: Real> HardResponse<R> {
     }
 
     /// Keeps what the step that was just made says of its solution.
-    pub(crate) fn keep(&mut self, s: &Workspace<R>) {
+    pub(crate) fn keep(&mut self, compiled: &LaneModel<R>, s: &Workspace<R>) {
         // The step has handed its contacts on.
         self.contacts.clone_from(&s.state.contacts);
         self.v_expected.copy_from_slice(&s.free_motion.v_expected);
+        for (i, (gap, impulse)) in self.limits.iter_mut().zip(&s.constraints.scalar_impulse).enumerate() {
+            *gap = R::select(impulse.gt(R::zero()), limit_gap(compiled, i, &s.evaluation.q), R::of(f64::NAN));
+        }
     }
 
     /// Takes up the solutions of the step that was kept in the lanes `lanes` (bits), from the state before it. Returns those of them in
     /// which impulses follow from the rows, and velocities and positions from them.
     pub(crate) fn settle(&mut self, compiled: &LaneModel<R>, options: &StepSettings, s: &mut Workspace<R>, lanes: u32) -> u32 {
-        let lanes = lanes & !s.constraints.needs_position_solve.bits();
         let lanes = self.take(compiled, options, s, Renewed::Configuration, Pass::Solve { lanes });
+        // What bounces has other impulses in the correction of positions, or none.
+        let lanes = lanes & !s.constraints.rebounding.or(s.constraints.bouncing()).bits();
         if !self.scheme.corrects {
             return lanes;
         }
@@ -117,7 +141,7 @@ impl<R: Real> HardResponse<R> {
         )
     }
 
-    /// Stages 1 to 7 near the solution, in the lanes `lanes` (bits). Returns those of them in which all constraints that pushed there are
+    /// Stages 1 to 8 near the solution, in the lanes `lanes` (bits). Returns those of them in which all constraints that pushed there are
     /// there still, and calls `near` with the constraints that have come nearer to another mode.
     pub(crate) fn follow(
         &mut self,
@@ -128,10 +152,52 @@ impl<R: Real> HardResponse<R> {
         lanes: u32,
         near: &mut dyn FnMut(Followed),
     ) -> u32 {
-        self.take(compiled, options, s, self.rows_by(compiled, renewed), Pass::Follow { lanes, near })
+        let renewed = self.rows_by(compiled, renewed);
+        let left = self.take(compiled, options, s, renewed, Pass::Follow { lanes, near });
+        if renewed == Renewed::Configuration {
+            self.compare_gaps(compiled, s, left, near);
+        }
+        left
     }
 
-    /// Stages 1 to 7 with `pass` in the place of stage 5. Returns the lanes that it has left.
+    /// Calls `near` with contacts and limits that push and have come nearer to where what they demand has a corner, in the lanes `lanes`
+    /// (bits).
+    fn compare_gaps(&self, compiled: &LaneModel<R>, s: &Workspace<R>, lanes: u32, near: &mut dyn FnMut(Followed)) {
+        let mut compare = |lane: usize, before: R, after: R| {
+            let [before, after] = [before, after].map(|gap| gap.lane(lane).to_f64());
+            for edge in &self.edges {
+                let [from, to] = [before - edge, after - edge];
+                // One that stays says nothing.
+                if from * to <= 0.0 || to.abs() < from.abs() {
+                    near(Followed { lane, switch: Switch::Gap, distance: from / (from - to) });
+                }
+            }
+        };
+        let there = &s.evaluation.contacts;
+        for lane in each_of(lanes) {
+            for k in 0..self.contacts.count[lane] {
+                let Slot { point, impulse, .. } = &self.contacts.data[k];
+                let is_it = |j: &usize| there.ids[*j][lane] == self.contacts.ids[k][lane];
+                let found = Some(k).filter(|&k| k < there.count[lane]).filter(is_it).or_else(|| (0..there.count[lane]).find(is_it));
+                if let Some(j) = found.filter(|_| impulse[0].lane(lane).to_f64() > 0.0) {
+                    compare(lane, point.distance, there.data[j].point.distance);
+                }
+            }
+        }
+        for (i, &gap) in self.limits.iter().enumerate() {
+            let pushing = R::vectorize(
+                #[inline(always)]
+                || gap.eq(gap).bits(),
+            );
+            // Few limits do.
+            if lanes & pushing != 0 {
+                let after = limit_gap(compiled, i, &s.evaluation.q);
+                each_of(lanes & pushing).for_each(|lane| compare(lane, gap, after));
+            }
+        }
+    }
+
+    /// Stages 1 to 8 with `pass` in the place of their solves. Returns the lanes that it has left.
     fn take(&mut self, compiled: &LaneModel<R>, options: &StepSettings, s: &mut Workspace<R>, renewed: Renewed, mut pass: Pass<'_>) -> u32 {
         let everywhere = R::Mask::splat(true);
         match renewed {
@@ -153,16 +219,61 @@ impl<R: Real> HardResponse<R> {
             }
         }
         if self.scheme.corrects {
-            pass.find_impulses(options, &mut self.estimate, &mut s.constraints, &s.evaluation.contacts);
+            pass.find_step_impulses(options, &mut self.estimate, &mut s.constraints, &s.evaluation.contacts);
             take_forces_again(compiled, &self.scheme, s, NoProbe);
         }
         self.v_free.copy_from_slice(&s.free_motion.v);
-        pass.find_impulses(options, &mut self.solution, &mut s.constraints, &s.evaluation.contacts);
+        pass.find_step_impulses(options, &mut self.solution, &mut s.constraints, &s.evaluation.contacts);
         integrate_velocity(compiled, &s.free_motion.smooth.mass, &s.free_motion.v, &s.constraints, &mut s.next.v);
         integrate_position(compiled, &s.evaluation.q, &s.next.v, self.scheme.time_after, &mut s.next.q);
         advance_activation(compiled, &s.state.act, &s.evaluation.act, &s.inputs.ctrl, self.scheme.h, &mut s.next.act);
+        if self.split {
+            self.correct_positions(compiled, options, s, &mut pass);
+        }
         let (Pass::Solve { lanes } | Pass::Follow { lanes, .. }) = pass;
         lanes
+    }
+
+    /// Stage 8 with `pass` in the place of its solve.
+    fn correct_positions(&mut self, compiled: &LaneModel<R>, options: &StepSettings, s: &mut Workspace<R>, pass: &mut Pass<'_>) {
+        if matches!(pass, Pass::Solve { .. }) {
+            // Errors of equalities that are none, so that the step corrects nothing, are some beside it.
+            let Constraints { needs_position_solve, constrained, .. } = &s.constraints;
+            self.corrected = if compiled.equalities.is_empty() { needs_position_solve.bits() } else { constrained.bits() };
+        }
+        if self.corrected == 0 {
+            return;
+        }
+        s.constraints.copy_positions();
+        let (rows, mut room) = s.constraints.split();
+        let (mass, contacts) = (&s.free_motion.smooth.mass, &s.evaluation.contacts);
+        let solved = Solved { rows, mass, contacts, v_free: &s.free_motion.v, h: self.scheme.h };
+        damp_rows(compiled, options, &solved, &mut room);
+        let system = room.positions.system(rows.problem);
+        let name = names(rows.owners, rows.slots, rows.rolling_slots, contacts);
+        pass.find_impulses(
+            options,
+            &mut self.correction,
+            (system, room.iterate, room.newton),
+            [self.corrected; 2],
+            name,
+            Some(&self.solution),
+        );
+        let excess = find_correction(compiled, options, &solved, room.iterate, &s.next.v, &mut s.work.correction);
+        if let Pass::Solve { lanes } = pass {
+            // Slowed down, it follows from its fastest joint.
+            *lanes &= !self.corrected | excess.lt(R::of(1.0 - NEAR_BOUND)).bits();
+        }
+        displace(compiled, &s.next.q, &s.work.correction, self.scheme.h, &mut s.work.q_corrected);
+        let corrected = R::Mask::from_bits(self.corrected);
+        R::vectorize(
+            #[inline(always)]
+            || {
+                for (q, &new) in s.next.q.iter_mut().zip(&s.work.q_corrected) {
+                    *q = R::select(corrected, new, *q);
+                }
+            },
+        );
     }
 
     /// What of the rows is to be made again where so much is new. Where forces change the mass matrix that is all, as where servos are
@@ -183,30 +294,70 @@ impl<R: Real> HardResponse<R> {
 
 impl Pass<'_> {
     /// Stage 5.
-    fn find_impulses<R: Real>(
+    fn find_step_impulses<R: Real>(
         &mut self,
         options: &StepSettings,
         response: &mut Response<R>,
         constraints: &mut Constraints<R>,
         contacts: &Contacts<R>,
     ) {
-        let Constraints { problem, iterate, newton, owners, slots, rolling_slots, constrained, .. } = constraints;
-        let name = names(owners, slots, rolling_slots, contacts);
+        let constrained = constraints.constrained;
+        let (rows, room) = constraints.split();
+        let name = names(rows.owners, rows.slots, rows.rolling_slots, contacts);
+        let all = R::Mask::splat(true).bits();
+        self.find_impulses(options, response, (rows.problem.into(), room.iterate, room.newton), [constrained.bits(), all], name, None);
+    }
+
+    /// Impulses of a system of rows in the lanes `concerned` (bits), of which `constrained` have any; those of other lanes are not asked
+    /// for. `before` is the solution that a position solve counts from.
+    fn find_impulses<R: Real>(
+        &mut self,
+        options: &StepSettings,
+        response: &mut Response<R>,
+        (system, iterate, newton): (System<'_, R>, &mut Iterate<R>, &mut Newton),
+        [constrained, concerned]: [u32; 2],
+        name: impl Fn(usize, usize, usize) -> u64,
+        before: Option<&Response<R>>,
+    ) {
         match self {
             Self::Solve { lanes } => {
                 let [sweeps, newton_steps] = options.effort();
                 let tolerance = R::of(options.tolerance);
                 let settings = Settings { sweeps, newton_steps, tolerance, newton_threshold: tolerance };
-                let outcome = stepper_solve::solve(&*problem, iterate, settings, *constrained, newton);
-                *lanes &= is_solved(options, outcome.residual).bits();
-                *lanes = response.settle(problem, iterate, *lanes, name);
+                let outcome = stepper_solve::solve(system, iterate, settings, R::Mask::from_bits(constrained), newton);
+                *lanes &= !concerned | is_solved(options, outcome.residual).bits();
+                *lanes &= !concerned | response.settle(system, iterate, *lanes & concerned, name, before);
             }
             Self::Follow { lanes, near } => {
-                *lanes &= !response.respond(problem, iterate, *lanes, name);
-                response.compare(problem, iterate, *lanes, near);
+                *lanes &= !response.respond(system, iterate, *lanes & concerned, name, before);
+                response.compare(system, iterate, *lanes & concerned, near);
             }
         }
     }
+}
+
+/// Distances at which what a contact or a limit demands has a corner: where it closes, and where an overlap begins to be corrected. None
+/// with Baumgarte's method where it has one demand for gaps and overlaps.
+fn edges(options: &StepSettings) -> Vec<f64> {
+    let StepSettings { stabilization, baumgarte, slop, .. } = *options;
+    match stabilization {
+        Stabilization::Baumgarte if baumgarte == 1.0 && slop == 0.0 => vec![],
+        Stabilization::None => vec![0.0],
+        Stabilization::Baumgarte | Stabilization::Split if slop == 0.0 => vec![0.0],
+        Stabilization::Baumgarte | Stabilization::Split => vec![0.0, -slop],
+    }
+}
+
+/// Distance to the nearer end of a limited joint's range.
+fn limit_gap<R: Real>(compiled: &LaneModel<R>, i: usize, q: &[R]) -> R {
+    R::vectorize(
+        #[inline(always)]
+        || {
+            let [lowest, highest] = compiled.params.limit(i);
+            let q = q[compiled.limits[i].q];
+            (q - lowest).min(highest - q)
+        },
+    )
 }
 
 /// Whether the velocity to be expected matters where all rests: inertial forces are quadratic in it, drag and what pushes with the motion

@@ -10,7 +10,7 @@
 //! witness proves that no motion within the bounds meets them, the lane is marked infeasible.
 
 use stepper_real::{Mask, Real, Scalar};
-use stepper_solve::{Damping, Outcome, Settings, System};
+use stepper_solve::{Damping, Iterate, Outcome, Settings, System};
 
 use crate::collision::contact_set::Contacts;
 use crate::compile::{LaneModel, ModelStructure};
@@ -27,6 +27,10 @@ use crate::options::{Solver, StepSettings};
 /// Who asks for less than the default tolerance wants the step as a smooth function, and gets this many times what was asked for.
 const CORRECTION_TOLERANCE: f64 = 1e-4;
 const CORRECTION_RATIO: f64 = 100.0;
+
+/// Correction below which who wants a smooth step has no damping, m/s or rad/s: rounding leaves 1e-14 of demands that are the same, and
+/// whether a contact that corrects nothing is damped matters where others move it (1e-8 m of a quadruped's step).
+const NEGLIGIBLE_CORRECTION: f64 = 1e-12;
 
 /// Residual above which Newton's method goes on where sweeps stop, m/s: they can leave a hundredth of a radian a step where two limbs are
 /// jammed. Below it, it would cost more than the correction is worth (humanoids under random control: 4 % of the step).
@@ -202,15 +206,7 @@ fn correct<R: Real>(
     out: &mut [R],
 ) -> R::Mask {
     let problem = solved.rows.problem;
-    let damping = Damping { ratio: R::of(DAMPING), bending: solved.h * R::of(1.0 / ARM) };
-    R::vectorize(
-        #[inline(always)]
-        || {
-            room.positions.exchange_demands();
-            find_floors(compiled, solved, room.floors);
-            room.positions.damp(problem, room.iterate, damping, room.floors, room.reference);
-        },
-    );
+    damp_rows(compiled, options, solved, room);
     let [sweeps, newton] = options.effort();
     let tight = CORRECTION_RATIO * options.tolerance;
     let (tolerance, sweeps, rough) = match options.is_tight() {
@@ -225,11 +221,7 @@ fn correct<R: Real>(
     let (fast, lacking) = R::vectorize(
         #[inline(always)]
         || {
-            out.copy_from_slice(&room.iterate.w);
-            solved.mass.unscale(compiled, out);
-            for i in 0..compiled.nv {
-                out[i] = (solved.v_free[i] + out[i]) - v_next[i];
-            }
+            find_motion(compiled, solved, room.iterate, v_next, out);
             let short = system.shortfall(room.iterate, room.reference);
             let held = system.immovable_demand();
             let fast = lanes.and_not(solved.rows.rebounding).and(excess(compiled, out, bounds).gt(R::one()));
@@ -240,6 +232,57 @@ fn correct<R: Real>(
         bound_islands(compiled, system, room.islands, fast, bounds, out);
     }
     if lacking.any() { prove_infeasible(compiled, solved, room, lacking, bounds) } else { lacking }
+}
+
+/// Makes the rows of the position solve of copies of those of the velocity solve: damped, counted from the present impulses, with the
+/// demands of positions.
+#[inline(always)]
+pub(crate) fn damp_rows<R: Real>(
+    compiled: &LaneModel<R>,
+    options: &StepSettings,
+    solved: &Solved<'_, R>,
+    room: &mut SolverWorkspace<'_, R>,
+) {
+    let negligible = R::of(if options.is_tight() { NEGLIGIBLE_CORRECTION } else { 0.0 });
+    let damping = Damping { ratio: R::of(DAMPING), bending: solved.h * R::of(1.0 / ARM), negligible };
+    R::vectorize(
+        #[inline(always)]
+        || {
+            room.positions.exchange_demands();
+            find_floors(compiled, solved, room.floors);
+            room.positions.damp(solved.rows.problem, room.iterate, damping, room.floors, room.reference);
+        },
+    );
+}
+
+/// The velocity to add to `v_next` so that positions move as the impulses of the position solve say, left in `out`. Returns the largest
+/// part that it is of its bounds, above 1 where [`stabilise`] slows it down.
+pub(crate) fn find_correction<R: Real>(
+    compiled: &LaneModel<R>,
+    options: &StepSettings,
+    solved: &Solved<'_, R>,
+    iterate: &Iterate<R>,
+    v_next: &[R],
+    out: &mut [R],
+) -> R {
+    let bounds = Bounds::new(options, solved.h);
+    R::vectorize(
+        #[inline(always)]
+        || {
+            find_motion(compiled, solved, iterate, v_next, out);
+            excess(compiled, out, bounds)
+        },
+    )
+}
+
+/// The velocity to add to `v_next` by the impulses of the position solve, without bounds.
+#[inline(always)]
+fn find_motion<R: Real>(compiled: &LaneModel<R>, solved: &Solved<'_, R>, iterate: &Iterate<R>, v_next: &[R], out: &mut [R]) {
+    out.copy_from_slice(&iterate.w);
+    solved.mass.unscale(compiled, out);
+    for i in 0..compiled.nv {
+        out[i] = (solved.v_free[i] + out[i]) - v_next[i];
+    }
 }
 
 /// The largest part that a motion is of its bounds.

@@ -135,6 +135,8 @@ pub struct Damping<R> {
     pub ratio: R,
     /// Growth of that ratio per velocity that a contact corrects, s/m.
     pub bending: R,
+    /// Correction up to which a row counts as correcting nothing, m/s or rad/s: 0, or more where rounding is not to decide it.
+    pub negligible: R,
 }
 
 /// Normal impulses and demands of a reference solution, for one kind of constraint.
@@ -276,6 +278,9 @@ pub trait ConstraintSet<R: Real>: Sized {
 
     /// Appends the velocities of all rows at the scaled velocity change w, what their compliance adds included, m/s.
     fn velocities(&self, rows: &Rows<Self::Row>, impulses: &[Self::Impulse], w: &[R], out: &mut Vec<R>);
+
+    /// Appends the compliance of all rows, but for what the normal row of a contact has besides.
+    fn compliances(&self, rows: &Rows<Self::Row>, out: &mut Vec<R>);
 
     /// Calls `f` with the natural-map residual of every constraint, m/s, in their order; see [`residual`](crate::residual()).
     fn for_each_residual(&self, rows: &Rows<Self::Row>, impulses: &[Self::Impulse], w: &[R], f: impl FnMut(R));

@@ -333,7 +333,7 @@ fn tangential_speed<R: Real, const N: usize>(v: &[R; N]) -> R {
 /// Compliance of a contact of mobility `mobility` that corrects so many m/s: 0 where it corrects nothing.
 #[inline(always)]
 fn damping_compliance<R: Real>(damping: Damping<R>, correction: R, mobility: R) -> R {
-    masked(correction.gt(R::zero()), (damping.ratio + damping.bending * correction) * mobility)
+    masked(correction.gt(damping.negligible), (damping.ratio + damping.bending * correction) * mobility)
 }
 
 impl<R: Real, const N: usize, L: LocalSolver<R, N>> Row for FrictionContact<R, N, L> {
@@ -509,6 +509,10 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> ConstraintSet<R> for Frictio
         for (contact, lambda) in rows.items.iter().zip(impulses) {
             out.extend_from_slice(&self.velocity_under(contact, rows.compliant, w, lambda));
         }
+    }
+
+    fn compliances(&self, rows: &Rows<FrictionContact<R, N, L>>, out: &mut Vec<R>) {
+        out.extend(rows.items.iter().flat_map(|contact| [contact.damping; N]));
     }
 
     #[inline(always)]

@@ -410,6 +410,10 @@ impl<R: Real> ConstraintSet<R> for ScalarRows<R> {
         }
     }
 
+    fn compliances(&self, rows: &Rows<ScalarRow<R>>, out: &mut Vec<R>) {
+        out.extend(rows.items.iter().map(|row| row.compliance));
+    }
+
     #[inline(always)]
     fn for_each_residual(&self, rows: &Rows<ScalarRow<R>>, impulses: &[R], w: &[R], mut f: impl FnMut(R)) {
         for (row, &lambda) in rows.items.iter().zip(impulses) {
@@ -454,7 +458,8 @@ impl<R: Real> ConstraintSet<R> for ScalarRows<R> {
             reference_g.push(row.g + row.damping_deficit);
             // Separate rows are damped when they are made: other rows reckon with what they will do.
             if k >= self.separate {
-                let corrects = row.g.eq(row.position_g).not();
+                // Written so that a NaN counts.
+                let corrects = (row.g - row.position_g).abs().le(damping.negligible).not();
                 let compliance = masked(corrects, damping.ratio * row.mobility);
                 row.g -= compliance * lambda;
                 row.compliance += compliance;

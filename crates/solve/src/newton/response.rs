@@ -15,7 +15,7 @@ use crate::constraints::constraint_set::{ConstraintSet, Impulse, number_of};
 use crate::constraints::each_kind;
 use crate::iterate::{Iterate, rows_of};
 use crate::newton::lane::{Lane, LaneBlock};
-use crate::problem::{Problem, System};
+use crate::problem::System;
 use crate::vectors::{TILE, add_scaled, inner, inner_of_tiles, norm};
 use stepper_real::{Mask, Real, Scalar};
 
@@ -24,6 +24,9 @@ const DEPENDENT: f64 = 1e-10;
 
 /// Motion by impulses, relative to what they would make alone, that is none.
 const IDLE: f64 = 1e-7;
+
+/// Ratio of a compliance to what it was, below which it is that of another mode: a row has none, or at least a thousandth of its mobility.
+const SAME_COMPLIANCE: f64 = 0.5;
 
 /// Number of rows of one constraint at the most, and a number for each.
 const MAX_ROWS: usize = 6;
@@ -43,6 +46,8 @@ pub enum Switch {
     Limit,
     /// A row with two bounds does.
     DryFriction,
+    /// A row of the position solve begins or ceases to correct something, and with that to be damped.
+    Gap,
 }
 
 /// How near a change has brought a constraint to another mode.
@@ -67,6 +72,8 @@ pub struct Response<R: Real> {
     /// Impulses and velocities of all rows.
     impulses: Vec<R>,
     velocities: Vec<R>,
+    /// Compliance of all rows of a position solve; none of other rows.
+    compliances: Vec<R>,
     lane: Lane,
     system: Linear,
 }
@@ -82,6 +89,8 @@ struct LaneResponse {
     active: Vec<usize>,
     /// Their impulses by their velocities, row by row, each filled up to whole tiles.
     matrix: Vec<f64>,
+    /// Changes of their impulses that the rows leave open, one after the other: they move nothing.
+    open: Vec<f64>,
     /// First row of every block in the problem that is asked about, none where it is not there.
     found: Vec<Option<usize>>,
     change: Vec<f64>,
@@ -100,6 +109,15 @@ struct Block {
     first: usize,
     dim: usize,
     rho: f64,
+    /// Compliance of all rows, what the normal one has besides not included.
+    compliance: f64,
+}
+
+impl Block {
+    /// Whether rows of so much compliance are damped where those of the solution were not, or the other way round.
+    fn switches_damping(&self, compliance: f64) -> bool {
+        self.compliance.min(compliance) < SAME_COMPLIANCE * self.compliance.max(compliance)
+    }
 }
 
 /// Linear system of a lane, and room to make it.
@@ -124,6 +142,7 @@ impl<R: Real> Default for Response<R> {
             kinds: vec![],
             impulses: vec![],
             velocities: vec![],
+            compliances: vec![],
             lane: Lane::default(),
             system: Linear::default(),
         }
@@ -133,13 +152,22 @@ impl<R: Real> Default for Response<R> {
 impl<R: Real> Response<R> {
     /// Takes up the solution of the lanes `lanes` (bits). `name` says which constraint a kind's constraint of some index is in a lane, by
     /// a number that it has in other problems too. Returns the lanes whose motion follows from their rows: not those in which contacts
-    /// share loads while they slip about a point, say, where it depends on loads that the rows leave open.
-    pub fn settle(&mut self, problem: &Problem<R>, iterate: &Iterate<R>, lanes: u32, name: impl Fn(usize, usize, usize) -> u64) -> u32 {
-        self.separate = problem.scalars.separate();
-        self.find_velocities(problem, iterate);
+    /// share loads while they slip about a point, say, where it depends on loads that the rows leave open. The compliance of a position
+    /// solve counts from the impulses of `before`, the solution of the velocities: what that leaves open may move nothing here either.
+    pub fn settle<'a>(
+        &mut self,
+        system: impl Into<System<'a, R>>,
+        iterate: &Iterate<R>,
+        lanes: u32,
+        name: impl Fn(usize, usize, usize) -> u64,
+        before: Option<&Self>,
+    ) -> u32 {
+        let rows = system.into();
+        self.separate = rows.problem.scalars.separate();
+        self.find_velocities(rows, iterate);
         let mut sound = lanes;
         for l in (0..R::LANES).filter(|l| lanes >> l & 1 == 1) {
-            self.lane.gather(System::from(problem), iterate, l);
+            self.lane.gather(rows, iterate, l);
             let Self { lanes: all, kinds, velocities, lane, system, .. } = self;
             let own = &mut all[l];
             own.begin(lane, |kind, source| name(kind, source, l));
@@ -148,7 +176,8 @@ impl<R: Real> Response<R> {
                 own.velocity.extend(velocities[start + dim * block.source..][..dim].iter().map(|&v| number_of(v, l)));
             }
             own.find_pieces();
-            if !system.solve(lane, own, iterate.w.len()) {
+            let determined = system.solve(lane, own, iterate.w.len());
+            if !determined || before.is_some_and(|before| system.is_moved_by_loads(own, &before.lanes[l])) {
                 sound &= !(1 << l);
             }
         }
@@ -156,15 +185,18 @@ impl<R: Real> Response<R> {
     }
 
     /// Replaces the impulses of a problem near the one that was solved by what follows from it to first order, in the lanes `lanes` (bits).
-    /// Returns the lanes in which a constraint that pushed is not there any more.
-    pub fn respond(
+    /// Returns the lanes in which a constraint that pushed is not there any more. Of a position solve `before` is the solution of the
+    /// velocities, which has responded: rows that were damped are, and no others.
+    pub fn respond<'a>(
         &mut self,
-        problem: &Problem<R>,
+        system: impl Into<System<'a, R>>,
         iterate: &mut Iterate<R>,
         lanes: u32,
         name: impl Fn(usize, usize, usize) -> u64,
+        before: Option<&Self>,
     ) -> u32 {
-        let mut lost = if problem.scalars.separate() == self.separate { 0 } else { lanes };
+        let system = system.into();
+        let mut lost = if system.problem.scalars.separate() == self.separate { 0 } else { lanes };
         self.lay_out(iterate);
         let total = self.impulses.len();
         let end = |kind: usize| self.kinds.get(kind + 1).map_or(total, |next| next[0]);
@@ -189,24 +221,35 @@ impl<R: Real> Response<R> {
                 }
             }
         }
-        self.take_up(problem, iterate);
-        self.find_velocities(problem, iterate);
+        self.take_up(system, iterate);
+        self.find_velocities(system, iterate);
+        self.compliances.clear();
+        if before.is_some() {
+            self.find_compliances(system);
+        }
         for l in (0..R::LANES).filter(|l| lanes >> l & 1 == 1) {
-            let Self { lanes: all, velocities, impulses, .. } = self;
+            let Self { lanes: all, velocities, compliances, impulses, .. } = self;
+            if let Some(before) = before {
+                all[l].hold_damping(velocities, compliances, &before.impulses, l);
+            }
             all[l].follow(velocities, impulses, l);
         }
-        self.take_up(problem, iterate);
+        self.take_up(system, iterate);
         lost
     }
 
     /// Calls `f` with every constraint that the last [`Response::respond`] has brought nearer to another mode.
-    pub fn compare(&mut self, problem: &Problem<R>, iterate: &Iterate<R>, lanes: u32, mut f: impl FnMut(Followed)) {
-        self.find_velocities(problem, iterate);
+    pub fn compare<'a>(&mut self, system: impl Into<System<'a, R>>, iterate: &Iterate<R>, lanes: u32, mut f: impl FnMut(Followed)) {
+        let system = system.into();
+        self.find_velocities(system, iterate);
         let (mut lambda, mut v) = ([0.0; MAX_ROWS], [0.0; MAX_ROWS]);
         for lane in (0..R::LANES).filter(|l| lanes >> l & 1 == 1) {
             let own = &self.lanes[lane];
             for (block, first) in own.blocks.iter().zip(&own.found) {
                 let Some(first) = *first else { continue };
+                if self.compliances.get(first).is_some_and(|&c| block.switches_damping(number_of(c, lane))) {
+                    f(Followed { lane, switch: Switch::Gap, distance: 1.0 });
+                }
                 for i in 0..block.dim {
                     lambda[i] = number_of(self.impulses[first + i], lane);
                     v[i] = number_of(self.velocities[first + i], lane);
@@ -239,7 +282,7 @@ impl<R: Real> Response<R> {
     }
 
     /// Gives the iterate the impulses, and solves the separate rows.
-    fn take_up(&self, problem: &Problem<R>, iterate: &mut Iterate<R>) {
+    fn take_up(&self, system: System<'_, R>, iterate: &mut Iterate<R>) {
         let mut rest = &self.impulses[..];
         each_kind!([own: &mut iterate] => {
             let own = Impulse::<R>::flatten_mut(own);
@@ -251,17 +294,17 @@ impl<R: Real> Response<R> {
         R::vectorize(
             #[inline(always)]
             || {
-                iterate.compute_w(problem);
-                iterate.solve_separate(System::from(problem), R::Mask::splat(true));
+                iterate.compute_w(system.problem);
+                iterate.solve_separate(system, R::Mask::splat(true));
             },
         );
     }
 
     /// Velocities of all rows at the impulses of an iterate.
-    fn find_velocities(&mut self, problem: &Problem<R>, iterate: &Iterate<R>) {
+    fn find_velocities(&mut self, system: System<'_, R>, iterate: &Iterate<R>) {
         self.lay_out(iterate);
         self.velocities.clear();
-        let (system, velocities) = (System::from(problem), &mut self.velocities);
+        let velocities = &mut self.velocities;
         R::vectorize(
             #[inline(always)]
             || {
@@ -270,6 +313,11 @@ impl<R: Real> Response<R> {
                 });
             },
         );
+    }
+
+    /// Appends the compliances of all rows.
+    fn find_compliances(&mut self, system: System<'_, R>) {
+        each_kind!([set: &system.problem] [rows: system] => set.compliances(rows, &mut self.compliances));
     }
 }
 
@@ -308,6 +356,7 @@ impl LaneResponse {
                 first: block.rows.start,
                 dim: block.rows.len(),
                 rho: natural_step(lane, block),
+                compliance: block.compliance,
             });
         }
     }
@@ -322,6 +371,22 @@ impl LaneResponse {
             block.margin = block.set.margin(block.piece, &z[..block.dim]).0;
             if matches!(block.piece, Piece::Held | Piece::Sliding) {
                 self.active.extend(rows);
+            }
+        }
+    }
+
+    /// Gives rows of the lane `l` that were damped at the solution and are not now, or the other way round, the velocities that they have
+    /// with the damping of the solution. `compliances` are those of now, and `before` the impulses that damping counts from.
+    fn hold_damping<R: Real>(&self, velocities: &mut [R], compliances: &[R], before: &[R], l: usize) {
+        for (block, first) in self.blocks.iter().zip(&self.found) {
+            let Some(first) = *first else { continue };
+            let compliance = number_of(compliances[first], l);
+            if block.switches_damping(compliance) {
+                for i in 0..block.dim {
+                    let change = self.lambda[block.first + i] - number_of(before[first + i], l);
+                    let v = number_of(velocities[first + i], l) + (block.compliance - compliance) * change;
+                    velocities[first + i].set_lane(l, Scalar::from_f64(v));
+                }
             }
         }
     }
@@ -425,13 +490,18 @@ impl Linear {
         }
         let rank = self.eliminate(n, stride);
         self.substitute(n, stride, rank, &mut own.matrix);
-        (rank..n).all(|k| self.is_idle(stride, rank, k, width))
+        own.open.clear();
+        (rank..n).all(|k| {
+            let impulses = self.open_impulses(stride, rank, k);
+            let idle = self.is_idle(&impulses, norm(&impulses));
+            own.open.extend(impulses);
+            idle
+        })
     }
 
-    /// Whether the impulses that the equations leave open with the unknown in place `k` beyond the rank move nothing, so that the motion is
-    /// determined all the same: loads that are shared while all sticks, or slips along one line, and rows along which nothing can move.
-    fn is_idle(&self, stride: usize, rank: usize, k: usize, width: usize) -> bool {
-        let Self { left, rows, columns, dense, .. } = self;
+    /// Impulses that the equations leave open with the unknown in place `k` beyond the rank.
+    fn open_impulses(&self, stride: usize, rank: usize, k: usize) -> Vec<f64> {
+        let Self { left, rows, columns, .. } = self;
         let mut impulses = vec![0.0; columns.len()];
         impulses[columns[k]] = 1.0;
         for k in (0..rank).rev() {
@@ -439,12 +509,39 @@ impl Linear {
             let sum: f64 = columns[k + 1..].iter().map(|&other| row[other] * impulses[other]).sum();
             impulses[columns[k]] = -sum / row[columns[k]];
         }
+        impulses
+    }
+
+    /// Whether impulses of the active rows move nothing, beside what `size` N s would move alone, so that the motion is determined whatever
+    /// they are: loads that are shared while all sticks, or slips along one line, and rows along which nothing can move.
+    fn is_idle(&self, impulses: &[f64], size: f64) -> bool {
+        let Self { dense, .. } = self;
+        let width = dense.len() / impulses.len().max(1);
         let mut motion = vec![0.0; width];
-        for (y, x) in dense.chunks_exact(width).zip(&impulses) {
+        for (y, x) in dense.chunks_exact(width.max(1)).zip(impulses) {
             add_scaled(&mut motion, *x, y);
         }
-        let largest = dense.chunks_exact(width).map(|y| inner(y, y)).fold(0.0, f64::max);
-        norm(&motion) <= IDLE * norm(&impulses) * largest.sqrt()
+        let largest = dense.chunks_exact(width.max(1)).map(|y| inner(y, y)).fold(0.0, f64::max);
+        norm(&motion) <= IDLE * size * largest.sqrt()
+    }
+
+    /// Whether loads that another solution of the same rows leaves open, from which the compliance of these counts, move anything here.
+    fn is_moved_by_loads(&self, own: &LaneResponse, before: &LaneResponse) -> bool {
+        let [n, stride] = [own.active.len(), own.active.len().next_multiple_of(TILE)];
+        let mut compliance = vec![0.0; own.lambda.len()];
+        for (block, before) in own.blocks.iter().zip(&before.blocks) {
+            compliance[block.first..block.first + block.dim].fill(block.compliance - before.compliance);
+        }
+        before.open.chunks_exact(before.active.len().max(1)).any(|load| {
+            let mut yielding = vec![0.0; own.lambda.len()];
+            for (&row, x) in before.active.iter().zip(load) {
+                yielding[row] = -compliance[row] * x;
+            }
+            let mut change: Vec<f64> = own.active.iter().map(|&row| yielding[row]).collect();
+            change.resize(stride, 0.0);
+            let impulses: Vec<f64> = own.matrix.chunks_exact(stride.max(1)).take(n).map(|row| inner_of_tiles(row, &change)).collect();
+            !self.is_idle(&impulses, norm(load))
+        })
     }
 
     /// Gauss's elimination with the largest pivot of all that is left; returns the rank.

@@ -4,7 +4,7 @@ use crate::batch::inputs::StepInputs;
 use crate::batch::simulation::checks::check_length;
 use crate::batch::simulation::{Error, Simulation};
 use crate::math::precision::Precision;
-use crate::options::{ContactLaw, Integrator, Stabilization, StepSettings};
+use crate::options::{ContactLaw, Integrator, StepSettings};
 use crate::step_derivative::{DerivativeQuery, DerivativeRows, StatePart};
 
 impl Simulation {
@@ -42,14 +42,9 @@ impl Simulation {
 
     /// Checks that the settings are among those whose step has one solution that all else follows from.
     fn check_implicit(&self) -> Result<(), Error> {
-        let StepSettings { contact, integrator, stabilization, .. } = *self.engine.settings();
+        let StepSettings { contact, integrator, .. } = *self.engine.settings();
         let wrong = |name, found: &str, must| Err(Error::Option { name, found: found.to_owned(), must });
         match (contact, integrator) {
-            (ContactLaw::Hard, Integrator::Euler | Integrator::Implicit | Integrator::Midpoint)
-                if stabilization == Stabilization::Split =>
-            {
-                return wrong("stabilization", "split", "baumgarte or none for method='implicit'; method='fd' takes all");
-            }
             (ContactLaw::Hard, Integrator::Euler | Integrator::Implicit | Integrator::Midpoint)
             | (ContactLaw::Mujoco, Integrator::Euler | Integrator::ImplicitFast | Integrator::Implicit) => {}
             (ContactLaw::Hard, other) => {

@@ -1,13 +1,16 @@
-//! Rays against simple shapes, and points within them.
+//! Rays, and points within simple shapes.
 //!
-//! Each shape's surface is made of pieces whose intersections with the line are roots of linear or quadratic equations; of those that are
-//! on their piece and not behind the ray's beginning, the nearest counts. A ray that begins inside hits where it leaves.
+//! A simple shape's surface is made of pieces whose intersections with the line are roots of linear or quadratic equations; of those that
+//! are on their piece and not behind the ray's beginning, the nearest counts. A ray that begins inside hits where it leaves. Meshes and
+//! height fields are met lane by lane.
 
-use stepper_real::{Mask, Real};
+use stepper_real::{Mask, Real, Scalar};
 
 use crate::compile::LaneModel;
-use crate::compile::sensing::{Form, SensorFrame, Solid};
+use crate::compile::sensing::{Form, SensorFrame, Solid, Target, TargetForm};
 use crate::dynamics::kinematics::Kinematics;
+use crate::geometry::{Pose, RaySurface};
+use crate::math::lanes::each_of;
 use crate::math::spatial::*;
 use crate::model::RayField;
 use crate::sensing::frames::{orientation, position};
@@ -138,6 +141,87 @@ pub fn inside<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, plac
     )
 }
 
+/// A geom that rays can meet, where it is.
+pub(crate) struct Placed<'a, R: Real> {
+    centre: V3<R>,
+    mat: M3<R>,
+    form: &'a TargetForm,
+}
+
+impl<'a, R: Real> Placed<'a, R> {
+    /// At the poses of `kinematics`.
+    #[inline(always)]
+    pub(crate) fn new(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, target: &'a Target<R::Scalar>) -> Self {
+        Self { centre: position(compiled, kinematics, &target.place), mat: orientation(kinematics, &target.place), form: &target.form }
+    }
+
+    /// Distance from `origin` along a unit `direction`, both in the world, in the lanes `lanes`; infinite where it is not met, and perhaps
+    /// where it is met beyond `within`.
+    #[inline(always)]
+    pub(crate) fn distance(&self, compiled: &LaneModel<R>, lanes: u32, origin: V3<R>, direction: V3<R>, within: R) -> R {
+        match self.form {
+            TargetForm::Simple(form, index) => {
+                let (o, d) = (rotate_back(&self.mat, sub(origin, self.centre)), rotate_back(&self.mat, direction));
+                ray(*form, compiled.params.size(*index), o, d)
+            }
+            TargetForm::Surface(surface) => {
+                let lanes = lanes & self.may_meet(surface, origin, direction, within).bits();
+                if lanes == 0 { nothing() } else { self.to_surface(surface, lanes, origin, direction) }
+            }
+        }
+    }
+
+    /// Lanes in which a ray comes to the ball about a surface, up to rounding, and not beyond `within`.
+    #[inline(always)]
+    fn may_meet(&self, surface: &RaySurface, origin: V3<R>, direction: V3<R>, within: R) -> R::Mask {
+        let (centre, radius) = surface.ball();
+        let offset = sub(add(self.centre, rotate(&self.mat, centre.map(R::of))), origin);
+        let (along, square) = (dot(offset, direction), dot(offset, offset));
+        // Rounding of places, squares and the direction's length: some units in their last place.
+        let rounding = R::splat(<R::Scalar as Scalar>::EPSILON) * R::of(32.0);
+        let reach = R::of(radius) + rounding * (R::of(radius) + norm(origin) + norm(self.centre));
+        let beside = (square - along * along).gt(reach * reach + rounding * square);
+        let behind = along.lt(-reach).or((along - reach).gt(within));
+        R::Mask::splat(true).and_not(beside.or(behind))
+    }
+
+    /// Lane by lane: what one does no other sees.
+    #[inline(never)]
+    fn to_surface(&self, surface: &RaySurface, lanes: u32, origin: V3<R>, direction: V3<R>) -> R {
+        let mut t = nothing::<R>();
+        for lane in each_of(lanes) {
+            let (pos, mat) = (of_lane(&self.centre, lane), of_lane(&self.mat, lane));
+            let pose = if size_of::<R::Scalar>() < size_of::<f64>() { Pose::widened(pos, mat) } else { Pose { pos, mat } };
+            t.set_lane(lane, Scalar::from_f64(surface.distance(&pose, of_lane(&origin, lane), of_lane(&direction, lane))));
+        }
+        t
+    }
+}
+
+/// Distance to the nearest of some geoms along a unit `direction`, in the lanes `lanes`, and its number: -1 for none. Of two at one
+/// distance the first.
+pub(crate) fn nearest<R: Real>(
+    compiled: &LaneModel<R>,
+    placed: &[(usize, Placed<'_, R>)],
+    lanes: u32,
+    origin: V3<R>,
+    direction: V3<R>,
+) -> (R, R) {
+    R::vectorize(
+        #[inline(always)]
+        || {
+            let (mut nearest, mut which) = (nothing::<R>(), -R::one());
+            for (geom, target) in placed {
+                let t = target.distance(compiled, lanes, origin, direction, nearest);
+                let nearer = t.lt(nearest);
+                nearest = R::select(nearer, t, nearest);
+                which = R::select(nearer, R::of(*geom as f64), which);
+            }
+            (R::select(nearest.lt(nothing()), nearest, -R::one()), which)
+        },
+    )
+}
+
 /// Readings of a range finder.
 pub fn range<R: Real>(
     compiled: &LaneModel<R>,
@@ -145,9 +229,10 @@ pub fn range<R: Real>(
     place: &SensorFrame<R::Scalar>,
     rays: &[[R::Scalar; 3]],
     fields: &[RayField],
-    solids: &[Solid<R::Scalar>],
+    targets: &[Target<R::Scalar>],
     out: &mut [R],
 ) {
+    let every = (u64::MAX >> (64 - R::LANES)) as u32;
     R::vectorize(
         #[inline(always)]
         || {
@@ -156,10 +241,8 @@ pub fn range<R: Real>(
             for &direction in rays {
                 let direction = rotate(&axes, splat(direction));
                 let mut t = nothing::<R>();
-                for solid in solids {
-                    let (centre, mat) = (position(compiled, kinematics, &solid.place), orientation(kinematics, &solid.place));
-                    let (o, d) = (rotate_back(&mat, sub(origin, centre)), rotate_back(&mat, direction));
-                    t = t.min(ray(solid.form, compiled.params.size(solid.index), o, d));
+                for target in targets {
+                    t = t.min(Placed::new(compiled, kinematics, target).distance(compiled, every, origin, direction, t));
                 }
                 let hit = t.lt(nothing());
                 let reach = R::select(hit, t, R::zero());

@@ -21,11 +21,11 @@ pub(super) fn ray<R: Real>(form: Form, size: V3<R>, o: V3<R>, d: V3<R>) -> R {
         #[inline(always)]
         || match form {
             Form::Plane => plane(o, d),
-            Form::Sphere => nearest_root(dot(d, d), dot(o, d), dot(o, o) - size[0].square(), |_| R::Mask::splat(true)),
+            Form::Sphere => Roots::new(dot(d, d), dot(o, d), dot(o, o) - size[0].square()).nearest([R::Mask::splat(true); 2]),
             Form::Ellipsoid => {
-                let inverse = size.map(R::recip);
-                let (o, d): (V3<R>, V3<R>) = (std::array::from_fn(|k| o[k] * inverse[k]), std::array::from_fn(|k| d[k] * inverse[k]));
-                nearest_root(dot(d, d), dot(o, d), dot(o, o) - R::one(), |_| R::Mask::splat(true))
+                let inverse = [size[0].recip(), size[1].recip(), size[2].recip()];
+                let (o, d) = (times(o, inverse), times(d, inverse));
+                Roots::new(dot(d, d), dot(o, d), dot(o, o) - R::one()).nearest([R::Mask::splat(true); 2])
             }
             Form::Capsule => capsule(size, o, d),
             Form::Cylinder => cylinder(size, o, d),
@@ -39,33 +39,48 @@ fn nothing<R: Real>() -> R {
     R::of(f64::INFINITY)
 }
 
-/// The smallest root t >= 0 of a t^2 + 2 b t + c on the piece.
-#[inline(always)]
-fn nearest_root<R: Real>(a: R, b: R, c: R, on_piece: impl Fn(R) -> R::Mask) -> R {
-    let z = R::zero();
-    let discriminant = b * b - a * c;
-    let real = discriminant.ge(z).and(a.gt(z));
-    let root = R::select(real, discriminant, z).sqrt();
-    let inverse = R::one() / R::select(real, a, R::one());
-    let (near, far) = ((-b - root) * inverse, (root - b) * inverse);
-    let hits = |t: R| real.and(t.ge(z)).and(on_piece(t));
-    R::select(hits(near), near, R::select(hits(far), far, nothing()))
+/// Where a line meets a piece of second order: the roots t of a t^2 + 2 b t + c, ascending. Whether they are on the piece is asked outside,
+/// and no function is handed on: a closure that is called twice is not inlined into the kernel.
+struct Roots<R: Real> {
+    real: R::Mask,
+    at: [R; 2],
 }
 
-/// Where the line meets the plane of constant coordinate k, if that is on the piece.
+impl<R: Real> Roots<R> {
+    #[inline(always)]
+    fn new(a: R, b: R, c: R) -> Self {
+        let z = R::zero();
+        let discriminant = b * b - a * c;
+        let real = discriminant.ge(z).and(a.gt(z));
+        let root = R::select(real, discriminant, z).sqrt();
+        let inverse = R::one() / R::select(real, a, R::one());
+        Self { real, at: [(-b - root) * inverse, (root - b) * inverse] }
+    }
+
+    /// The smallest that is not behind the ray's beginning, of those that are on the piece.
+    #[inline(always)]
+    fn nearest(&self, on_piece: [R::Mask; 2]) -> R {
+        let ([near, far], z) = (self.at, R::zero());
+        let near_hits = self.real.and(near.ge(z)).and(on_piece[0]);
+        let far_hits = self.real.and(far.ge(z)).and(on_piece[1]);
+        R::select(near_hits, near, R::select(far_hits, far, nothing()))
+    }
+}
+
+/// Where the line meets the plane of constant coordinate k, and the lanes in which it does so not behind the ray's beginning.
 #[inline(always)]
-fn flat<R: Real>(o: V3<R>, d: V3<R>, k: usize, level: R, on_piece: impl Fn(V3<R>) -> R::Mask) -> R {
+fn crossing<R: Real>(o: V3<R>, d: V3<R>, k: usize, level: R) -> (R, R::Mask) {
     let z = R::zero();
     let crosses = d[k].abs().gt(z);
     let t = (level - o[k]) / R::select(crosses, d[k], R::one());
-    R::select(crosses.and(t.ge(z)).and(on_piece(add_scaled(o, d, t))), t, nothing())
+    (t, crosses.and(t.ge(z)))
 }
 
 /// The front of the plane only, without end.
 #[inline(always)]
 fn plane<R: Real>(o: V3<R>, d: V3<R>) -> R {
-    let hit = flat(o, d, 2, R::zero(), |_| R::Mask::splat(true));
-    R::select(d[2].lt(R::zero()), hit, nothing())
+    let (t, hits) = crossing(o, d, 2, R::zero());
+    R::select(hits.and(d[2].lt(R::zero())), t, nothing())
 }
 
 #[inline(always)]
@@ -74,9 +89,11 @@ fn capsule<R: Real>(size: V3<R>, o: V3<R>, d: V3<R>) -> R {
     let mut t = wall(size, o, d);
     for end in [half, -half] {
         let from = [o[0], o[1], o[2] - end];
+        let roots = Roots::new(dot(d, d), dot(from, d), dot(from, from) - radius.square());
         // Beyond the end of the segment.
-        let outer = |t: R| ((o[2] + d[2] * t) * R::one().copysign(end)).ge(half);
-        t = t.min(nearest_root(dot(d, d), dot(from, d), dot(from, from) - radius.square(), outer));
+        let side = R::one().copysign(end);
+        let [near, far] = roots.at;
+        t = t.min(roots.nearest([((o[2] + d[2] * near) * side).ge(half), ((o[2] + d[2] * far) * side).ge(half)]));
     }
     t
 }
@@ -85,22 +102,32 @@ fn capsule<R: Real>(size: V3<R>, o: V3<R>, d: V3<R>) -> R {
 #[inline(always)]
 fn wall<R: Real>([radius, half, _]: V3<R>, o: V3<R>, d: V3<R>) -> R {
     let (a, b, c) = (d[0] * d[0] + d[1] * d[1], o[0] * d[0] + o[1] * d[1], o[0] * o[0] + o[1] * o[1] - radius.square());
-    nearest_root(a, b, c, |t| (o[2] + d[2] * t).abs().le(half))
+    let roots = Roots::new(a, b, c);
+    let [near, far] = roots.at;
+    roots.nearest([(o[2] + d[2] * near).abs().le(half), (o[2] + d[2] * far).abs().le(half)])
 }
 
 #[inline(always)]
 fn cylinder<R: Real>(size: V3<R>, o: V3<R>, d: V3<R>) -> R {
-    let disc = |p: V3<R>| (p[0] * p[0] + p[1] * p[1]).le(size[0].square());
-    wall(size, o, d).min(flat(o, d, 2, size[1], disc)).min(flat(o, d, 2, -size[1], disc))
+    let mut t = wall(size, o, d);
+    for level in [size[1], -size[1]] {
+        let (end, hits) = crossing(o, d, 2, level);
+        let p = add_scaled(o, d, end);
+        t = t.min(R::select(hits.and((p[0] * p[0] + p[1] * p[1]).le(size[0].square())), end, nothing()));
+    }
+    t
 }
 
 #[inline(always)]
 fn cuboid<R: Real>(half: V3<R>, o: V3<R>, d: V3<R>) -> R {
-    let mut t = nothing();
+    let mut t = nothing::<R>();
     for k in 0..3 {
         let (i, j) = ((k + 1) % 3, (k + 2) % 3);
-        let face = |p: V3<R>| p[i].abs().le(half[i]).and(p[j].abs().le(half[j]));
-        t = flat(o, d, k, half[k], face).min(flat(o, d, k, -half[k], face)).min(t);
+        for level in [half[k], -half[k]] {
+            let (side, hits) = crossing(o, d, k, level);
+            let p = add_scaled(o, d, side);
+            t = t.min(R::select(hits.and(p[i].abs().le(half[i])).and(p[j].abs().le(half[j])), side, nothing()));
+        }
     }
     t
 }

@@ -21,7 +21,7 @@ CORE_FOLDERS = {
     "collision": {"math", "geometry", "model", "compile", "dynamics"},
     "actuation": {"math", "model", "compile", "dynamics"},
     "constraints": {"math", "options", "compile", "dynamics", "collision"},
-    "sensing": {"math", "model", "compile", "dynamics", "collision", "actuation"},
+    "sensing": {"math", "geometry", "model", "compile", "dynamics", "collision", "actuation"},
     "probe": set(),
     "stages": {"math", "model", "options", "probe", "compile", "dynamics", "collision", "actuation", "constraints", "sensing"},
     "integrators": {

@@ -634,7 +634,7 @@ class Model:
             ValueError: Shapes that do not fit, a number that is not finite, a quaternion of zeros.
         """
     def geoms_seen_from(self, site: int) -> list[int]:
-        """Indices of the geoms that rays from a site can meet: all simple shapes but those of the site's own body."""
+        """Indices of the geoms that rays from a site can meet: all that the model has the form of but those of the site's own body."""
     def __eq__(self, other: object, /) -> bool: ...
     def __ne__(self, other: object, /) -> bool: ...
     def __hash__(self) -> int: ...
@@ -1120,17 +1120,65 @@ class Stepper:
         Raises:
             ModuleNotFoundError: viser is not installed, with how to install it.
         """
-    def mass_matrix(self, env: int = 0) -> NDArray[np.float64]:
-        """Mass matrix of the present configuration, (nv, nv), armature included, without terms that depend on the time step."""
-    def bias_force(self, env: int = 0) -> NDArray[np.float64]:
-        """Coriolis, centrifugal and gravitational forces of the present state, (nv,): MuJoCo's qfrc_bias."""
-    def smooth_acceleration(self, env: int = 0, *, ctrl: ArrayLike | None = None) -> NDArray[np.float64]:
-        """Acceleration without constraints in the present state, (nv,): MuJoCo's qacc_smooth.
+    def mass_matrix(self, env: int | None = 0) -> _Array:
+        """Mass matrix of the present configuration, armature included, without terms that depend on the time step.
 
         Args:
-            env: The environment.
-            ctrl: Controls, (nu,); None is those in force. With `actuators=`, what the drives hand on to the
+            env: The environment; None is all of them, in one pass.
+
+        Returns:
+            (nv, nv) float64; of all environments (num_envs, nv, nv), in the stepper's scalar type.
+        """
+    def bias_force(self, env: int | None = 0) -> _Array:
+        """Coriolis, centrifugal and gravitational forces of the present state: MuJoCo's qfrc_bias.
+
+        Args:
+            env: The environment; None is all of them, in one pass.
+
+        Returns:
+            (nv,) float64; of all environments (num_envs, nv), in the stepper's scalar type.
+        """
+    def smooth_acceleration(self, env: int | None = 0, *, ctrl: ArrayLike | None = None) -> _Array:
+        """Acceleration without constraints in the present state: MuJoCo's qacc_smooth.
+
+        Args:
+            env: The environment; None is all of them, in one pass.
+            ctrl: Controls of one environment, (nu,); None is those in force. With `actuators=`, what the drives hand on to the
                 actuators' law (None is what they did last).
+
+        Returns:
+            (nv,) float64; of all environments (num_envs, nv), in the stepper's scalar type.
+
+        Raises:
+            ValueError: Controls of another shape, or for all environments.
+        """
+    def rays(
+        self,
+        points: ArrayLike,
+        directions: ArrayLike,
+        *,
+        geoms: Sequence[str | int] | None = None,
+        exclude: str | int | None = None,
+    ) -> tuple[_Array, NDArray[np.int32]]:
+        """What rays meet in the present states: MuJoCo's `mj_ray`, of many rays of all environments in one pass.
+
+        A plane is met from its front, without end. Of a mesh its triangles are met, whether it collides as these or as its hull; of a
+        height field also its sides and its base. What begins inside of something meets it where it leaves. What is drawn and touches
+        nothing is met where it has a simple shape: a mesh that is only drawn is no part of the model.
+
+        Args:
+            points: Where the rays begin in the world, (num_envs, n, 3) or (n, 3) for all environments, m.
+            directions: Where they go, world axes, of any length above 0: (num_envs, n, 3) or (n, 3).
+            geoms: Names or indices of the geoms that the rays can meet; None is all of them.
+            exclude: Name or index of a body whose geoms are not met; None is none.
+
+        Returns:
+            Distances in m, (num_envs, n) in the stepper's scalar type, and the indices of the geoms that are met, (num_envs, n) int32. Both
+            are -1 where nothing is.
+
+        Raises:
+            ValueError: An array of another shape, a point that is not finite, a direction of length 0, a mesh that is no part of the model.
+            KeyError, IndexError: No geom or body of that name or index.
         """
     def energy(self, env: int = 0) -> tuple[float, float]:
         """Potential energy (gravity, joint springs) and kinetic energy (armature included), in J."""

@@ -6,16 +6,16 @@
     stepper.quantities.read(sim, "xpos", "torso")  # (256, 3)
     stepper.quantities.read(sim, "qvel", ["left_knee", "right_knee"])  # (256, 2)
     stepper.quantities.mass_matrix(sim, out=mine)  # (256, nv, nv)
+    stepper.quantities.rays(sim, points, directions, body="torso")  # distances and geoms, (256, n) each
 
-The first axis is that of the environments; a stepper without one has none. `read` gives what the attributes of `Stepper` say, computed
-for all environments in one pass and kept until something changes. What has no attribute of all environments at once (mass matrices,
-forces of bias, accelerations without constraints, and what follows from these) is asked of each environment in turn, some 5 us each.
+The first axis is that of the environments; a stepper without one has none. All is computed for all environments in one pass; what the
+attributes of `Stepper` say, which `read` gives, is kept until something changes.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -82,36 +82,36 @@ def mass_matrix(sim: Stepper, *, out: Array | None = None) -> Array:
     """Mass matrices of the present configurations, armature included: see `Stepper.mass_matrix`.
 
     Returns:
-        (num_envs, nv, nv) float64.
+        (num_envs, nv, nv) of the scalar type of the stepper.
 
     Raises:
         ValueError: An `out` of another shape or scalar type.
     """
-    return _each(sim, sim.mass_matrix, out)
+    return _given(sim.mass_matrix(None), out)
 
 
 def bias_force(sim: Stepper, *, out: Array | None = None) -> Array:
     """Coriolis, centrifugal and gravitational forces of the present states: MuJoCo's qfrc_bias.
 
     Returns:
-        (num_envs, nv) float64, N or N m.
+        (num_envs, nv) of the scalar type of the stepper, N or N m.
 
     Raises:
         ValueError: An `out` of another shape or scalar type.
     """
-    return _each(sim, sim.bias_force, out)
+    return _given(sim.bias_force(None), out)
 
 
 def smooth_acceleration(sim: Stepper, *, out: Array | None = None) -> Array:
     """Accelerations without constraints in the present states under the controls in force: MuJoCo's qacc_smooth.
 
     Returns:
-        (num_envs, nv) float64, m/s^2 or rad/s^2.
+        (num_envs, nv) of the scalar type of the stepper, m/s^2 or rad/s^2.
 
     Raises:
         ValueError: An `out` of another shape or scalar type.
     """
-    return _each(sim, sim.smooth_acceleration, out)
+    return _given(sim.smooth_acceleration(None), out)
 
 
 def inverse_dynamics(sim: Stepper, qacc: ArrayLike, *, out: Array | None = None) -> Array:
@@ -127,7 +127,7 @@ def inverse_dynamics(sim: Stepper, qacc: ArrayLike, *, out: Array | None = None)
         out: Array to write to; None is a new one.
 
     Returns:
-        (num_envs, nv) float64, N or N m.
+        (num_envs, nv) of the scalar type of the stepper, N or N m.
 
     Raises:
         ValueError: Accelerations or an `out` of another shape or scalar type.
@@ -137,12 +137,65 @@ def inverse_dynamics(sim: Stepper, qacc: ArrayLike, *, out: Array | None = None)
     if wanted.shape not in ((sim.model.nv,), (*shape, sim.model.nv)):
         raise ValueError(f"qacc has shape {wanted.shape}, must be {(*shape, sim.model.nv)} or ({sim.model.nv},)")
     # What the accelerations without constraints say of bias and passive forces, less the forces that made them.
-    excess = np.broadcast_to(wanted, (*shape, sim.model.nv)) - smooth_acceleration(sim)
+    free = smooth_acceleration(sim)
+    excess = np.broadcast_to(wanted, (*shape, sim.model.nv)) - free
     forces = np.einsum("...ij,...j->...i", mass_matrix(sim), excess)
     forces += np.asarray(sim.qfrc_actuator)
     forces += np.asarray(sim.qfrc_applied)
     forces += _of_applied(sim)
-    return written(forces, out)
+    return _given(forces.astype(free.dtype, copy=False), out)
+
+
+def rays(
+    sim: Stepper,
+    points: ArrayLike,
+    directions: ArrayLike,
+    *,
+    body: Key | None = None,
+    axes: Literal["body", "heading", "world"] = "body",
+    geoms: Sequence[Key] | None = None,
+    exclude: Key | None = None,
+    out: Array | None = None,
+    out_geoms: Array | None = None,
+) -> tuple[Array, Array]:
+    """What rays meet in the world, or around a body as its lidar and its depth sensors see it: see `Stepper.rays`.
+
+        grid = np.stack(np.meshgrid(np.linspace(-1, 1, 17), np.linspace(-0.5, 0.5, 11), [1.0]), axis=-1).reshape(-1, 3)
+        distances, _ = rays(sim, grid, np.tile([0.0, 0.0, -1.0], (len(grid), 1)), body="base", axes="heading")
+
+    Args:
+        sim: The stepper.
+        points: Where the rays begin, (num_envs, n, 3) or (n, 3) for all environments, m: in the world, or from the origin of the body.
+        directions: Where they go, of any length above 0, (num_envs, n, 3) or (n, 3).
+        body: Name or index of the body that the rays belong to; its own geoms are not met. None is the world.
+        axes: In whose axes points and directions around a body are: its own; the world's, turned by its heading alone; the world's.
+        geoms: Names or indices of the geoms that the rays can meet; None is all of them.
+        exclude: Name or index of the body whose geoms are not met; None is `body`.
+        out: Array to write distances to; None is a new one.
+        out_geoms: Array to write the indices of geoms to, int32; None is a new one.
+
+    Returns:
+        Distances in m, (num_envs, n) of the scalar type of the stepper, and the indices of the geoms that are met, (num_envs, n) int32.
+        Both are -1 where nothing is.
+
+    Raises:
+        ValueError: Arrays of another shape or scalar type, a point that is not finite, a direction of length 0, unknown axes, a mesh that
+            is no part of the model.
+        KeyError, IndexError: No body or geom of that name or index.
+    """
+    if axes not in ("body", "heading", "world"):
+        raise ValueError(f"axes is {axes!r}, must be 'body', 'heading' or 'world'")
+    if body is not None:
+        which = sim.model.body(body).id
+        exclude = which if exclude is None else exclude
+        points, directions = _of_rays(sim, points, "points"), _of_rays(sim, directions, "directions")
+        if axes != "world":
+            quat = np.asarray(sim.xquat, dtype=np.float64)[..., which, :]
+            turn = _heading(quat) if axes == "heading" else quat
+            points, directions = _rotated(turn, points), _rotated(turn, directions)
+        points = points + np.asarray(sim.xpos, dtype=np.float64)[..., which, None, :]
+    distances, met = sim.rays(points, directions, geoms=geoms, exclude=exclude)
+    return _given(distances, out), _given(met, out_geoms)
 
 
 def _of_applied(sim: Stepper) -> Array:
@@ -155,6 +208,30 @@ def _of_applied(sim: Stepper) -> Array:
         wrench = np.concatenate([force, torque + np.cross(arm, force)], axis=-1)
         total += np.einsum("...ij,...i->...j", np.asarray(sim.jacobian(body=int(body))), wrench)
     return total
+
+
+def _of_rays(sim: Stepper, given: ArrayLike, name: str) -> Array:
+    """Three numbers of each ray, of all environments or of each."""
+    rows = np.asarray(given, dtype=np.float64)
+    shape = () if sim.num_envs is None else (sim.num_envs,)
+    if rows.ndim < 2 or rows.shape[-1] != 3 or rows.shape[:-2] not in ((), shape):
+        raise ValueError(f"{name} has shape {rows.shape}, must be {(*shape, 'n', 3)} or ('n', 3)")
+    return rows
+
+
+def _heading(quat: Array) -> Array:
+    """The part about the world's z axis of orientations (..., 4): quaternions (..., 4) that turn x to where the body's x axis points."""
+    w, x, y, z = np.moveaxis(quat, -1, 0)
+    half = 0.5 * np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
+    return np.stack([np.cos(half), 0.0 * half, 0.0 * half, np.sin(half)], axis=-1)
+
+
+def _rotated(quat: Array, vectors: Array) -> Array:
+    """Vectors (..., n, 3) turned by unit quaternions (..., 4)."""
+    w, u = quat[..., None, :1], quat[..., None, 1:]
+    across = 2.0 * np.cross(u, vectors)
+    turned: Array = vectors + w * across + np.cross(u, across)
+    return turned
 
 
 def _places(model: Model, kind: str, name: str, of: Key | Sequence[Key]) -> Any:
@@ -178,16 +255,9 @@ def _places(model: Model, kind: str, name: str, of: Key | Sequence[Key]) -> Any:
     return columns
 
 
-def _each(sim: Stepper, ask: Any, out: Array | None) -> Array:
-    """What is asked of each environment, one after the other."""
-    if sim.num_envs is None:
-        return written(ask(0), out)
-    first = ask(0)
-    found = room((sim.num_envs, *first.shape), first.dtype, out)
-    found[0] = first
-    for env in range(1, sim.num_envs):
-        found[env] = ask(env)
-    return found
+def _given(values: Array, out: Array | None) -> Array:
+    """An array that is the caller's already, or written to theirs."""
+    return values if out is None else written(values, out)
 
 
 def room(shape: tuple[int, ...], dtype: Any, out: Array | None) -> Array:

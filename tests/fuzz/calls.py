@@ -344,6 +344,7 @@ CALLS: dict[str, Callable[[Random, stepper.Stepper, Path], Made]] = {
     "mass_matrix": lambda rng, sim, _: ([int(rng.integers(-4, 10))], {}),
     "bias_force": lambda rng, sim, _: ([int(rng.integers(-4, 10))], {}),
     "smooth_acceleration": lambda rng, sim, _: ([0], {"ctrl": array(rng, (sim.model.nu,))}),
+    "rays": lambda rng, sim, _: ([array(rng, (3, 3)), array(rng, (3, 3))], {"exclude": int(rng.integers(-2, 9))}),
     "observe": lambda rng, sim, _: ([array(rng, _tail(sim, sim.model.nsensordata))], {}),
     "randomize": _randomize,
     "set qfrc_applied": lambda rng, sim, _: ([array(rng, _tail(sim, sim.model.nv))], {}),

@@ -41,6 +41,42 @@ def test_mass_matrices_and_inverse_dynamics_are_mujocos(name):
         np.testing.assert_allclose(forces[k], data.qfrc_inverse, atol=1e-9 * size)
 
 
+@pytest.mark.parametrize("name", [*ROBOTS, "dm_control/point_mass"])
+def test_all_environments_have_the_bits_of_each(name):
+    """In one pass over lanes, of drives and of tendons with springs and inertia too; in 32 bits to their rounding."""
+    _, sim, *_, rng = crowd(name)
+    sim.qfrc_applied[:], sim.xfrc_applied[:] = rng.normal(size=(ENVS, sim.model.nv)), rng.normal(size=(ENVS, sim.model.nbody, 6))
+    sim.step(rng.normal(size=(ENVS, sim.model.nu)), nstep=2)
+    half = stepper.Stepper(sim.model, ENVS, precision="f32")
+    half.set_state(sim.qpos, sim.qvel, act=sim.act)
+    half.step(sim.ctrl, nstep=0)
+    for what in ("mass_matrix", "bias_force", "smooth_acceleration"):
+        found = getattr(quantities, what)(sim)
+        np.testing.assert_array_equal(found, [getattr(sim, what)(env) for env in range(ENVS)], what)
+        assert getattr(quantities, what)(half).dtype == np.float32
+    mass = quantities.mass_matrix(sim)
+    # Sums of some tens of terms of single precision.
+    np.testing.assert_allclose(quantities.mass_matrix(half), mass, rtol=0, atol=1e-5 * np.abs(mass).max())
+
+
+def test_tendons_with_inertia_and_drives_count_in_one_pass():
+    model = stepper.load("""<mujoco><worldbody><body><joint name="a" axis="0 1 0" stiffness="2" damping=".3"/>
+      <geom type="capsule" fromto="0 0 0 0 0 -.4" size=".03"/><body pos="0 0 -.4"><joint name="b" axis="0 1 0"/>
+      <geom type="capsule" fromto="0 0 0 0 0 -.3" size=".02"/></body></body></worldbody>
+      <tendon><fixed name="t" stiffness="5" damping=".2" armature=".1" springlength=".1 .2">
+      <joint joint="a" coef="1"/><joint joint="b" coef="-.5"/></fixed></tendon>
+      <actuator><position joint="a" kp="5"/></actuator></mujoco>""")
+    drives = stepper.ActuatorModel(default=stepper.Drive(delay=0.01, lag=0.02))
+    for settings in ({}, {"actuators": drives}):
+        sim = stepper.Stepper(model, 11, **settings)
+        rng = np.random.default_rng(4)
+        sim.reset(qpos=rng.normal(size=(11, 2)), qvel=rng.normal(size=(11, 2)))
+        sim.step(rng.normal(size=(11, 1)), nstep=4)
+        for what in ("mass_matrix", "smooth_acceleration"):
+            found = getattr(quantities, what)(sim)
+            np.testing.assert_array_equal(found, [getattr(sim, what)(env) for env in range(11)], what)
+
+
 def test_forces_of_inverse_dynamics_make_the_acceleration():
     """What it says is applied, and the step without contacts accelerates so, whatever drives do between controls and joints."""
     free = stepper.load("""<mujoco><option gravity="0 0 -3"/><worldbody><body><joint name="a" axis="0 1 0" stiffness="2" damping=".3"/>
@@ -97,6 +133,7 @@ def test_a_stepper_without_an_axis_has_none():
     (lambda sim: quantities.read(sim, "xpos", 99), IndexError, "99"),
     (lambda sim: quantities.read(sim, "xpos", out=np.empty((5, 14, 3), np.float32)), ValueError, "float32, must have"),
     (lambda sim: quantities.mass_matrix(sim, out=np.empty((5, 14, 13))), ValueError, r"out has shape \(5, 14, 13\)"),
+    (lambda sim: sim.smooth_acceleration(None, ctrl=np.zeros(8)), ValueError, "ctrl is for one environment"),
     (lambda sim: quantities.inverse_dynamics(sim, np.zeros((4, 14))), ValueError, r"qacc has shape \(4, 14\), must be \(5, 14\)"),
     (quantities.jacobian, ValueError, "body"),
 ])  # fmt: skip

@@ -84,6 +84,24 @@ pub enum Error {
         /// Elements of that kind.
         count: usize,
     },
+    /// A ray that goes nowhere.
+    #[error("directions[{ray}] of environment {env} is {found:?}, must be a direction: finite, and not zero")]
+    Direction {
+        /// Number of the ray.
+        ray: usize,
+        /// Environment.
+        env: usize,
+        /// What was given.
+        found: [f64; 3],
+    },
+    /// A geom for rays to meet whose mesh or height field the model does not have.
+    #[error("geom {geom:?} is a {shape} whose form the model does not have, as nothing can touch it; leave it out of the geoms of rays")]
+    NoForm {
+        /// The geom's name, or its index as "#3".
+        geom: String,
+        /// Its shape's name.
+        shape: &'static str,
+    },
     /// A number that is not finite.
     #[error("{place} of environment {env} is {value}, must be finite")]
     NotFinite {

@@ -93,6 +93,7 @@ pub use analysis::derived::DerivedQuantity;
 pub use analysis::quantities::Snapshot;
 pub use batch::WorstRow;
 pub use batch::inputs::{AppliedInput, Episode, Field, StateRows, StepInputs};
+pub use batch::ray_query::RayCast;
 pub use batch::saved_state::SavedState;
 pub use batch::simulation::{ActuatorNumbers, BodyPose, Certificate, Contact, Kinks, PerturbedCopies, Simulation};
 pub use error::{Error, StateMisfit};

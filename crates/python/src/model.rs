@@ -339,7 +339,7 @@ impl Model {
         configurations::differentiate(&self.core, q1, q2)
     }
 
-    /// Indices of the geoms that rays from a site can meet: all simple shapes but those of the site's own body.
+    /// Indices of the geoms that rays from a site can meet: all that the model has the form of but those of the site's own body.
     fn geoms_seen_from(&self, site: &Bound<'_, PyAny>) -> PyResult<Vec<usize>> {
         let (site, count) = (whole(site, "site", 0)? as usize, self.core.sites.len());
         if site >= count {

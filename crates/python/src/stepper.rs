@@ -11,6 +11,7 @@ mod outcome;
 mod pickling;
 mod quantities;
 mod randomize;
+mod rays;
 mod recording;
 mod rollout;
 mod sensing;

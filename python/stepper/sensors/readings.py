@@ -25,7 +25,7 @@ class RayFan:
     Attributes:
         site: Name of the site from which the rays go.
         rays: Directions in the site's frame, (n, 3), of any length above 0.
-        geoms: Names of the geoms that the rays can meet; None is all simple shapes but those of the site's own body.
+        geoms: Names of the geoms that the rays can meet; None is all but those of the site's own body, and meshes that are only drawn.
         data: What is read of each ray, in the order of "distance" (m, -1 where nothing is met), "direction", "origin", "point" (world, m).
     """
 

@@ -2,6 +2,7 @@
 
 use stepper_real::Real;
 
+use crate::analysis::smooth_dynamics::SmoothDynamics;
 use crate::compile::LaneModel;
 use crate::dynamics::kinematics::Kinematics;
 use crate::integrators::observation::read_actuator_forces;
@@ -56,6 +57,12 @@ pub enum DerivedQuantity {
     /// Torques (N m) and forces (N) on the bodies of the contacts that the last step left, about the centre of mass of their tree, world
     /// axes: (nbody, 6). Where the state was set since there are none.
     BodyForce,
+    /// Mass matrix without terms that depend on the time step, armature included: (nv, nv), kg, kg m and kg m^2.
+    MassMatrix,
+    /// Coriolis, centrifugal and gravitational forces: (nv), N or N m.
+    BiasForce,
+    /// Acceleration without constraints under the controls in force and what is applied: (nv), m/s^2 or rad/s^2.
+    SmoothAcceleration,
     /// Jacobian of the origin of a body's frame in world axes, linear rows above angular ones: (6, nv).
     BodyJacobian(usize),
     /// Jacobian of a site in world axes, linear rows above angular ones: (6, nv).
@@ -84,6 +91,9 @@ impl DerivedQuantity {
             Self::BodyInertia => "cinert",
             Self::BodyMotion => "cvel",
             Self::BodyForce => "cfrc_ext",
+            Self::MassMatrix => "mass_matrix",
+            Self::BiasForce => "bias_force",
+            Self::SmoothAcceleration => "smooth_acceleration",
             Self::BodyJacobian(_) | Self::SiteJacobian(_) => "jacobian",
         }
     }
@@ -99,6 +109,8 @@ impl DerivedQuantity {
             Self::GeomPos => vec![geoms, 3],
             Self::GeomQuat => vec![geoms, 4],
             Self::Acceleration | Self::JointActuatorForce | Self::JointConstraintForce => vec![model.nv()],
+            Self::BiasForce | Self::SmoothAcceleration => vec![model.nv()],
+            Self::MassMatrix => vec![model.nv(); 2],
             Self::ActuatorForce => vec![model.nu()],
             Self::BodyContactForce | Self::BodyMotion | Self::BodyForce => vec![bodies, 6],
             Self::BodyInertia => vec![bodies, 10],
@@ -128,6 +140,8 @@ pub(crate) struct Derivation<R: Real> {
     references: Vec<V3<R>>,
     /// Contact forces of bodies.
     wrenches: Vec<[R; 6]>,
+    /// Room of mass matrices and the like, made with the first.
+    dynamics: Option<Box<SmoothDynamics<R>>>,
     /// What is known of the present group.
     known: Known,
     /// What is derived.
@@ -248,6 +262,20 @@ impl<R: Real> Derivation<R> {
                 contact_wrenches(compiled, &s.state.contacts, h, &self.references, &mut self.wrenches);
                 self.wrenches[0] = [R::zero(); 6];
                 self.values.extend(self.wrenches.iter().flat_map(|&[x, y, z, torque @ ..]| [torque, [x, y, z]]).flatten());
+            }
+            Q::MassMatrix | Q::BiasForce | Q::SmoothAcceleration => {
+                let dynamics = self.dynamics.get_or_insert_with(|| Box::new(SmoothDynamics::new(compiled)));
+                match quantity {
+                    Q::MassMatrix => self.values.extend(dynamics.mass_matrix(compiled, kinematics)),
+                    Q::BiasForce => {
+                        self.values.resize(compiled.nv, R::zero());
+                        dynamics.bias_force(compiled, kinematics, &s.state.v, &mut self.values);
+                    }
+                    _ => {
+                        let state = [&s.state.q[..], &s.state.v, &s.state.act];
+                        self.values.extend(dynamics.acceleration(compiled, kinematics, state, &s.inputs));
+                    }
+                }
             }
             Q::BodyJacobian(body) => {
                 let body = &compiled.bodies[body];

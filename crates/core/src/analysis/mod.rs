@@ -7,3 +7,4 @@ pub(crate) mod derived;
 pub mod inverse_weights;
 pub mod overlaps;
 pub(crate) mod quantities;
+mod smooth_dynamics;

@@ -2,19 +2,15 @@
 
 use std::borrow::Cow;
 
-use nalgebra::{DMatrix, DVector};
 use stepper_real::Real;
 
-use crate::actuation::forces::{ActuatorForces, ForceState, Implicit};
+use crate::analysis::smooth_dynamics::SmoothDynamics;
 use crate::compile::{CompiledTendon, Inertial, LaneModel};
-use crate::dynamics::inertia::{MassMatrix, NewtonEuler, bias_force};
 use crate::dynamics::kinematics::{Kinematics, kinetic_energy};
 use crate::integrators::inputs::Inputs;
 use crate::math::spatial::*;
 use crate::model::JointKind;
 use crate::sensing::orientations;
-use crate::stages::s01_actuate::actuate;
-use crate::stages::s02_smooth::Smooth;
 
 /// The state of one environment, to ask about.
 #[derive(Clone, Debug)]
@@ -79,74 +75,20 @@ impl Snapshot<'_> {
 
     /// The mass matrix, row by row, (nv, nv), armature included.
     pub fn mass_matrix(&self) -> Vec<f64> {
-        let compiled = &*self.compiled;
-        let mut mass = MassMatrix::new(compiled);
-        mass.assemble(compiled, &self.kinematics(), &mut vec![zero(); compiled.links.len()]);
-        let mut full = vec![0.0; compiled.nv * compiled.nv];
-        for i in 0..compiled.nv {
-            let dof = &compiled.dofs[i];
-            for (&a, &m) in compiled.chain_of(i).iter().zip(&mass.entries[dof.chain..]) {
-                full[i * compiled.nv + a as usize] = m;
-                full[a as usize * compiled.nv + i] = m;
-            }
-        }
-        for (tendon, inertia) in compiled.tendons.iter().filter_map(|t| Some((t, t.spring.as_ref()?.0.inertia))) {
-            for &(_, i, a) in &tendon.length.terms {
-                tendon.length.terms.iter().for_each(|&(_, j, b)| full[i * compiled.nv + j] += inertia * a * b);
-            }
-        }
-        full
+        SmoothDynamics::new(&self.compiled).mass_matrix(&self.compiled, &self.kinematics()).to_vec()
     }
 
     /// Coriolis, centrifugal and gravitational forces, (nv,).
     pub fn bias_force(&self) -> Vec<f64> {
-        let compiled = &*self.compiled;
-        let mut out = vec![0.0; compiled.nv];
-        bias_force(compiled, &self.kinematics(), &self.v, &mut NewtonEuler::new(compiled), &mut out);
+        let mut out = vec![0.0; self.compiled.nv];
+        SmoothDynamics::new(&self.compiled).bias_force(&self.compiled, &self.kinematics(), &self.v, &mut out);
         out
     }
 
     /// Acceleration without constraints, (nv,).
     pub fn smooth_acceleration(&self) -> Vec<f64> {
-        let compiled = &*self.compiled;
-        let kinematics = self.kinematics();
-        let mut smooth = Smooth::new(compiled);
-        smooth.factor_mass(compiled, &kinematics, Implicit::none());
-        let mut applied = vec![0.0; compiled.nv];
-        smooth.apply(compiled, &kinematics, [&self.inputs.qfrc, &self.inputs.xfrc], &mut applied);
-        let mut actuator_forces = ActuatorForces::new(compiled);
-        actuator_forces.transmit(compiled, &kinematics, &self.v, 0.0);
-        actuate(
-            compiled,
-            &ForceState::state(&self.q, &self.v, &self.act, &self.inputs.ctrl, &self.inputs.actuator_dynamics),
-            None,
-            &mut actuator_forces,
-        );
-        for tendon in &compiled.tendons {
-            let Some((spring, _)) = &tendon.spring else { continue };
-            let pull = spring.stiffness * self.stretch(tendon) + spring.damping * tendon.length.rate(&self.v);
-            tendon.length.terms.iter().for_each(|&(_, dof, c)| actuator_forces.tau[dof] -= c * pull);
-        }
-        smooth.acceleration(compiled, &kinematics, [&actuator_forces.tau, &applied], &self.v, &self.v);
-        if compiled.tendons.iter().any(|t| t.spring.as_ref().is_some_and(|(s, _)| s.inertia > 0.0)) {
-            self.with_tendon_inertia(&mut smooth);
-        }
-        smooth.acc
-    }
-
-    /// The acceleration with the inertia of tendons, which the factors of the mass matrix leave to rows of the constraint problem.
-    fn with_tendon_inertia(&self, smooth: &mut Smooth<f64>) {
-        let compiled = &*self.compiled;
-        let full = DMatrix::from_row_slice(compiled.nv, compiled.nv, &self.mass_matrix());
-        // What the joints' forces are, from the acceleration that they give without that inertia.
-        let free = DVector::from_column_slice(&smooth.acc);
-        let mut force = &full * &free;
-        for (tendon, inertia) in compiled.tendons.iter().filter_map(|t| Some((t, t.spring.as_ref()?.0.inertia))) {
-            let along = inertia * tendon.length.rate(free.as_slice());
-            tendon.length.terms.iter().for_each(|&(_, dof, c)| force[dof] -= c * along);
-        }
-        let solved = full.cholesky().expect("a mass matrix with more inertia is positive definite").solve(&force);
-        smooth.acc.copy_from_slice(solved.as_slice());
+        let state = [&self.q[..], &self.v, &self.act];
+        SmoothDynamics::new(&self.compiled).acceleration(&self.compiled, &self.kinematics(), state, &self.inputs).to_vec()
     }
 
     /// How far a tendon is beyond the lengths between which its spring is slack; 0 without a spring.

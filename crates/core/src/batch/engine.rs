@@ -2,11 +2,13 @@
 
 use crate::batch::configuration::Configuration;
 use crate::batch::environments::{Batch, Environments};
+use crate::batch::ray_calls::RayCalls;
 use crate::batch::saving::Saving;
 use crate::batch::stepping::BatchCalls;
 use crate::batch::worker::LaneScalar;
 
-/// A batch, whatever its precision: steps, what is given to all environments, one environment's state, and states as bytes.
-pub trait Engine: BatchCalls + Configuration + Environments + Saving + Send + Sync {}
+/// A batch, whatever its precision: steps, rays, what is given to all environments, one environment's state, and
+/// states as bytes.
+pub trait Engine: BatchCalls + Configuration + Environments + RayCalls + Saving + Send + Sync {}
 
 impl<S: LaneScalar> Engine for Batch<S> {}

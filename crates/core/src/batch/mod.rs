@@ -8,6 +8,8 @@ pub mod environments;
 mod exchange;
 pub mod inputs;
 pub mod randomization;
+mod ray_calls;
+pub mod ray_query;
 pub mod rollout;
 pub mod saved_state;
 mod saving;

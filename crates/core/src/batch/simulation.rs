@@ -11,6 +11,7 @@ mod matrices;
 mod models;
 mod parameters;
 mod quantities;
+mod rays;
 mod read;
 mod saved;
 mod write;
@@ -29,7 +30,7 @@ use crate::batch::environments::Batch;
 use crate::batch::inputs::AppliedInputs;
 use crate::batch::randomization::Randomization;
 use crate::batch::worker::LaneScalar;
-use crate::compile::{CompiledModel, LaneModel};
+use crate::compile::{CompiledModel, LaneModel, RaySurfaces};
 use crate::error::Error;
 use crate::math::precision::Precision;
 use crate::model::Model;
@@ -50,6 +51,8 @@ pub struct Simulation {
     ctrl: Vec<f64>,
     applied: AppliedInputs,
     truth: TrueReadings,
+    /// Those that rays have met so far.
+    surfaces: RaySurfaces,
     /// Changes so far of what derived quantities depend on.
     revision: u64,
 }
@@ -147,6 +150,7 @@ impl Simulation {
             ctrl,
             applied: AppliedInputs::default(),
             truth: TrueReadings::default(),
+            surfaces: RaySurfaces::default(),
             revision: 0,
         };
         (0..n).for_each(|env| simulation.reset(env));

@@ -181,7 +181,7 @@ impl<S: LaneScalar> BatchCalls for Batch<S> {
 }
 
 impl<S: LaneScalar> Batch<S> {
-    fn call<'a>(&'a self, inputs: &StepInputs<'a>, schedule: Schedule, part: Part) -> Call<'a, S> {
+    pub(super) fn call<'a>(&'a self, inputs: &StepInputs<'a>, schedule: Schedule, part: Part) -> Call<'a, S> {
         Call {
             compiled: &self.compiled,
             settings: &self.settings,
@@ -196,7 +196,7 @@ impl<S: LaneScalar> Batch<S> {
     }
 
     /// Groups that a worker takes at a time: small chunks even out what some groups cost more than others.
-    fn chunk_size(&self) -> usize {
+    pub(super) fn chunk_size(&self) -> usize {
         match self.workers.threads() {
             1 => self.groups.len(),
             threads => self.groups.len().div_ceil(8 * threads),

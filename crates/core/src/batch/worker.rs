@@ -8,6 +8,7 @@ use stepper_real::{Level, Mask, Real, Scalar, at_level};
 use crate::analysis::derived::{Derivation, DerivedQuantity};
 use crate::batch::call::{Call, Query};
 use crate::batch::exchange::{load_control, load_inputs, load_state, store_mocap_trajectories, store_state};
+use crate::batch::ray_query::RayQuery;
 use crate::batch::rollout::{Numbers, Quantity, Share};
 use crate::batch::sensors::{Reader, remember};
 use crate::batch::state::Group;
@@ -28,6 +29,8 @@ pub trait Worker<S: Scalar>: Send {
     fn sense(&mut self, call: &Call<'_, S>, group: &mut Group<S>, first: usize, query: Query<'_>);
     /// Derives some quantities of one group, whose first environment is `first`, environment-major, each to the rows of its `out`.
     fn derive(&mut self, call: &Call<'_, S>, group: &Group<S>, first: usize, quantities: &[DerivedQuantity], out: &mut [&mut [S]]);
+    /// Casts rays of one group, whose first environment is `first`: distances and geoms, a row for every environment.
+    fn cast_rays(&mut self, call: &Call<'_, S>, group: &Group<S>, first: usize, query: &RayQuery<'_, S>, rows: (&mut [S], &mut [i32]));
     /// Problem of one lane as the first solve of the steps of `call` finds it, as bytes; the group is used up.
     fn problem(&mut self, call: &Call<'_, S>, group: &mut Group<S>, first: usize, lane: usize) -> Vec<u8>;
     /// Differentiates a step of `call` of one group, whose first environment is `first`: `query` and `rows` have its environments alone.
@@ -289,6 +292,23 @@ impl<R: Real, P: Probe> Worker<R::Scalar> for LaneWorker<R, P> {
                 self.derivation.derive(&self.compiled, h, &mut self.workspace, quantity, out);
             }
         }
+    }
+
+    fn cast_rays(
+        &mut self,
+        call: &Call<'_, R::Scalar>,
+        group: &Group<R::Scalar>,
+        first: usize,
+        query: &RayQuery<'_, R::Scalar>,
+        (distances, geoms): (&mut [R::Scalar], &mut [i32]),
+    ) {
+        assert_eq!(group.lanes, R::LANES, "a worker reads groups of its own width");
+        self.load_overrides(call, first);
+        let Self { workspace: s, compiled, derivation, probe, .. } = self;
+        Reader { call, compiled, first, probe: *probe }.load_to_derive(group, s, false, false);
+        derivation.begin(compiled, s);
+        s.evaluation.kinematics.update(compiled, &s.state.q);
+        query.cast(compiled, &s.evaluation.kinematics, first, distances, geoms);
     }
 
     fn problem(&mut self, call: &Call<'_, R::Scalar>, group: &mut Group<R::Scalar>, first: usize, lane: usize) -> Vec<u8> {

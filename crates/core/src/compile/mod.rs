@@ -12,6 +12,7 @@ mod parameter_layout;
 mod parameter_row;
 mod parameters;
 mod passive;
+mod ray_surfaces;
 pub mod sensing;
 mod soften;
 mod softness;
@@ -25,6 +26,7 @@ pub use equality::{Combination, CompiledEquality, CompiledTendon, EqualityBlock,
 pub use lane_model::LaneModel;
 pub use parameters::{ActuatorParams, CompensationParams, DofParams, FluidParams, Inertial, Params};
 pub use passive::{CompiledEllipsoid, FluidShape};
+pub use ray_surfaces::RaySurfaces;
 pub use softness::{CompiledSoftness, SoftContactLaw, SoftLaw};
 pub(crate) use softness::{EndLaw, MIN_FRICTION, MIN_MOBILITY};
 pub use tree::{CompiledJoint, CompiledSpinner, Descendant, Dof, Link};

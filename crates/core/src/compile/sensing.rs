@@ -1,12 +1,15 @@
 //! What sensors read: objects become places in frames, bodies with all that hangs from them become parts.
 
 use std::cell::RefCell;
+use std::sync::Arc;
 
 use stepper_real::Scalar;
 
 use crate::compile::equality::CompiledTendon;
 use crate::compile::merging::{Merged, matrix, quaternion, wxyz};
+use crate::compile::ray_surfaces::RaySurfaces;
 use crate::compile::tree::scalars;
+use crate::geometry::RaySurface;
 use crate::model::{
     ContactField, ContactReduction, ContactSide, FrameReading, Model, Object, ProximityReading, Quantity, RayField, Sensor, SensorKind,
     Shape, Transmission,
@@ -37,7 +40,9 @@ pub struct CompiledSensing<S> {
     pub sites: Vec<SensorFrame<S>>,
     /// Places that are read, those of all geoms and sites the last: rows of [`Params::place`](crate::compile::Params::place).
     pub places: Vec<Object>,
-    /// Geoms and sites whose shape is read: rows of [`Params::size`](crate::compile::Params::size).
+    /// Simple shapes of the geoms, and their numbers among all shapes; `None` for a mesh or height field.
+    pub forms: Vec<Option<(Form, usize)>>,
+    /// Geoms and sites whose shape is read, all geoms the last: rows of [`Params::size`](crate::compile::Params::size).
     pub shapes: Vec<Object>,
 }
 
@@ -117,6 +122,24 @@ pub enum Form {
     Box,
 }
 
+/// A geom that rays can meet.
+#[derive(Clone, Debug)]
+pub struct Target<S> {
+    /// Where.
+    pub place: SensorFrame<S>,
+    /// What.
+    pub form: TargetForm,
+}
+
+/// What rays meet of a geom.
+#[derive(Clone, Debug)]
+pub enum TargetForm {
+    /// A simple shape, and its number among all shapes, for its size.
+    Simple(Form, usize),
+    /// A mesh or a height field.
+    Surface(Arc<RaySurface>),
+}
+
 /// What belongs to a body and all that hangs from it, by frame.
 #[derive(Clone, Debug)]
 pub struct Subtree {
@@ -190,7 +213,7 @@ pub enum Read<S> {
     /// Normal forces on a body of the model whose line meets a volume.
     Touch(usize, Solid<S>),
     /// Rays.
-    Range(SensorFrame<S>, Vec<[S; 3]>, Vec<RayField>, Vec<Solid<S>>),
+    Range(SensorFrame<S>, Vec<[S; 3]>, Vec<RayField>, Vec<Target<S>>),
     /// Whether a place is inside a volume.
     Inside(SensorFrame<S>, Solid<S>),
     /// Closest points up to a cutoff.
@@ -222,6 +245,21 @@ pub enum Bounds<S> {
     Range([S; 2]),
 }
 
+impl Form {
+    /// `None` of a mesh and a height field.
+    pub(crate) fn of(shape: &Shape) -> Option<Self> {
+        match *shape {
+            Shape::Plane => Some(Self::Plane),
+            Shape::Sphere { .. } => Some(Self::Sphere),
+            Shape::Capsule { .. } => Some(Self::Capsule),
+            Shape::Cylinder { .. } => Some(Self::Cylinder),
+            Shape::Ellipsoid { .. } => Some(Self::Ellipsoid),
+            Shape::Box { .. } => Some(Self::Box),
+            Shape::Mesh { .. } | Shape::HeightField { .. } => None,
+        }
+    }
+}
+
 impl<S: Scalar> CompiledSensing<S> {
     /// `lossy` says whether part of what actuators do is known from the impulses of a step alone.
     pub(super) fn new(model: &Model, merged: &Merged, tendons: &[CompiledTendon<S>], lossy: bool) -> Self {
@@ -244,8 +282,11 @@ impl<S: Scalar> CompiledSensing<S> {
         let objects: Vec<Object> = (0..model.geoms.len()).map(Object::Geom).chain((0..model.sites.len()).map(Object::Site)).collect();
         let mut geoms: Vec<_> = objects.iter().enumerate().map(|(k, &object)| compiler.frame_of(object, first + k)).collect();
         let sites = geoms.split_off(model.geoms.len());
-        let Found { subtrees, mut places, shapes, .. } = compiler.found.into_inner();
+        let Found { subtrees, mut places, mut shapes, .. } = compiler.found.into_inner();
         places.extend(objects);
+        let first = shapes.len();
+        let forms = model.geoms.iter().enumerate().map(|(g, geom)| Some((Form::of(&geom.shape)?, first + g))).collect();
+        shapes.extend((0..model.geoms.len()).map(Object::Geom));
         Self {
             sensors,
             subtrees,
@@ -253,6 +294,7 @@ impl<S: Scalar> CompiledSensing<S> {
             geoms,
             sites,
             places,
+            forms,
             shapes,
             width: model.nsensordata(),
             magnetic: scalars(model.magnetic),
@@ -309,6 +351,7 @@ struct Found {
     carried: Vec<usize>,
     places: Vec<Object>,
     shapes: Vec<Object>,
+    surfaces: RaySurfaces,
     parts: usize,
 }
 
@@ -347,7 +390,7 @@ impl Compiler<'_> {
             K::Torque(s) => Read::Torque(number(&mut self.found.borrow_mut().carried, s)),
             K::Touch(s) => Read::Touch(self.model.sites[s].body, self.zone(s)),
             K::RangeFinder { site: s, ref rays, ref fields, ref geoms } => {
-                let seen = geoms.iter().filter_map(|&g| self.solid(Object::Geom(g), &self.model.geoms[g].shape)).collect();
+                let seen = geoms.iter().filter_map(|&g| self.target(g)).collect();
                 Read::Range(site(s), rays.iter().map(|&r| scalars(r)).collect(), fields.clone(), seen)
             }
             K::InsideSite { object, site: s } => Read::Inside(self.place(object), self.zone(s)),
@@ -421,17 +464,19 @@ impl Compiler<'_> {
     }
 
     fn solid<S: Scalar>(&self, object: Object, shape: &Shape) -> Option<Solid<S>> {
-        let form = match *shape {
-            Shape::Plane => Form::Plane,
-            Shape::Sphere { .. } => Form::Sphere,
-            Shape::Capsule { .. } => Form::Capsule,
-            Shape::Cylinder { .. } => Form::Cylinder,
-            Shape::Ellipsoid { .. } => Form::Ellipsoid,
-            Shape::Box { .. } => Form::Box,
-            Shape::Mesh { .. } | Shape::HeightField { .. } => return None,
-        };
+        let form = Form::of(shape)?;
         let index = number(&mut self.found.borrow_mut().shapes, object);
         Some(Solid { place: self.place(object), form, index })
+    }
+
+    /// `None` where the model does not have its form.
+    fn target<S: Scalar>(&self, geom: usize) -> Option<Target<S>> {
+        let shape = &self.model.geoms[geom].shape;
+        let form = match Form::of(shape) {
+            Some(form) => TargetForm::Simple(form, number(&mut self.found.borrow_mut().shapes, Object::Geom(geom))),
+            None => TargetForm::Surface(self.found.borrow_mut().surfaces.get_or_make(self.model, shape)?),
+        };
+        Some(Target { place: self.place(Object::Geom(geom)), form })
     }
 
     fn zone<S: Scalar>(&self, site: usize) -> Solid<S> {

@@ -153,7 +153,8 @@ fn rise(corners: &[V; 3], p: V) -> f64 {
     dot(n, d).atan2(dot(unit_or(cross(sub(b, a), n), [0.0; 3]), d))
 }
 
-fn bounds(points: &[V]) -> Aabb {
+/// The box about points.
+pub(super) fn bounds(points: &[V]) -> Aabb {
     let fold = |pick: fn(f64, f64) -> f64, k: usize| points.iter().map(|p| p[k]).reduce(pick).unwrap_or(0.0);
     let corner = |pick: fn(f64, f64) -> f64| Vector::new(fold(pick, 0), fold(pick, 1), fold(pick, 2));
     Aabb::new(corner(f64::min), corner(f64::max))
@@ -220,17 +221,25 @@ impl Grid {
 
     /// Whether a point is below the surface; beside the grid, below the point of its border that is nearest.
     fn holds(&self, p: V) -> bool {
-        // Along x and y: the cell, and how far across it.
-        let [(c, x), (r, y)] = [0, 1].map(|k| {
+        // Along x and y, in cells.
+        let at = [0, 1].map(|k| {
             let cells = self.shape[1 - k] - 1;
-            let at = ((p[k] + self.half[k]) / (2.0 * self.half[k])).clamp(0.0, 1.0) * cells as f64;
-            let first = (at as usize).min(cells - 1);
-            (first, at - first as f64)
+            ((p[k] + self.half[k]) / (2.0 * self.half[k])).clamp(0.0, 1.0) * cells as f64
+        });
+        p[2] <= self.height(at)
+    }
+
+    /// Height at a place along x and y in cells from the least corner, within the grid, m.
+    pub(super) fn height(&self, at: [f64; 2]) -> f64 {
+        // The cell, and how far across it.
+        let [(c, x), (r, y)] = [0, 1].map(|k| {
+            let first = (at[k] as usize).min(self.shape[1 - k] - 2);
+            (first, at[k] - first as f64)
         });
         let height = |dc: usize, dr: usize| self.elevation[(r + dr) * self.shape[1] + c + dc];
         let beside = if x > y { height(1, 0) } else { height(0, 1) };
         let (first, last) = (x.max(y), x.min(y));
-        p[2] <= (1.0 - first) * height(0, 0) + (first - last) * beside + last * height(1, 1)
+        (1.0 - first) * height(0, 0) + (first - last) * beside + last * height(1, 1)
     }
 
     /// What is under a disc.

@@ -15,5 +15,6 @@ pub use frames::{frame, motion_of, orientations, site_motion};
 pub use inputs::*;
 pub use masses::{angular_momentum, com, com_velocity, kinetic, potential};
 pub use proximity::proximity;
+pub(crate) use rays::{Placed, nearest};
 pub use rays::{inside, range};
 pub use touching::{contact_wrenches, contacts, touch};

@@ -1,13 +1,16 @@
-//! Rays against simple shapes, and points within them.
+//! Rays, and points within simple shapes.
 //!
-//! Each shape's surface is made of pieces whose intersections with the line are roots of linear or quadratic equations; of those that are
-//! on their piece and not behind the ray's beginning, the nearest counts. A ray that begins inside hits where it leaves.
+//! A simple shape's surface is made of pieces whose intersections with the line are roots of linear or quadratic equations; of those that
+//! are on their piece and not behind the ray's beginning, the nearest counts. A ray that begins inside hits where it leaves. Meshes and
+//! height fields are met lane by lane.
 
-use stepper_real::{Mask, Real};
+use stepper_real::{Mask, Real, Scalar};
 
 use crate::compile::LaneModel;
-use crate::compile::sensing::{Form, SensorFrame, Solid};
+use crate::compile::sensing::{Form, SensorFrame, Solid, Target, TargetForm};
 use crate::dynamics::kinematics::Kinematics;
+use crate::geometry::{Pose, RaySurface};
+use crate::math::lanes::each_of;
 use crate::math::spatial::*;
 use crate::model::RayField;
 use crate::sensing::frames::{orientation, position};
@@ -18,11 +21,11 @@ pub(super) fn ray<R: Real>(form: Form, size: V3<R>, o: V3<R>, d: V3<R>) -> R {
         #[inline(always)]
         || match form {
             Form::Plane => plane(o, d),
-            Form::Sphere => nearest_root(dot(d, d), dot(o, d), dot(o, o) - size[0].square(), |_| R::Mask::splat(true)),
+            Form::Sphere => Roots::new(dot(d, d), dot(o, d), dot(o, o) - size[0].square()).nearest([R::Mask::splat(true); 2]),
             Form::Ellipsoid => {
-                let inverse = size.map(R::recip);
-                let (o, d): (V3<R>, V3<R>) = (std::array::from_fn(|k| o[k] * inverse[k]), std::array::from_fn(|k| d[k] * inverse[k]));
-                nearest_root(dot(d, d), dot(o, d), dot(o, o) - R::one(), |_| R::Mask::splat(true))
+                let inverse = [size[0].recip(), size[1].recip(), size[2].recip()];
+                let (o, d) = (times(o, inverse), times(d, inverse));
+                Roots::new(dot(d, d), dot(o, d), dot(o, o) - R::one()).nearest([R::Mask::splat(true); 2])
             }
             Form::Capsule => capsule(size, o, d),
             Form::Cylinder => cylinder(size, o, d),
@@ -36,33 +39,48 @@ fn nothing<R: Real>() -> R {
     R::of(f64::INFINITY)
 }
 
-/// The smallest root t >= 0 of a t^2 + 2 b t + c on the piece.
-#[inline(always)]
-fn nearest_root<R: Real>(a: R, b: R, c: R, on_piece: impl Fn(R) -> R::Mask) -> R {
-    let z = R::zero();
-    let discriminant = b * b - a * c;
-    let real = discriminant.ge(z).and(a.gt(z));
-    let root = R::select(real, discriminant, z).sqrt();
-    let inverse = R::one() / R::select(real, a, R::one());
-    let (near, far) = ((-b - root) * inverse, (root - b) * inverse);
-    let hits = |t: R| real.and(t.ge(z)).and(on_piece(t));
-    R::select(hits(near), near, R::select(hits(far), far, nothing()))
+/// Where a line meets a piece of second order: the roots t of a t^2 + 2 b t + c, ascending. Whether they are on the piece is asked outside,
+/// and no function is handed on: a closure that is called twice is not inlined into the kernel.
+struct Roots<R: Real> {
+    real: R::Mask,
+    at: [R; 2],
 }
 
-/// Where the line meets the plane of constant coordinate k, if that is on the piece.
+impl<R: Real> Roots<R> {
+    #[inline(always)]
+    fn new(a: R, b: R, c: R) -> Self {
+        let z = R::zero();
+        let discriminant = b * b - a * c;
+        let real = discriminant.ge(z).and(a.gt(z));
+        let root = R::select(real, discriminant, z).sqrt();
+        let inverse = R::one() / R::select(real, a, R::one());
+        Self { real, at: [(-b - root) * inverse, (root - b) * inverse] }
+    }
+
+    /// The smallest that is not behind the ray's beginning, of those that are on the piece.
+    #[inline(always)]
+    fn nearest(&self, on_piece: [R::Mask; 2]) -> R {
+        let ([near, far], z) = (self.at, R::zero());
+        let near_hits = self.real.and(near.ge(z)).and(on_piece[0]);
+        let far_hits = self.real.and(far.ge(z)).and(on_piece[1]);
+        R::select(near_hits, near, R::select(far_hits, far, nothing()))
+    }
+}
+
+/// Where the line meets the plane of constant coordinate k, and the lanes in which it does so not behind the ray's beginning.
 #[inline(always)]
-fn flat<R: Real>(o: V3<R>, d: V3<R>, k: usize, level: R, on_piece: impl Fn(V3<R>) -> R::Mask) -> R {
+fn crossing<R: Real>(o: V3<R>, d: V3<R>, k: usize, level: R) -> (R, R::Mask) {
     let z = R::zero();
     let crosses = d[k].abs().gt(z);
     let t = (level - o[k]) / R::select(crosses, d[k], R::one());
-    R::select(crosses.and(t.ge(z)).and(on_piece(add_scaled(o, d, t))), t, nothing())
+    (t, crosses.and(t.ge(z)))
 }
 
 /// The front of the plane only, without end.
 #[inline(always)]
 fn plane<R: Real>(o: V3<R>, d: V3<R>) -> R {
-    let hit = flat(o, d, 2, R::zero(), |_| R::Mask::splat(true));
-    R::select(d[2].lt(R::zero()), hit, nothing())
+    let (t, hits) = crossing(o, d, 2, R::zero());
+    R::select(hits.and(d[2].lt(R::zero())), t, nothing())
 }
 
 #[inline(always)]
@@ -71,9 +89,11 @@ fn capsule<R: Real>(size: V3<R>, o: V3<R>, d: V3<R>) -> R {
     let mut t = wall(size, o, d);
     for end in [half, -half] {
         let from = [o[0], o[1], o[2] - end];
+        let roots = Roots::new(dot(d, d), dot(from, d), dot(from, from) - radius.square());
         // Beyond the end of the segment.
-        let outer = |t: R| ((o[2] + d[2] * t) * R::one().copysign(end)).ge(half);
-        t = t.min(nearest_root(dot(d, d), dot(from, d), dot(from, from) - radius.square(), outer));
+        let side = R::one().copysign(end);
+        let [near, far] = roots.at;
+        t = t.min(roots.nearest([((o[2] + d[2] * near) * side).ge(half), ((o[2] + d[2] * far) * side).ge(half)]));
     }
     t
 }
@@ -82,22 +102,32 @@ fn capsule<R: Real>(size: V3<R>, o: V3<R>, d: V3<R>) -> R {
 #[inline(always)]
 fn wall<R: Real>([radius, half, _]: V3<R>, o: V3<R>, d: V3<R>) -> R {
     let (a, b, c) = (d[0] * d[0] + d[1] * d[1], o[0] * d[0] + o[1] * d[1], o[0] * o[0] + o[1] * o[1] - radius.square());
-    nearest_root(a, b, c, |t| (o[2] + d[2] * t).abs().le(half))
+    let roots = Roots::new(a, b, c);
+    let [near, far] = roots.at;
+    roots.nearest([(o[2] + d[2] * near).abs().le(half), (o[2] + d[2] * far).abs().le(half)])
 }
 
 #[inline(always)]
 fn cylinder<R: Real>(size: V3<R>, o: V3<R>, d: V3<R>) -> R {
-    let disc = |p: V3<R>| (p[0] * p[0] + p[1] * p[1]).le(size[0].square());
-    wall(size, o, d).min(flat(o, d, 2, size[1], disc)).min(flat(o, d, 2, -size[1], disc))
+    let mut t = wall(size, o, d);
+    for level in [size[1], -size[1]] {
+        let (end, hits) = crossing(o, d, 2, level);
+        let p = add_scaled(o, d, end);
+        t = t.min(R::select(hits.and((p[0] * p[0] + p[1] * p[1]).le(size[0].square())), end, nothing()));
+    }
+    t
 }
 
 #[inline(always)]
 fn cuboid<R: Real>(half: V3<R>, o: V3<R>, d: V3<R>) -> R {
-    let mut t = nothing();
+    let mut t = nothing::<R>();
     for k in 0..3 {
         let (i, j) = ((k + 1) % 3, (k + 2) % 3);
-        let face = |p: V3<R>| p[i].abs().le(half[i]).and(p[j].abs().le(half[j]));
-        t = flat(o, d, k, half[k], face).min(flat(o, d, k, -half[k], face)).min(t);
+        for level in [half[k], -half[k]] {
+            let (side, hits) = crossing(o, d, k, level);
+            let p = add_scaled(o, d, side);
+            t = t.min(R::select(hits.and(p[i].abs().le(half[i])).and(p[j].abs().le(half[j])), side, nothing()));
+        }
     }
     t
 }
@@ -138,6 +168,87 @@ pub fn inside<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, plac
     )
 }
 
+/// A geom that rays can meet, where it is.
+pub(crate) struct Placed<'a, R: Real> {
+    centre: V3<R>,
+    mat: M3<R>,
+    form: &'a TargetForm,
+}
+
+impl<'a, R: Real> Placed<'a, R> {
+    /// At the poses of `kinematics`.
+    #[inline(always)]
+    pub(crate) fn new(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, target: &'a Target<R::Scalar>) -> Self {
+        Self { centre: position(compiled, kinematics, &target.place), mat: orientation(kinematics, &target.place), form: &target.form }
+    }
+
+    /// Distance from `origin` along a unit `direction`, both in the world, in the lanes `lanes`; infinite where it is not met, and perhaps
+    /// where it is met beyond `within`.
+    #[inline(always)]
+    pub(crate) fn distance(&self, compiled: &LaneModel<R>, lanes: u32, origin: V3<R>, direction: V3<R>, within: R) -> R {
+        match self.form {
+            TargetForm::Simple(form, index) => {
+                let (o, d) = (rotate_back(&self.mat, sub(origin, self.centre)), rotate_back(&self.mat, direction));
+                ray(*form, compiled.params.size(*index), o, d)
+            }
+            TargetForm::Surface(surface) => {
+                let lanes = lanes & self.may_meet(surface, origin, direction, within).bits();
+                if lanes == 0 { nothing() } else { self.to_surface(surface, lanes, origin, direction) }
+            }
+        }
+    }
+
+    /// Lanes in which a ray comes to the ball about a surface, up to rounding, and not beyond `within`.
+    #[inline(always)]
+    fn may_meet(&self, surface: &RaySurface, origin: V3<R>, direction: V3<R>, within: R) -> R::Mask {
+        let (centre, radius) = surface.ball();
+        let offset = sub(add(self.centre, rotate(&self.mat, centre.map(R::of))), origin);
+        let (along, square) = (dot(offset, direction), dot(offset, offset));
+        // Rounding of places, squares and the direction's length: some units in their last place.
+        let rounding = R::splat(<R::Scalar as Scalar>::EPSILON) * R::of(32.0);
+        let reach = R::of(radius) + rounding * (R::of(radius) + norm(origin) + norm(self.centre));
+        let beside = (square - along * along).gt(reach * reach + rounding * square);
+        let behind = along.lt(-reach).or((along - reach).gt(within));
+        R::Mask::splat(true).and_not(beside.or(behind))
+    }
+
+    /// Lane by lane: what one does no other sees.
+    #[inline(never)]
+    fn to_surface(&self, surface: &RaySurface, lanes: u32, origin: V3<R>, direction: V3<R>) -> R {
+        let mut t = nothing::<R>();
+        for lane in each_of(lanes) {
+            let (pos, mat) = (of_lane(&self.centre, lane), of_lane(&self.mat, lane));
+            let pose = if size_of::<R::Scalar>() < size_of::<f64>() { Pose::widened(pos, mat) } else { Pose { pos, mat } };
+            t.set_lane(lane, Scalar::from_f64(surface.distance(&pose, of_lane(&origin, lane), of_lane(&direction, lane))));
+        }
+        t
+    }
+}
+
+/// Distance to the nearest of some geoms along a unit `direction`, in the lanes `lanes`, and its number: -1 for none. Of two at one
+/// distance the first.
+pub(crate) fn nearest<R: Real>(
+    compiled: &LaneModel<R>,
+    placed: &[(usize, Placed<'_, R>)],
+    lanes: u32,
+    origin: V3<R>,
+    direction: V3<R>,
+) -> (R, R) {
+    R::vectorize(
+        #[inline(always)]
+        || {
+            let (mut nearest, mut which) = (nothing::<R>(), -R::one());
+            for (geom, target) in placed {
+                let t = target.distance(compiled, lanes, origin, direction, nearest);
+                let nearer = t.lt(nearest);
+                nearest = R::select(nearer, t, nearest);
+                which = R::select(nearer, R::of(*geom as f64), which);
+            }
+            (R::select(nearest.lt(nothing()), nearest, -R::one()), which)
+        },
+    )
+}
+
 /// Readings of a range finder.
 pub fn range<R: Real>(
     compiled: &LaneModel<R>,
@@ -145,9 +256,10 @@ pub fn range<R: Real>(
     place: &SensorFrame<R::Scalar>,
     rays: &[[R::Scalar; 3]],
     fields: &[RayField],
-    solids: &[Solid<R::Scalar>],
+    targets: &[Target<R::Scalar>],
     out: &mut [R],
 ) {
+    let every = (u64::MAX >> (64 - R::LANES)) as u32;
     R::vectorize(
         #[inline(always)]
         || {
@@ -156,10 +268,8 @@ pub fn range<R: Real>(
             for &direction in rays {
                 let direction = rotate(&axes, splat(direction));
                 let mut t = nothing::<R>();
-                for solid in solids {
-                    let (centre, mat) = (position(compiled, kinematics, &solid.place), orientation(kinematics, &solid.place));
-                    let (o, d) = (rotate_back(&mat, sub(origin, centre)), rotate_back(&mat, direction));
-                    t = t.min(ray(solid.form, compiled.params.size(solid.index), o, d));
+                for target in targets {
+                    t = t.min(Placed::new(compiled, kinematics, target).distance(compiled, every, origin, direction, t));
                 }
                 let hit = t.lt(nothing());
                 let reach = R::select(hit, t, R::zero());

@@ -11,7 +11,7 @@ use crate::stepper::Stepper;
 
 impl Stepper {
     /// Quantities, in one pass, as arrays of their own.
-    fn derive<'py>(&mut self, py: Python<'py>, quantities: &[DerivedQuantity]) -> PyResult<Vec<Bound<'py, PyAny>>> {
+    pub(super) fn derive<'py>(&mut self, py: Python<'py>, quantities: &[DerivedQuantity]) -> PyResult<Vec<Bound<'py, PyAny>>> {
         let (model, precision) = (self.simulation.model(), self.simulation.precision());
         let shapes: Vec<_> = quantities.iter().map(|q| self.shape(&q.shape(model))).collect();
         let mut data: Vec<_> = shapes.iter().map(|shape| OwnNumbers::new(shape.iter().product(), precision)).collect();

@@ -11,7 +11,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from stepper.loading.mjcf.actuators import CUBIC, OLDER, is_whole
-from stepper.loading.mjcf.source import BOX, CAPSULE, CYLINDER, ELLIPSOID, PLANE, SPHERE, Description, Source
+from stepper.loading.mjcf.source import BOX, CAPSULE, CYLINDER, ELLIPSOID, PLANE, SDF, SPHERE, Description, Source
 from stepper.shared.sensor_words import ACTUATORS, FRAMES, JOINTS, PROXIMITIES, SCENE, SITES, SUBTREES, TENDONS
 
 RAY_FIELDS = ("Distance", "Direction", "Origin", "Point")
@@ -196,12 +196,6 @@ def _proximity(source: Source, i: int) -> Description:
     return {"Proximity": {"what": what, "from": first, "to": second, "cutoff": float(m.sensor_cutoff[i])}}
 
 
-def _visible(source: Source, geom: int) -> bool:
-    m = source.m
-    material = int(m.geom_matid[geom])
-    return bool(m.geom_rgba[geom, 3]) or (material >= 0 and bool(m.mat_rgba[material, 3]))
-
-
 def _fields(names: tuple[str, ...], bits: int) -> list[str]:
     if bits >> len(names):
         raise _NotReadError(f"of its data only {', '.join(names)} are simulated")
@@ -212,10 +206,10 @@ def _range(source: Source, i: int) -> Description:
     m, site = source.m, int(source.m.sensor_objid[i])
     if _object_types(source).get(int(m.sensor_objtype[i])) != "Site":
         raise _NotReadError("cameras are not part of the model")
-    seen = [g for g in range(m.ngeom) if m.geom_bodyid[g] != m.site_bodyid[site] and _visible(source, g)]
-    other = [source.label("GEOM", g) for g in seen if int(m.geom_type[g]) not in (PLANE, SPHERE, CAPSULE, ELLIPSOID, CYLINDER, BOX)]
+    seen = source.seen_from(site)
+    other = [source.label("GEOM", g) for g in seen if int(m.geom_type[g]) == SDF]
     if other:
-        raise _NotReadError(f"rays do not meet meshes and height fields yet: {', '.join(other)}")
+        raise _NotReadError(f"rays do not meet signed distance fields: {', '.join(other)}")
     fields = _fields(RAY_FIELDS, int(m.sensor_intprm[i, 0]))
     return {"RangeFinder": {"site": site, "rays": [[0.0, 0.0, 1.0]], "fields": fields, "geoms": seen}}
 

@@ -123,14 +123,24 @@ class Source:
 
     @cached_property
     def solid_assets(self) -> dict[str, list[int]]:
-        """Meshes and height fields of geoms that can touch others, ascending; what is only drawn is not read."""
+        """Meshes and height fields of geoms that can touch others or that range finders see, ascending; what is only drawn is not read."""
         m = self.m
         solid = (m.geom_contype != 0) | (m.geom_conaffinity != 0)
         solid[m.pair_geom1] = solid[m.pair_geom2] = True
         kinds = {"MESH": (MESH, SDF), "HFIELD": (HFIELD,)}
         if self.off("contact"):
-            return {kind: [] for kind in kinds}
+            solid[:] = False
+        finder, site = int(self.mujoco.mjtSensor.mjSENS_RANGEFINDER), int(self.mujoco.mjtObj.mjOBJ_SITE)
+        for at in m.sensor_objid[(m.sensor_type == finder) & (m.sensor_objtype == site)].tolist():
+            solid[self.seen_from(at)] = True
         return {kind: sorted({int(i) for i in m.geom_dataid[solid & np.isin(m.geom_type, types)]}) for kind, types in kinds.items()}
+
+    def seen_from(self, site: int) -> list[int]:
+        """Geoms that rays from a site can meet: those of other bodies that are not transparent."""
+        m = self.m
+        of_material = np.where(m.geom_matid >= 0, m.mat_rgba[m.geom_matid, 3] if m.nmat else 0, 0)
+        visible = (m.geom_rgba[:, 3] != 0) | (of_material != 0)
+        return [int(g) for g in np.flatnonzero(visible & (m.geom_bodyid != m.site_bodyid[site]))]
 
     @cached_property
     def joint_actuators(self) -> dict[int, list[int]]:

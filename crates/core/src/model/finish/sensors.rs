@@ -69,7 +69,7 @@ fn one(model: &Description, i: usize, sensor: &Sensor) -> Checked {
             site(*s)?;
             geoms(seen)?;
             ascending(&at, fields)?;
-            seen.iter().try_for_each(|&g| simple(model, &at, g))?;
+            seen.iter().try_for_each(|&g| formed(model, &at, g))?;
             rays.iter().try_for_each(|ray| {
                 let length = ray.iter().map(|x| x * x).sum::<f64>().sqrt();
                 if (length - 1.0).abs() <= 1e-9 {
@@ -106,10 +106,15 @@ impl Model {
         model.check(Source::Same(&self.hulls))
     }
 
-    /// The geoms that rays from a site can meet: all simple shapes but those of its own body.
+    /// The geoms that rays from a site can meet: all but those of its own body whose form the model has.
     pub fn geoms_seen_from(&self, site: usize) -> Vec<usize> {
-        let seen = |g: &Geom| g.body != self.sites[site].body && !matches!(g.shape, Shape::Mesh { .. } | Shape::HeightField { .. });
-        (0..self.geoms.len()).filter(|&g| seen(&self.geoms[g])).collect()
+        self.geoms_met_by_rays(Some(self.sites[site].body))
+    }
+
+    /// The geoms that rays can meet, but those of a body: meshes that are only drawn may have no form here.
+    pub fn geoms_met_by_rays(&self, except: Option<usize>) -> Vec<usize> {
+        let met = |g: &Geom| Some(g.body) != except && (self.hull_of(&g.shape).is_some() || has_form(self, &g.shape));
+        (0..self.geoms.len()).filter(|&g| met(&self.geoms[g])).collect()
     }
 }
 
@@ -152,14 +157,23 @@ fn side(model: &Description, at: &Element, side: ContactSide) -> Checked {
     }
 }
 
-/// Rays meet simple shapes.
-fn simple(model: &Description, at: &Element, geom: usize) -> Checked {
+/// Rays meet what the model has the form of.
+fn formed(model: &Description, at: &Element, geom: usize) -> Checked {
     let shape = &model.geoms[geom].shape;
-    if !matches!(shape, Shape::Mesh { .. } | Shape::HeightField { .. }) {
+    if has_form(model, shape) {
         return Ok(());
     }
-    let what = format!("its rays would meet {} {:?}, which is not simulated yet", shape.name(), model.geom_label(geom));
-    at.fail(what, "leave that geom out of those that are seen, or leave the sensor out")
+    let what = format!("its rays would meet {} {:?}, whose form the model does not have", shape.name(), model.geom_label(geom));
+    at.fail(what, "add its mesh or height field to the model's, or leave that geom out of those that are seen")
+}
+
+/// Whether there is something of a shape for rays to meet: triangles, or points that have a hull; elevations; a simple shape.
+fn has_form(model: &Description, shape: &Shape) -> bool {
+    match shape {
+        Shape::Mesh { .. } => model.mesh_of(shape).is_some_and(|mesh| !mesh.faces.is_empty() || mesh.hull().is_ok()),
+        Shape::HeightField { .. } => model.height_field_of(shape).is_some(),
+        _ => true,
+    }
 }
 
 /// What a force sensor carries is part of no closed loop, whose force is not known body by body.

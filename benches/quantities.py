@@ -1,0 +1,66 @@
+"""What quantities of all environments cost on one pinned core: mass matrices and the like, and rays beside MuJoCo's.
+
+python benches/quantities.py
+"""
+
+from __future__ import annotations
+
+import warnings
+from importlib.util import find_spec
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import stepper
+from derivatives import median_time
+from stepper import quantities
+from stepper.shared.machine import cpu_name, one_core
+
+ENVS = 256
+RAYS = 187
+SUITE = Path(next(iter((find_spec("dm_control") or find_spec("stepper")).submodule_search_locations))) / "suite"
+SCENES = {"dm_control/humanoid": SUITE / "humanoid.xml", "dm_control/quadruped": SUITE / "quadruped.xml"}
+"""A humanoid of capsules on a plane, and a quadruped in a field of 201 by 201 heights."""
+
+
+def dynamics(sim: stepper.Stepper) -> list[float]:
+    """Mass matrices, forces of bias, accelerations without constraints, inverse dynamics: us an environment."""
+    zeros = np.zeros(sim.model.nv)
+    calls = [
+        lambda: quantities.mass_matrix(sim),
+        lambda: quantities.bias_force(sim),
+        lambda: quantities.smooth_acceleration(sim),
+        lambda: quantities.inverse_dynamics(sim, zeros),
+    ]
+    return [1e6 * median_time(call, 31, lambda: None) / ENVS for call in calls]
+
+
+def rays(sim: stepper.Stepper, m: mujoco.MjModel) -> list[float]:
+    """Rays of all environments at once, and of `mj_multiRay`, which has one environment and one point for all rays: ns each."""
+    points = np.random.default_rng(0).uniform(-1, 1, (RAYS, 3)) * [0.8, 0.5, 0.0] + [0, 0, 2.0]
+    down = np.tile([0.0, 0.0, -1.0], (RAYS, 1))
+    data, geoms, distances = mujoco.MjData(m), np.empty(RAYS, np.int32), np.empty(RAYS)
+    mujoco.mj_forward(m, data)
+    settings = (data, points[0], down.ravel(), None, 1, -1, geoms, distances, None, RAYS, 1e10)
+    ours = median_time(lambda: sim.rays(points, down), 31, lambda: None) / (ENVS * RAYS)
+    return [1e9 * ours, 1e9 * median_time(lambda: mujoco.mj_multiRay(m, *settings), 31, lambda: None) / RAYS]
+
+
+def main() -> None:
+    """Prints the tables."""
+    print(f"{cpu_name()}, CPU level {stepper.cpu_levels()[-1]}, {ENVS} environments, {RAYS} rays of each\n")
+    print("| | mass_matrix, us | bias_force, us | smooth_acceleration, us | inverse_dynamics, us | rays, ns each | mj_multiRay, ns each |")
+    print("|---|---|---|---|---|---|---|")
+    with one_core(), warnings.catch_warnings():
+        warnings.simplefilter("ignore", stepper.ModelWarning)
+        for name, path in SCENES.items():
+            m = mujoco.MjModel.from_xml_path(str(path))
+            for precision in ("f64", "f32"):
+                sim = stepper.Stepper(stepper.load(str(path)), ENVS, threads=1, precision=precision)
+                sim.step(nstep=5)
+                row = " | ".join([*(f"{x:.2f}" for x in dynamics(sim)), *(f"{x:.0f}" for x in rays(sim, m))])
+                print(f"| {name}, {precision} | {row} |", flush=True)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,62 @@
+//! Rays of a batch: a call for all environments, on one thread or several.
+
+use crate::batch::call::{Part, Schedule};
+use crate::batch::environments::Batch;
+use crate::batch::inputs::StepInputs;
+use crate::batch::ray_query::{RayCast, RayQuery};
+use crate::batch::rollout::Numbers;
+use crate::batch::worker::LaneScalar;
+use crate::compile::sensing::{Target, TargetForm};
+use crate::error::Error;
+
+/// Rays of all environments.
+pub trait RayCalls {
+    /// Casts rays, whose directions have unit length; `surfaces` has that of every one of their geoms that is no simple shape. Distances
+    /// are in the precision of the lanes.
+    ///
+    /// # Errors
+    /// [`Error::Threads`].
+    fn cast_rays(
+        &mut self,
+        inputs: &StepInputs<'_>,
+        rays: &RayCast<'_>,
+        surfaces: Vec<Option<TargetForm>>,
+        distances: Numbers<'_>,
+        geoms: &mut [i32],
+    ) -> Result<(), Error>;
+}
+
+impl<S: LaneScalar> RayCalls for Batch<S> {
+    fn cast_rays(
+        &mut self,
+        inputs: &StepInputs<'_>,
+        rays: &RayCast<'_>,
+        surfaces: Vec<Option<TargetForm>>,
+        distances: Numbers<'_>,
+        geoms: &mut [i32],
+    ) -> Result<(), Error> {
+        if rays.count == 0 {
+            return Ok(());
+        }
+        self.workers.start_threads()?;
+        let sensing = &self.compiled.sensing;
+        let target = |(&geom, surface): (&usize, Option<TargetForm>)| {
+            let simple = || sensing.forms[geom].map(|(form, index)| TargetForm::Simple(form, index));
+            let form = surface.or_else(simple).expect("a geom without a surface is a simple shape");
+            (geom, Target { place: sensing.geoms[geom], form })
+        };
+        let targets: Vec<_> = rays.geoms.iter().zip(surfaces).map(target).collect();
+        let query = RayQuery { rays: *rays, num_envs: self.num_envs, targets: &targets };
+        let size = self.chunk_size();
+        let call = self.call(inputs, Schedule { controls: 1, nstep: 0 }, Part::whole(0));
+        let row = self.lanes * rays.count;
+        let rows = S::numbers(distances).chunks_mut(size * row).zip(geoms.chunks_mut(size * row));
+        let chunks = self.groups.chunks(size).zip(rows).enumerate();
+        self.workers.share_chunks(&self.worker_spec(), chunks, |worker, (chunk, (groups, (distances, geoms)))| {
+            for (g, (group, rows)) in groups.iter().zip(distances.chunks_mut(row).zip(geoms.chunks_mut(row))).enumerate() {
+                worker.cast_rays(&call, group, (chunk * size + g) * self.lanes, &query, rows);
+            }
+        });
+        Ok(())
+    }
+}

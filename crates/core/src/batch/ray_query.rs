@@ -1,0 +1,77 @@
+//! Rays of many environments at once.
+
+use stepper_real::{Real, Scalar};
+
+use crate::compile::LaneModel;
+use crate::compile::sensing::Target;
+use crate::dynamics::kinematics::Kinematics;
+use crate::math::spatial::*;
+use crate::sensing::{Placed, nearest};
+
+/// Rays of all environments, for [`Simulation::cast_rays`](crate::Simulation::cast_rays). An array has (num_envs, count, 3) numbers, or
+/// (count, 3) that are for all environments.
+#[derive(Clone, Copy, Debug)]
+pub struct RayCast<'a> {
+    /// Where they begin, in the world, m.
+    pub points: &'a [f64],
+    /// Where they go, in world axes, of any length above 0.
+    pub directions: &'a [f64],
+    /// Rays of an environment.
+    pub count: usize,
+    /// Geoms that they can meet, as indices in the model.
+    pub geoms: &'a [usize],
+}
+
+/// The same of a group: what they can meet, with its index in the model.
+#[derive(Clone, Copy, Debug)]
+pub struct RayQuery<'a, S> {
+    /// As they were given, the directions of unit length.
+    pub rays: RayCast<'a>,
+    /// Number of environments.
+    pub num_envs: usize,
+    /// What the rays can meet.
+    pub targets: &'a [(usize, Target<S>)],
+}
+
+impl<S: Scalar> RayQuery<'_, S> {
+    /// Distances (m) and geoms that are met by the rays of the environments from `first` on, as many as there are rows in `distances`:
+    /// -1 for none.
+    pub(super) fn cast<R: Real<Scalar = S>>(
+        &self,
+        compiled: &LaneModel<R>,
+        kinematics: &Kinematics<R>,
+        first: usize,
+        distances: &mut [S],
+        geoms: &mut [i32],
+    ) {
+        let count = self.rays.count;
+        let used = distances.len() / count;
+        let lanes = (u64::MAX >> (64 - used)) as u32;
+        let placed: Vec<_> = R::vectorize(
+            #[inline(always)]
+            || self.targets.iter().map(|(geom, target)| (*geom, Placed::new(compiled, kinematics, target))).collect(),
+        );
+        for ray in 0..count {
+            let (origin, direction) =
+                (self.gather(self.rays.points, ray, first, used), self.gather(self.rays.directions, ray, first, used));
+            let (distance, geom) = nearest::<R>(compiled, &placed, lanes, origin, direction);
+            for lane in 0..used {
+                distances[lane * count + ray] = distance.lane(lane);
+                geoms[lane * count + ray] = geom.lane(lane).to_f64() as i32;
+            }
+        }
+    }
+
+    /// Three numbers of a ray of every environment.
+    fn gather<R: Real<Scalar = S>>(&self, rows: &[f64], ray: usize, first: usize, used: usize) -> V3<R> {
+        let shared = rows.len() == 3 * self.rays.count && self.num_envs > 1;
+        let mut x = zero::<R, 3>();
+        for lane in 0..used {
+            let row = if shared { 0 } else { first + lane };
+            for (k, x) in x.iter_mut().enumerate() {
+                x.set_lane(lane, S::from_f64(rows[3 * (row * self.rays.count + ray) + k]));
+            }
+        }
+        x
+    }
+}

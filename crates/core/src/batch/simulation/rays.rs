@@ -1,0 +1,85 @@
+//! Rays of all environments.
+
+use crate::batch::inputs::StepInputs;
+use crate::batch::ray_query::RayCast;
+use crate::batch::rollout::Numbers;
+use crate::batch::simulation::checks::check_length;
+use crate::batch::simulation::{Error, Simulation};
+use crate::compile::sensing::{Form, TargetForm};
+use crate::math::precision::Precision;
+
+impl Simulation {
+    /// Distances (m) to what rays of all environments meet in the present states, and its geom's index in the model, (num_envs, count)
+    /// each; -1 where nothing is met. Distances are in the precision of the simulation. Nothing changes.
+    ///
+    /// A plane is met from its front, without end. Of a mesh its triangles are met, whether it collides as these or as its hull, of a
+    /// height field also its sides and base. What begins inside of something meets it where it leaves.
+    ///
+    /// # Errors
+    /// [`Error::Element`] and [`Error::NoForm`] for a geom that does not exist or has no form here, [`Error::Length`] and
+    /// [`Error::ArrayPrecision`] for the arrays, [`Error::NotFinite`] and [`Error::TooLarge`] for a point, [`Error::Direction`] for a
+    /// direction that is none, [`Error::Threads`] when threads cannot be started.
+    pub fn cast_rays(&mut self, rays: &RayCast<'_>, distances: Numbers<'_>, geoms: &mut [i32]) -> Result<(), Error> {
+        let (n, count) = (self.num_envs, rays.count);
+        check_length("distances", distances.len(), n * count)?;
+        check_length("geoms", geoms.len(), n * count)?;
+        if distances.precision() != self.precision {
+            return Err(Error::ArrayPrecision { name: "distances", found: distances.precision(), must: self.precision });
+        }
+        for (name, given) in [("points", rays.points), ("directions", rays.directions)] {
+            if given.len() != 3 * count {
+                check_length(name, given.len(), 3 * n * count)?;
+            }
+        }
+        self.check_points(rays)?;
+        let directions = directions(rays)?;
+        let mut surfaces = Vec::with_capacity(rays.geoms.len());
+        for &geom in rays.geoms {
+            let all = self.model.geoms.len();
+            let shape = &self.model.geoms.get(geom).ok_or(Error::Element { element: "geom", found: geom, count: all })?.shape;
+            let surface = self.surfaces.get_or_make(&self.model, shape);
+            if surface.is_none() && Form::of(shape).is_none() {
+                return Err(Error::NoForm { geom: self.model.geom_label(geom), shape: shape.name() });
+            }
+            surfaces.push(surface.map(TargetForm::Surface));
+        }
+        let inputs = StepInputs { ctrl: &self.ctrl, ..self.applied.complete(&StepInputs::default()) };
+        self.engine.cast_rays(&inputs, &RayCast { directions: &directions, ..*rays }, surfaces, distances, geoms)
+    }
+
+    fn check_points(&self, rays: &RayCast<'_>) -> Result<(), Error> {
+        let at = |i: usize| (format!("points[{}]", i / 3 % rays.count), i / 3 / rays.count);
+        if let Some(i) = rays.points.iter().position(|x| !x.is_finite()) {
+            let (place, env) = at(i);
+            return Err(Error::NotFinite { place, env, value: rays.points[i] });
+        }
+        let beyond = |x: &f64| self.precision == Precision::F32 && !(*x as f32).is_finite();
+        match rays.points.iter().position(beyond) {
+            Some(i) => {
+                let (place, env) = at(i);
+                Err(Error::TooLarge { place, env, value: rays.points[i] })
+            }
+            None => Ok(()),
+        }
+    }
+}
+
+/// The directions of rays, each of unit length.
+fn directions(rays: &RayCast<'_>) -> Result<Vec<f64>, Error> {
+    let mut all = Vec::with_capacity(rays.directions.len());
+    for (i, &d) in rays.directions.as_chunks::<3>().0.iter().enumerate() {
+        // Of the largest's size first, so that no square overflows or vanishes.
+        let most = d.iter().fold(0.0, |most: f64, x| most.max(x.abs()));
+        let d = d.map(|x| x / most);
+        let length = (d[0] * d[0] + d[1] * d[1] + d[2] * d[2]).sqrt();
+        if !length.is_finite() {
+            return Err(Error::Direction {
+                ray: i % rays.count,
+                env: i / rays.count,
+                found: rays.directions[3 * i..3 * i + 3].try_into().expect("three"),
+            });
+        }
+        all.extend(d.map(|x| x / length));
+    }
+    Ok(all)
+}

@@ -1,0 +1,73 @@
+//! Rays of all environments.
+
+use numpy::PyUntypedArrayMethods;
+use numpy::{IntoPyArray, ndarray::ArrayD};
+use pyo3::exceptions::PyValueError;
+use pyo3::prelude::*;
+use stepper_core::RayCast;
+
+use crate::array::{OwnNumbers, check_shape, readonly};
+use crate::elements::Kind;
+use crate::error::value_error;
+use crate::stepper::Stepper;
+
+#[pymethods]
+impl Stepper {
+    /// What rays meet in the present states: MuJoCo's `mj_ray`, of many rays of all environments in one pass.
+    ///
+    /// A plane is met from its front, without end. Of a mesh its triangles are met, whether it collides as these or as its hull; of a
+    /// height field also its sides and its base. What begins inside of something meets it where it leaves. What is drawn and touches
+    /// nothing is met where it has a simple shape: a mesh that is only drawn is no part of the model.
+    ///
+    /// Args:
+    ///     points: Where the rays begin in the world, (num_envs, n, 3) or (n, 3) for all environments, m.
+    ///     directions: Where they go, world axes, of any length above 0: (num_envs, n, 3) or (n, 3).
+    ///     geoms: Names or indices of the geoms that the rays can meet; None is all of them.
+    ///     exclude: Name or index of a body whose geoms are not met; None is none.
+    ///
+    /// Returns:
+    ///     Distances in m, (num_envs, n) in the stepper's scalar type, and the indices of the geoms that are met, (num_envs, n) int32. Both
+    ///     are -1 where nothing is.
+    ///
+    /// Raises:
+    ///     ValueError: An array of another shape, a point that is not finite, a direction of length 0, a mesh that is no part of the model.
+    ///     KeyError, IndexError: No geom or body of that name or index.
+    #[pyo3(signature = (points, directions, *, geoms=None, exclude=None))]
+    fn rays<'py>(
+        &mut self,
+        py: Python<'py>,
+        points: Bound<'py, PyAny>,
+        directions: Bound<'py, PyAny>,
+        geoms: Option<Vec<Bound<'py, PyAny>>>,
+        exclude: Option<Bound<'py, PyAny>>,
+    ) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyAny>)> {
+        let model = self.simulation.model().clone();
+        let except = exclude.map(|body| Kind::Body.find(&model, &body)).transpose()?;
+        let geoms = match geoms {
+            None => model.geoms_met_by_rays(except),
+            Some(given) => {
+                let found: Vec<usize> = given.iter().map(|geom| Kind::Geom.find(&model, geom)).collect::<PyResult<_>>()?;
+                found.into_iter().filter(|&g| Some(model.geoms[g].body) != except).collect()
+            }
+        };
+        let (points, directions) = (readonly(&points, "points")?, readonly(&directions, "directions")?);
+        let count = if points.ndim() >= 2 { points.shape()[points.ndim() - 2] } else { 0 };
+        for (name, shape) in [("points", points.shape()), ("directions", directions.shape())] {
+            check_shape(name, shape, &[&self.shape(&[count, 3]), &[count, 3]])?;
+        }
+        self.apply(py)?;
+        let (points, directions) = (points.as_slice()?.to_vec(), directions.as_slice()?.to_vec());
+        let total = self.simulation.num_envs() * count;
+        let mut distances = OwnNumbers::new(total, self.simulation.precision());
+        let mut met = vec![-1; total];
+        let (simulation, numbers) = (&mut self.simulation, distances.numbers());
+        py.detach(|| {
+            let rays = RayCast { points: &points, directions: &directions, count, geoms: &geoms };
+            simulation.cast_rays(&rays, numbers, &mut met)
+        })
+        .map_err(value_error)?;
+        let shape = self.shape(&[count]);
+        let met = ArrayD::from_shape_vec(&shape[..], met).map_err(|e| PyValueError::new_err(e.to_string()))?;
+        Ok((distances.into_array(py, &shape)?, met.into_pyarray(py).into_any()))
+    }
+}

@@ -1,0 +1,305 @@
+"""Rays of all environments at once meet what MuJoCo's meet: simple shapes, height fields and meshes, of packages' models too."""
+
+from importlib.util import find_spec
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+import stepper
+from models import SOURCES, forward, random_quaternion, random_state
+from stepper import quantities
+
+BOUND = 1e-9
+"""m: what rounding makes of scenes of some metres, rays that nearly graze included, is below 1e-10."""
+
+SHAPES = """<mujoco><asset><hfield name="hills" nrow="9" ncol="9" size="1 .8 .3 .2" elevation="{hills}"/>
+  <mesh name="wedge" vertex="0 0 0  .4 0 0  0 .5 0  .1 .1 .6  .5 .4 .1"/></asset><worldbody>
+  <geom name="floor" type="plane" size="0 0 1" pos="0 0 -2" euler="5 3 0"/>
+  <geom name="ground" type="hfield" hfield="hills" pos=".2 .1 -1.2" euler="4 -7 20"/>
+  <body name="pill" pos="1 0 0"><freejoint/><geom name="pill" type="capsule" size=".2 .3"/></body>
+  <body name="box" pos="0 1 0"><freejoint/><geom name="box" type="box" size=".3 .2 .1"/></body>
+  <body name="can" pos="-1 0 0"><freejoint/><geom name="can" type="cylinder" size=".2 .3"/></body>
+  <body name="egg" pos="0 -1 0"><freejoint/><geom name="egg" type="ellipsoid" size=".3 .2 .1"/></body>
+  <body name="ball" pos="0 0 1"><freejoint/><geom name="ball" size=".2"/></body>
+  <body name="stone" pos="1 1 1"><freejoint/><geom name="stone" type="mesh" mesh="wedge"/></body>
+</worldbody></mujoco>"""
+
+
+def scene() -> mujoco.MjModel:
+    hills = np.random.default_rng(4).uniform(0, 1, 81)
+    hills[:2] = 0, 1  # They are scaled to 0 and 1.
+    return mujoco.MjModel.from_xml_string(SHAPES.format(hills=" ".join(f"{x:.6f}" for x in hills)))
+
+
+def endless(m: mujoco.MjModel) -> mujoco.MjModel:
+    """The same with planes without end, as they are for contacts and for rays here, and every geom's own frame.
+
+    MuJoCo takes a frame that is nearly its body's for that, which turns a mesh of fetch's by 1e-7.
+    """
+    m.geom_size[m.geom_type == int(mujoco.mjtGeom.mjGEOM_PLANE), :2] = 0.0
+    m.geom_sameframe[:] = 0
+    return m
+
+
+def mujocos_rays(m, q, points, directions, exclude=-1):
+    """Distances in m and geoms, (n,) each, of `mj_ray`, whose distances are in lengths of the direction."""
+    data, geom = forward(m, q, np.zeros(m.nv)), np.array([-1], np.int32)
+    found = []
+    for point, direction in zip(points, directions, strict=True):
+        far = mujoco.mj_ray(m, data, point, direction, None, 1, exclude, geom, None)
+        found.append((far * (np.linalg.norm(direction) if far > 0 else 1.0), geom[0]))
+    distances, geoms = zip(*found, strict=True)
+    return np.array(distances), np.array(geoms)
+
+
+def compare(m, sim, states, rays, exclude=None):
+    """Distances as MuJoCo's; the same geoms, where no two are met at one distance. Returns the shares of rays that meet something."""
+    sim.reset(qpos=states)
+    points, directions = rays
+    distances, geoms = sim.rays(points, directions, exclude=exclude)
+    body = -1 if exclude is None else sim.model.body(exclude).id
+    for k, q in enumerate(states):
+        expected, met = mujocos_rays(m, q, points[k], directions[k], body)
+        np.testing.assert_allclose(distances[k], expected, rtol=0, atol=BOUND)
+        other = geoms[k] != met
+        assert other.mean() < 0.01
+        assert (distances[k][other] > 0).all()
+    return (distances > 0).mean(), geoms
+
+
+@pytest.mark.parametrize("exclude", [None, "box"])
+def test_of_every_shape(exclude):
+    m, rng = scene(), np.random.default_rng(1)
+    sim = stepper.Stepper(stepper.load(m), 12)
+    states = np.array([np.concatenate([np.r_[rng.uniform(-0.8, 0.8, 3), random_quaternion(rng)] for _ in range(6)]) for _ in range(12)])
+    # From a sphere beyond all, at somewhere among them.
+    points = rng.normal(size=(12, 400, 3))
+    points *= 4.0 / np.linalg.norm(points, axis=-1, keepdims=True)
+    points[..., 2] = np.abs(points[..., 2])
+    share, geoms = compare(m, sim, states, (points, rng.uniform(-0.9, 0.9, (12, 400, 3)) - points), exclude)
+    assert share > 0.5
+    assert set(range(-1, 8)) - set(geoms.flat) <= {-1, 3 if exclude else -1}
+
+
+def test_a_field_from_all_sides():
+    """Over it, along it, at its sides and from below."""
+    m = scene()
+    m.geom_pos[0, 2] = -50.0
+    sim, rng = stepper.Stepper(stepper.load(m), 1), np.random.default_rng(2)
+    away = np.concatenate([np.r_[20.0 + 3 * k, 0, 0, 1, 0, 0, 0] for k in range(6)])
+    points = rng.normal(size=(3000, 3))
+    points *= 2.5 / np.linalg.norm(points, axis=-1, keepdims=True)
+    at = rng.uniform(-1, 1, (3000, 3)) * [1.0, 0.8, 0.25]
+    directions = at - points
+    turn = np.array(forward(m, away, np.zeros(m.nv)).geom_xmat[1]).reshape(3, 3)
+    # Straight down and along the grid's lines besides.
+    directions[:300], directions[300:600] = [0, 0, -1.0], [1.0, 0, 0]
+    points[:300], points[300:600, 0] = at[:300] + np.array([0, 0, 1.0]), -3.0
+    points[300:600, 1:] = at[300:600, 1:]
+    points, directions = points @ turn.T + m.geom_pos[1], directions @ turn.T
+    share, geoms = compare(m, sim, away[None], (points[None], directions[None]))
+    assert share > 0.7
+    assert (geoms == 1).mean() > 0.6
+
+
+def packaged():
+    """Models of packages with meshes that can touch something, each the name and the file."""
+    found = {"dm_control jaco": Path(find_spec("dm_control").submodule_search_locations[0]) / "third_party/kinova/jaco_arm.xml"}
+    if robotics := find_spec("gymnasium_robotics"):
+        found["gymnasium_robotics fetch"] = Path(robotics.submodule_search_locations[0]) / "envs/assets/fetch/reach.xml"
+    return found
+
+
+@pytest.mark.parametrize("name", packaged())
+def test_of_packages_meshes(name):
+    """MuJoCo's rays meet the triangles of a mesh, and so do these, though contacts meet its hull."""
+    m = endless(mujoco.MjModel.from_xml_path(str(packaged()[name])))
+    model, rng = stepper.load(m, strict=False), np.random.default_rng(3)
+    sim = stepper.Stepper(model, 4)
+    states = np.array([random_state(m, rng)[0] for _ in range(4)])
+    sim.reset(qpos=states)
+    # Outside of all, at the middles of geoms.
+    at = np.asarray(sim.geom_xpos)[:, rng.integers(0, m.ngeom, 250)]
+    away = rng.normal(size=at.shape)
+    away[..., 2] = np.abs(away[..., 2])
+    points = at + 4.0 * away / np.linalg.norm(away, axis=-1, keepdims=True)
+    share, geoms = compare(m, sim, states, (points, at + rng.normal(scale=0.05, size=at.shape) - points))
+    assert share > 0.4
+    kinds = m.geom_type[np.unique(geoms[geoms >= 0])]
+    assert (kinds == mujoco.mjtGeom.mjGEOM_MESH).sum() >= 4
+
+
+def test_range_finders_see_a_field():
+    """dm_control's quadruped has twenty range finders over its terrain."""
+    m = endless(mujoco.MjModel.from_xml_path(str(SOURCES["dm_control/quadruped"])))
+    finders = m.sensor_type == int(mujoco.mjtSensor.mjSENS_RANGEFINDER)
+    assert finders.sum() >= 20
+    model, rng = stepper.load(str(SOURCES["dm_control/quadruped"])), np.random.default_rng(6)
+    assert not [line for line in model.omitted if "rangefinder" in str(line)]
+    sim = stepper.Stepper(model, 8)
+    states = np.array([random_state(m, rng)[0] for _ in range(8)])
+    states[:, 2] += 3.0
+    sim.reset(qpos=states)
+    places = m.sensor_adr[finders]
+    names = [m.sensor(int(k)).name for k in np.flatnonzero(finders)]
+    columns = [model.sensor(name).adr for name in names]
+    met = 0
+    for k, q in enumerate(states):
+        expected = forward(m, q, np.zeros(m.nv)).sensordata[places]
+        found = np.asarray(sim.sensor_truth)[k, columns]
+        np.testing.assert_allclose(found, expected, rtol=0, atol=BOUND)
+        met += (expected > 0).sum()
+    assert met > 30
+    # The same rays asked of the batch.
+    sites = [model.site(m.site(int(s)).name).id for s in m.sensor_objid[finders]]
+    z = np.array([[mujoco_matrix(quat)[:, 2] for quat in quats] for quats in np.asarray(sim.site_xquat)[:, sites]])
+    asked, _ = sim.rays(np.asarray(sim.site_xpos)[:, sites], z, exclude=int(m.site_bodyid[m.sensor_objid[finders][0]]))
+    np.testing.assert_allclose(asked, np.asarray(sim.sensor_truth)[:, columns], rtol=0, atol=BOUND)
+
+
+def eyes() -> tuple[stepper.Model, np.ndarray]:
+    """The scene with an eye in its ball that looks around, sensor "lidar", and the directions in its axes."""
+    hills = " ".join(f"{x:.6f}" for x in np.r_[0, 1, np.random.default_rng(4).uniform(0, 1, 79)])
+    text = SHAPES.format(hills=hills).replace('<geom name="ball" size=".2"/>', '<geom name="ball" size=".2"/><site name="eye"/>')
+    rays = np.random.default_rng(7).normal(size=(60, 3))
+    rays /= np.linalg.norm(rays, axis=-1, keepdims=True)
+    return stepper.load(text).with_sensors({"lidar": stepper.RayFan("eye", rays)}), rays
+
+
+def crowd(num_envs, **settings):
+    """Environments of that scene in states of their own."""
+    model, rays = eyes()
+    sim, rng = stepper.Stepper(model, num_envs, **settings), np.random.default_rng(8)
+    states = np.tile(model.qpos0, (num_envs, 1))
+    states[:, 28:31] = rng.uniform(-0.5, 0.5, (num_envs, 3))
+    states[:, 31:35] = [random_quaternion(rng) for _ in range(num_envs)]
+    sim.reset(qpos=states)
+    return sim, rays
+
+
+@pytest.mark.parametrize(("precision", "bound"), [("f64", 1e-12), ("f32", 1e-4)])
+def test_rays_around_a_body_are_those_of_a_fan(precision, bound):
+    """To rounding, which is as many times larger as the ray is longer that meets the floor far away, nearly grazing: hundreds of times."""
+    sim, rays = crowd(20, precision=precision)
+    found, geoms = quantities.rays(sim, np.zeros((60, 3)), 3.0 * rays, body="ball")
+    assert found.dtype == {"f64": np.float64, "f32": np.float32}[precision]
+    read = np.asarray(quantities.read(sim, "sensor_truth", "lidar"))
+    same = (found > 0) == (read > 0)
+    assert same.mean() > 0.99
+    np.testing.assert_allclose(found[same], read[same], rtol=bound, atol=bound)
+    assert {sim.model.geom(name).id for name in ("ground", "stone", "floor")} <= set(geoms.flat)
+    only, _ = quantities.rays(sim, np.zeros((60, 3)), 3.0 * rays, body="ball", geoms=["stone"])
+    np.testing.assert_array_equal(only > 0, (only >= found) & (only > 0))
+    assert ((only == found) & (only > 0)).any()
+
+
+def test_axes_around_a_body():
+    sim, rays = crowd(4)
+    quat, pos, at = np.asarray(sim.xquat)[:, 5], np.asarray(sim.xpos)[:, 5], 0.3 * rays
+    assert sim.model.body("ball").id == 5
+    turn = np.array([mujoco_matrix(q) for q in quat])
+    x = turn[:, :, 0]
+    ahead = x * [1, 1, 0] / np.linalg.norm(x[:, :2], axis=1, keepdims=True)
+    left = np.stack([-ahead[:, 1], ahead[:, 0], 0 * ahead[:, 0]], axis=1)
+    upright = np.stack([ahead, left, np.broadcast_to([0, 0, 1.0], ahead.shape)], axis=-1)
+    for axes, mats in {"body": turn, "heading": upright, "world": np.broadcast_to(np.eye(3), turn.shape)}.items():
+        expected = sim.rays(at @ mats.transpose(0, 2, 1) + pos[:, None], rays @ mats.transpose(0, 2, 1), exclude=5)
+        found = quantities.rays(sim, at, rays, body="ball", axes=axes)
+        np.testing.assert_allclose(found[0], expected[0], rtol=0, atol=1e-11)
+        np.testing.assert_array_equal(found[1], expected[1])
+
+
+def mujoco_matrix(quat):
+    out = np.empty(9)
+    mujoco.mju_quat2Mat(out, quat)
+    return out.reshape(3, 3)
+
+
+@pytest.mark.parametrize("precision", ["f64", "f32"])
+def test_no_bit_depends_on_who_is_beside(precision):
+    """Neither on the number of environments nor on threads; `out` has what is returned."""
+    sim, rays = crowd(37, precision=precision, threads=1)
+    points = np.asarray(sim.xpos, dtype=np.float64)[:, 5, None] + 0.4 * rays
+    all_of_them, geoms = sim.rays(points, rays)
+    out, out_geoms = np.empty_like(all_of_them), np.empty_like(geoms)
+    given = quantities.rays(sim, points, np.broadcast_to(rays, points.shape), out=out, out_geoms=out_geoms)
+    assert given[0] is out
+    assert given[1] is out_geoms
+    for found in (out, crowd(37, precision=precision, threads=3)[0].rays(points, rays)[0]):
+        assert found.tobytes() == all_of_them.tobytes()
+    assert out_geoms.tobytes() == geoms.tobytes()
+    alone = stepper.Stepper(sim.model, precision=precision)
+    for k in (0, 9, 36):
+        alone.reset(qpos=sim.qpos[k])
+        found = alone.rays(points[k], rays)
+        assert found[0].tobytes() == all_of_them[k].tobytes()
+        assert found[1].tobytes() == geoms[k].tobytes()
+
+
+def test_an_environments_own_sizes_and_places_count():
+    sim, _ = crowd(3)
+    down = ([[0.0, 0.0, 5.0]], [[0.0, 0.0, -1.0]])
+    qpos = np.array(sim.qpos)
+    qpos[:, 28:30] = 0.0
+    sim.reset(qpos=qpos)
+    before, met = sim.rays(*down)
+    ball, ground = sim.model.geom("ball").id, sim.model.geom("ground").id
+    assert (met == ball).all()
+    size, pos = np.tile(sim.model.geom_size, (3, 1, 1)), np.tile(sim.model.geom_pos, (3, 1, 1))
+    size[1, ball, 0] += 0.05
+    pos[2, ground, 2] += 5.5
+    sim.randomize(geom_size=size, geom_pos=pos)
+    after, met = sim.rays(*down)
+    np.testing.assert_allclose((before - after)[:2, 0], [0.0, 0.05], atol=1e-12)
+    assert met[2, 0] == ground
+
+
+def test_what_begins_inside_leaves():
+    """Also a field, whose base is no floor of its own for who is above it: MuJoCo's rays meet the box below the heights from inside."""
+    m = scene()
+    m.geom_pos[1], m.geom_quat[1], m.geom_pos[0, 2] = 0, [1, 0, 0, 0], -50.0
+    model = stepper.load(m)
+    sim = stepper.Stepper(model)
+    sim.reset(qpos=np.concatenate([np.r_[20.0 + 3 * k, 0, 0, 1, 0, 0, 0] for k in range(6)]))
+    distances, geoms = sim.rays([[0, 0, -0.1]] * 3 + [[26.0, 0, 0.05]], [[0, 0, -1], [0, -1, 0], [0, 0, 2.0], [1.0, 0, 0]])
+    top, _ = sim.rays([[0, 0, 2.0]], [[0, 0, -1.0]])
+    np.testing.assert_allclose(distances, [0.1, 0.8, 2.0 - top[0] + 0.1, 0.2], atol=1e-12)
+    assert geoms.tolist() == [1, 1, 1, 4]
+
+
+def test_a_mesh_that_is_only_drawn_is_no_part_of_the_model():
+    text = """<mujoco><asset><mesh name="t" vertex="0 0 0 1 0 0 0 1 0 0 0 1"/></asset><worldbody>
+      <geom name="drawn" type="mesh" mesh="t" contype="0" conaffinity="0"/><geom name="floor" type="plane" size="0 0 1" pos="0 0 -1"/>
+      {eye}</worldbody>{sensor}</mujoco>"""
+    sim = stepper.Stepper(stepper.load(text.format(eye="", sensor="")))
+    assert sim.rays([[0.1, 0.1, 3]], [[0, 0, -1]])[1].tolist() == [1]
+    with pytest.raises(ValueError, match='geom "drawn" is a mesh whose form the model does not have'):
+        sim.rays([[0.1, 0.1, 3]], [[0, 0, -1]], geoms=["drawn"])
+    # A range finder that sees it has it, as MuJoCo's.
+    eye = '<body pos=".1 .1 3"><site name="eye" euler="180 0 0"/></body>'
+    m = mujoco.MjModel.from_xml_string(text.format(eye=eye, sensor='<sensor><rangefinder site="eye"/></sensor>'))
+    expected = forward(m, m.qpos0, np.zeros(m.nv)).sensordata
+    np.testing.assert_allclose(stepper.Stepper(stepper.load(m)).sensor_truth, expected, atol=BOUND)
+    assert 1 < expected[0] < 4
+
+
+@pytest.mark.parametrize(("call", "error", "said"), [
+    (lambda sim: sim.rays(np.zeros((4, 3)), np.ones((5, 3))), ValueError, r"directions has shape \(5, 3\), must be \(2, 4, 3\)"),
+    (lambda sim: sim.rays(np.zeros(3), np.ones(3)), ValueError, "points has shape"),
+    (lambda sim: sim.rays(np.zeros((2, 4, 3)), np.zeros((4, 3))), ValueError, r"directions\[0\] of environment 0 is \[0.0, 0.0, 0.0\]"),
+    (lambda sim: sim.rays(np.full((1, 3), np.nan), np.ones((1, 3))), ValueError, r"points\[0\] of environment 0 is NaN"),
+    (lambda sim: sim.rays(np.zeros((1, 3)), np.ones((1, 3)), geoms=["hill"]), KeyError, "hill"),
+    (lambda sim: sim.rays(np.zeros((1, 3)), np.ones((1, 3)), exclude=99), IndexError, "99"),
+    (lambda sim: quantities.rays(sim, np.zeros((1, 3)), np.ones((1, 3)), axes="up"), ValueError, "axes is 'up'"),
+    (lambda sim: quantities.rays(sim, np.zeros((3, 1, 3)), np.ones((1, 3)), body=1), ValueError, r"points has shape \(3, 1, 3\)"),
+    (lambda sim: quantities.rays(sim, np.zeros((1, 3)), np.ones((1, 3)), out=np.empty(2)), ValueError, r"out has shape \(2,\)"),
+])  # fmt: skip
+def test_what_is_wrong_is_said(call, error, said):
+    with pytest.raises(error, match=said):
+        call(crowd(2)[0])
+
+
+def test_no_rays_meet_nothing():
+    distances, geoms = crowd(2)[0].rays(np.zeros((0, 3)), np.zeros((2, 0, 3)))
+    assert distances.shape == geoms.shape == (2, 0)

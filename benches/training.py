@@ -139,10 +139,16 @@ def table_of_runs(runs: Path, episodes: int) -> str:
         low, high = found.interval()
         engine, task = _named(file.parent.parent.name)
         cells = [task, engine, str(t["seed"]), *_spent(file.parent)]
-        cells += [f"{found.mean:.0f}", f"{low:.0f} to {high:.0f}", f"{found.returns.min():.0f}"]
+        digits = _digits(found.mean)
+        cells += [f"{found.mean:.{digits}f}", f"{low:.{digits}f} to {high:.{digits}f}", f"{found.returns.min():.{digits}f}"]
         rows[tuple(cells[:3])] = "| " + " | ".join(cells) + " |"
         print(rows[tuple(cells[:3])], flush=True)
     return "\n".join([head, line, *(rows[name] for name in sorted(rows))])
+
+
+def _digits(mean: float) -> int:
+    """Places after the point that a table shows of returns about a mean."""
+    return 0 if abs(mean) > 100.0 else 2
 
 
 def _spent(run: Path) -> list[str]:
@@ -223,7 +229,7 @@ def table_of_transfers(episodes: int, only: str) -> str:
             envs = home[0].format(task), name.format(task)
             both: Comparison = compare(policy, *envs, episodes=episodes, seed=2**33, alpha=0.025, settings=(home[1], settings))
             (low, high), share = both.interval, 100.0 / abs(both.one.mean)
-            digits = 0 if abs(both.one.mean) > 100.0 else 3
+            digits = _digits(both.one.mean)
             rows[task, engine, engine] = f"| {task} | {engine} | {engine} | {episodes} | {both.one.mean:.{digits}f} | | | |"
             cells = [task, engine, column, f"{episodes}", f"{both.other.mean:.{digits}f}"]
             cells += [f"{both.difference:+.{digits}f} ({share * both.difference:+.2f} %)"]

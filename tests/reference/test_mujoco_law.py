@@ -273,6 +273,45 @@ def test_the_same_bits_alone_and_among_others():
         assert np.array_equal(many.qpos[7], one.qpos[0])
 
 
+CROWD = """<mujoco><option cone="{cone}" timestep=".004"/><worldbody><geom type="plane" size="9 9 .1" friction=".6"/>
+  {bodies}<body name="plate" pos="0 0 .05"><freejoint/><geom type="box" size="1 1 .04" mass="9"/></body></worldbody></mujoco>"""
+
+
+def _crowd(cone):
+    """Spheres and capsules of all kinds of contact in front of the plate that they lie on."""
+    shapes = ('type="sphere" size=".1"', 'type="capsule" size=".08 .1"')
+    bodies = "".join(
+        f'<body pos="{0.35 * (k % 4) - 0.5} {0.35 * (k // 4) - 0.35} .3"><freejoint/><geom {shapes[k % 2]} mass="{1 + k}" condim="{condim}"/></body>'
+        for k, condim in enumerate((1, 3, 4, 6) * 3)
+    )
+    return CROWD.format(cone=cone, bodies=bodies)
+
+
+@pytest.mark.parametrize("precision", ["f64", "f32"])
+@pytest.mark.parametrize("cone", ["elliptic", "pyramidal"])
+def test_environments_that_touch_other_bodies_have_the_bits_of_each_alone(cone, precision):
+    """In the lanes of a register a contact joins other trees in every environment."""
+    model = stepper.load(_crowd(cone))
+    many, one = (stepper.Stepper(model, num_envs=n, options=stepper.Options(contact="mujoco"), precision=precision) for n in (19, 1))
+    qvel = np.random.default_rng(0).normal(0, 1.5, (19, model.nv))
+    many.set_state(qvel=qvel)
+    one.set_state(qvel=qvel[7:8])
+    for _ in range(150):
+        many.step()
+        one.step()
+        assert np.array_equal(many.qpos[7], one.qpos[0])
+    assert len({len(many.contacts(env)) for env in range(19)}) > 3
+
+
+@pytest.mark.parametrize("cone", ["elliptic", "pyramidal"])
+def test_bodies_on_a_plate_accelerate_as_mujocos(cone):
+    """The plate is the last body, and the first of the solver's matrix."""
+    found = parity(compiled(_crowd(cone)), count=30)
+    assert found.touching > 0.5
+    assert found.same > 0.5
+    assert found.agrees == 1.0
+
+
 @pytest.mark.parametrize(("options", "words"), [
     ({"integrator": "midpoint"}, "integrator is midpoint"),
     ({"contact": "hard", "integrator": "implicitfast"}, "integrator is implicitfast"),

@@ -1,7 +1,8 @@
 //! Hessian M + J^T D J of the soft problem and its sparse factors L^T D L, from the last place to the first, over lanes.
 //!
 //! Without constraints between branches of a tree there is no fill-in (Featherstone 2008, section 6.5), and none where what touches many
-//! others comes first. Its pattern is that of all lanes: a lane that lacks an entry has a zero there, which changes none of its other numbers.
+//! others comes first. Its pattern is that of all lanes: a lane that lacks an entry has a zero there, which changes none of its other
+//! numbers.
 
 use std::ops::Range;
 

@@ -56,8 +56,8 @@ const LINE_SEARCH_TOLERANCE: f64 = 1e-2;
 const RESPONSE_STEPS: usize = 2;
 
 impl<R: Real> SoftSolver<R> {
-    /// Room for problems of as many coordinates as `order` lists, each once. It is from the last to the first that they are eliminated: what
-    /// rows join to many others belongs in front. Coordinates of one tree stay together and in their own order.
+    /// Room for problems of as many coordinates as `order` lists, each once. They are eliminated from the last to the first: what rows
+    /// join to many others belongs in front. Coordinates of one tree stay together and in their own order.
     pub fn new(order: &[u32]) -> Self {
         let zeros = || vec![R::zero(); order.len()];
         Self {

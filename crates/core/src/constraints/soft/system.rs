@@ -28,7 +28,7 @@ pub struct SoftSystem<R: Real> {
 }
 
 impl<R: Real> SoftSystem<R> {
-    /// Room for a compiled model, so many `slots` of contacts and `contacts` in them, whose rows have so many degrees of freedom at the most;
+    /// Room for a compiled model, so many `slots` of contacts and `contacts` in them, whose rows have at most so many degrees of freedom;
     /// none without softness.
     pub fn new(compiled: &ModelStructure<R::Scalar>, slots: usize, contacts: usize, support: usize) -> Option<Box<Self>> {
         let softness = compiled.softness.as_ref()?;

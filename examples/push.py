@@ -140,7 +140,7 @@ def improve(moments: stepper.Stepper, goal: Goal, plan: Plan, regularization: fl
 
 
 STARTS = (1.35, 1.4, 1.45, 1.5)
-"""Forces to begin with, N. Where the ball slides off the box plans end in valleys of their own, and which one may depend on the last bit."""
+"""Forces to begin with, N. Where the ball slides off the box, a plan ends in a valley of its own: which, the last bit may decide."""
 
 
 def push(law: str = "mujoco", place: tuple[float, float] = (0.15, 0.06), controls: int = 40, rounds: int = 60, *, say: bool = True) -> Plan:

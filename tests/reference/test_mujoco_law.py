@@ -281,7 +281,8 @@ def _crowd(cone):
     """Spheres and capsules of all kinds of contact in front of the plate that they lie on."""
     shapes = ('type="sphere" size=".1"', 'type="capsule" size=".08 .1"')
     bodies = "".join(
-        f'<body pos="{0.35 * (k % 4) - 0.5} {0.35 * (k // 4) - 0.35} .3"><freejoint/><geom {shapes[k % 2]} mass="{1 + k}" condim="{condim}"/></body>'
+        f'<body pos="{0.35 * (k % 4) - 0.5} {0.35 * (k // 4) - 0.35} .3"><freejoint/>'
+        f'<geom {shapes[k % 2]} mass="{1 + k}" condim="{condim}"/></body>'
         for k, condim in enumerate((1, 3, 4, 6) * 3)
     )
     return CROWD.format(cone=cone, bodies=bodies)

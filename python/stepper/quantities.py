@@ -87,7 +87,7 @@ def mass_matrix(sim: Stepper, *, out: Array | None = None) -> Array:
     Raises:
         ValueError: An `out` of another shape or scalar type.
     """
-    return _given(sim.mass_matrix(None), out)
+    return given_out(sim.mass_matrix(None), out)
 
 
 def bias_force(sim: Stepper, *, out: Array | None = None) -> Array:
@@ -99,7 +99,7 @@ def bias_force(sim: Stepper, *, out: Array | None = None) -> Array:
     Raises:
         ValueError: An `out` of another shape or scalar type.
     """
-    return _given(sim.bias_force(None), out)
+    return given_out(sim.bias_force(None), out)
 
 
 def smooth_acceleration(sim: Stepper, *, out: Array | None = None) -> Array:
@@ -111,7 +111,7 @@ def smooth_acceleration(sim: Stepper, *, out: Array | None = None) -> Array:
     Raises:
         ValueError: An `out` of another shape or scalar type.
     """
-    return _given(sim.smooth_acceleration(None), out)
+    return given_out(sim.smooth_acceleration(None), out)
 
 
 def inverse_dynamics(sim: Stepper, qacc: ArrayLike, *, out: Array | None = None) -> Array:
@@ -143,7 +143,7 @@ def inverse_dynamics(sim: Stepper, qacc: ArrayLike, *, out: Array | None = None)
     forces += np.asarray(sim.qfrc_actuator)
     forces += np.asarray(sim.qfrc_applied)
     forces += _of_applied(sim)
-    return _given(forces.astype(free.dtype, copy=False), out)
+    return given_out(forces.astype(free.dtype, copy=False), out)
 
 
 def rays(
@@ -188,14 +188,14 @@ def rays(
     if body is not None:
         which = sim.model.body(body).id
         exclude = which if exclude is None else exclude
-        points, directions = _of_rays(sim, points, "points"), _of_rays(sim, directions, "directions")
+        places, ways = _of_rays(sim, points, "points"), _of_rays(sim, directions, "directions")
         if axes != "world":
             quat = np.asarray(sim.xquat, dtype=np.float64)[..., which, :]
-            turn = _heading(quat) if axes == "heading" else quat
-            points, directions = _rotated(turn, points), _rotated(turn, directions)
-        points = points + np.asarray(sim.xpos, dtype=np.float64)[..., which, None, :]
+            turn = _about_vertical(headings(quat)) if axes == "heading" else quat
+            places, ways = _rotated(turn, places), _rotated(turn, ways)
+        points, directions = places + np.asarray(sim.xpos, dtype=np.float64)[..., which, None, :], ways
     distances, met = sim.rays(points, directions, geoms=geoms, exclude=exclude)
-    return _given(distances, out), _given(met, out_geoms)
+    return given_out(distances, out), given_out(met, out_geoms)
 
 
 def _of_applied(sim: Stepper) -> Array:
@@ -219,10 +219,9 @@ def _of_rays(sim: Stepper, given: ArrayLike, name: str) -> Array:
     return rows
 
 
-def _heading(quat: Array) -> Array:
-    """The part about the world's z axis of orientations (..., 4): quaternions (..., 4) that turn x to where the body's x axis points."""
-    w, x, y, z = np.moveaxis(quat, -1, 0)
-    half = 0.5 * np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
+def _about_vertical(angle: Array) -> Array:
+    """Unit quaternions (..., 4) of turns about the world's z axis by angles (...), rad."""
+    half = 0.5 * angle
     return np.stack([np.cos(half), 0.0 * half, 0.0 * half, np.sin(half)], axis=-1)
 
 
@@ -255,11 +254,6 @@ def _places(model: Model, kind: str, name: str, of: Key | Sequence[Key]) -> Any:
     return columns
 
 
-def _given(values: Array, out: Array | None) -> Array:
-    """An array that is the caller's already, or written to theirs."""
-    return values if out is None else written(values, out)
-
-
 def room(shape: tuple[int, ...], dtype: Any, out: Array | None) -> Array:
     """An array of a shape and scalar type: `out` if it is given, or a new one.
 
@@ -282,3 +276,19 @@ def written(values: Array, out: Array | None) -> Array:
     found = room(values.shape, values.dtype, out)
     found[...] = values
     return found
+
+
+def given_out(values: Array, out: Array | None) -> Array:
+    """An array that is the caller's already; a copy of it in `out` if that is given.
+
+    Raises:
+        ValueError: An `out` of another shape or scalar type.
+    """
+    return values if out is None else written(values, out)
+
+
+def headings(quat: Array) -> Array:
+    """Angles (...) about the world's z axis to where the x axis of unit quaternions (w, x, y, z), (..., 4), points, rad."""
+    w, x, y, z = np.moveaxis(quat, -1, 0)
+    angles: Array = np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
+    return angles

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from stepper._stepper import Model, Stepper
 from stepper.loading.load import compile_source
 from stepper.loading.origins import Origin, origin_of
-from stepper.quantities import written
+from stepper.quantities import given_out, headings
 
 Array = NDArray[Any]
 
@@ -99,7 +99,7 @@ class HeightField:
         found = self._of_grid(local) + pos[..., None, 2]
         outside = (np.abs(local) > self._half).any(axis=-1)
         found = np.where(outside, beyond, found)
-        return found if out is None else written(found, out)
+        return given_out(found, out)
 
     def scan(self, sim: Stepper, body: str | int, offsets: ArrayLike, *, beyond: float = np.nan, out: Array | None = None) -> Array:
         """Heights of the ground around a body, of places that turn with its heading, as locomotion policies observe them.
@@ -122,8 +122,7 @@ class HeightField:
         given = np.asarray(offsets, dtype=np.float64)
         if given.ndim != 2 or given.shape[1] != 2:
             raise ValueError(f"offsets has shape {given.shape}, must be (n, 2)")
-        w, x, y, z = np.moveaxis(np.asarray(sim.xquat, dtype=np.float64)[..., which, :], -1, 0)
-        heading = np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
+        heading = headings(np.asarray(sim.xquat, dtype=np.float64)[..., which, :])
         around = _turned(np.broadcast_to(given, (*heading.shape, *given.shape)), heading)
         return self.heights(sim, around + np.asarray(sim.xpos, dtype=np.float64)[..., which, None, :2], beyond=beyond, out=out)
 

@@ -140,8 +140,8 @@ pub(crate) struct Derivation<R: Real> {
     references: Vec<V3<R>>,
     /// Contact forces of bodies.
     wrenches: Vec<[R; 6]>,
-    /// Room of mass matrices and the like, made with the first.
-    dynamics: Option<Box<SmoothDynamics<R>>>,
+    /// Mass matrices and the like.
+    dynamics: SmoothDynamics<R>,
     /// What is known of the present group.
     known: Known,
     /// What is derived.
@@ -264,7 +264,7 @@ impl<R: Real> Derivation<R> {
                 self.values.extend(self.wrenches.iter().flat_map(|&[x, y, z, torque @ ..]| [torque, [x, y, z]]).flatten());
             }
             Q::MassMatrix | Q::BiasForce | Q::SmoothAcceleration => {
-                let dynamics = self.dynamics.get_or_insert_with(|| Box::new(SmoothDynamics::new(compiled)));
+                let dynamics = &mut self.dynamics;
                 match quantity {
                     Q::MassMatrix => self.values.extend(dynamics.mass_matrix(compiled, kinematics)),
                     Q::BiasForce => {

@@ -75,20 +75,20 @@ impl Snapshot<'_> {
 
     /// The mass matrix, row by row, (nv, nv), armature included.
     pub fn mass_matrix(&self) -> Vec<f64> {
-        SmoothDynamics::new(&self.compiled).mass_matrix(&self.compiled, &self.kinematics()).to_vec()
+        SmoothDynamics::default().mass_matrix(&self.compiled, &self.kinematics()).to_vec()
     }
 
     /// Coriolis, centrifugal and gravitational forces, (nv,).
     pub fn bias_force(&self) -> Vec<f64> {
         let mut out = vec![0.0; self.compiled.nv];
-        SmoothDynamics::new(&self.compiled).bias_force(&self.compiled, &self.kinematics(), &self.v, &mut out);
+        SmoothDynamics::default().bias_force(&self.compiled, &self.kinematics(), &self.v, &mut out);
         out
     }
 
     /// Acceleration without constraints, (nv,).
     pub fn smooth_acceleration(&self) -> Vec<f64> {
         let state = [&self.q[..], &self.v, &self.act];
-        SmoothDynamics::new(&self.compiled).acceleration(&self.compiled, &self.kinematics(), state, &self.inputs).to_vec()
+        SmoothDynamics::default().acceleration(&self.compiled, &self.kinematics(), state, &self.inputs).to_vec()
     }
 
     /// How far a tendon is beyond the lengths between which its spring is slack; 0 without a spring.

@@ -12,35 +12,71 @@ use crate::math::spatial::*;
 use crate::stages::s01_actuate::actuate;
 use crate::stages::s02_smooth::Smooth;
 
-/// Room of what is asked of the smooth dynamics of some environments, one a lane.
-#[derive(Clone, Debug)]
+/// What is asked of the smooth dynamics of some environments, one a lane. Room for each is made when it is asked for first.
+#[derive(Clone, Debug, Default)]
 pub(crate) struct SmoothDynamics<R: Real> {
-    mass: MassMatrix<R>,
-    composite: Vec<Inertia<R>>,
-    newton_euler: NewtonEuler<R>,
-    smooth: Smooth<R>,
-    actuator_forces: ActuatorForces<R>,
-    applied: Vec<R>,
-    full: Vec<R>,
+    inertia: Option<FullMass<R>>,
+    newton_euler: Option<NewtonEuler<R>>,
+    motion: Option<FreeMotion<R>>,
 }
 
 impl<R: Real> SmoothDynamics<R> {
-    /// Room for a compiled model.
-    pub(crate) fn new(compiled: &LaneModel<R>) -> Self {
+    /// The mass matrix, row by row, (nv, nv), armature and the inertia of tendons included.
+    pub(crate) fn mass_matrix(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>) -> &[R] {
+        self.inertia.get_or_insert_with(|| FullMass::new(compiled)).assemble(compiled, kinematics)
+    }
+
+    /// Coriolis, centrifugal and gravitational forces, (nv,).
+    pub(crate) fn bias_force(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, v: &[R], out: &mut [R]) {
+        let work = self.newton_euler.get_or_insert_with(|| NewtonEuler::new(compiled));
+        R::vectorize(
+            #[inline(always)]
+            || bias_force(compiled, kinematics, v, work, out),
+        );
+    }
+
+    /// Acceleration without constraints at a state [q, v, act], (nv,).
+    pub(crate) fn acceleration(
+        &mut self,
+        compiled: &LaneModel<R>,
+        kinematics: &Kinematics<R>,
+        [q, v, act]: [&[R]; 3],
+        inputs: &Inputs<R>,
+    ) -> &[R] {
+        let FreeMotion { smooth, actuator_forces, applied } = self.motion.get_or_insert_with(|| FreeMotion::new(compiled));
+        smooth.factor_mass(compiled, kinematics, Implicit::none());
+        smooth.apply(compiled, kinematics, [&inputs.qfrc, &inputs.xfrc], applied);
+        actuator_forces.transmit(compiled, kinematics, v, R::zero());
+        actuate(compiled, &ForceState::state(q, v, act, &inputs.ctrl, &inputs.actuator_dynamics), None, actuator_forces);
+        pull_tendons(compiled, q, v, &mut actuator_forces.tau);
+        smooth.acceleration(compiled, kinematics, [&actuator_forces.tau, applied], v, v);
+        if compiled.tendons.iter().any(|t| t.spring.as_ref().is_some_and(|(s, _)| s.inertia > <R::Scalar as Default>::default())) {
+            let matrix = self.inertia.get_or_insert_with(|| FullMass::new(compiled)).assemble(compiled, kinematics);
+            add_tendon_inertia(compiled, matrix, &mut smooth.acc);
+        }
+        &smooth.acc
+    }
+}
+
+/// The mass matrix with all its entries.
+#[derive(Clone, Debug)]
+struct FullMass<R: Real> {
+    mass: MassMatrix<R>,
+    composite: Vec<Inertia<R>>,
+    full: Vec<R>,
+}
+
+impl<R: Real> FullMass<R> {
+    fn new(compiled: &LaneModel<R>) -> Self {
         Self {
             mass: MassMatrix::new(compiled),
             composite: vec![zero(); compiled.links.len()],
-            newton_euler: NewtonEuler::new(compiled),
-            smooth: Smooth::new(compiled),
-            actuator_forces: ActuatorForces::new(compiled),
-            applied: vec![R::zero(); compiled.nv],
             full: vec![R::zero(); compiled.nv * compiled.nv],
         }
     }
 
-    /// The mass matrix, row by row, (nv, nv), armature and the inertia of tendons included.
-    pub(crate) fn mass_matrix(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>) -> &[R] {
-        let Self { mass, composite, full, .. } = self;
+    fn assemble(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>) -> &[R] {
+        let Self { mass, composite, full } = self;
         R::vectorize(
             #[inline(always)]
             || {
@@ -65,60 +101,43 @@ impl<R: Real> SmoothDynamics<R> {
         );
         full
     }
+}
 
-    /// Coriolis, centrifugal and gravitational forces, (nv,).
-    pub(crate) fn bias_force(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, v: &[R], out: &mut [R]) {
-        let work = &mut self.newton_euler;
-        R::vectorize(
-            #[inline(always)]
-            || bias_force(compiled, kinematics, v, work, out),
-        );
+/// Room for the acceleration without constraints.
+#[derive(Clone, Debug)]
+struct FreeMotion<R: Real> {
+    smooth: Smooth<R>,
+    actuator_forces: ActuatorForces<R>,
+    applied: Vec<R>,
+}
+
+impl<R: Real> FreeMotion<R> {
+    fn new(compiled: &LaneModel<R>) -> Self {
+        Self { smooth: Smooth::new(compiled), actuator_forces: ActuatorForces::new(compiled), applied: vec![R::zero(); compiled.nv] }
     }
+}
 
-    /// Acceleration without constraints at a state [q, v, act], (nv,).
-    pub(crate) fn acceleration(
-        &mut self,
-        compiled: &LaneModel<R>,
-        kinematics: &Kinematics<R>,
-        [q, v, act]: [&[R]; 3],
-        inputs: &Inputs<R>,
-    ) -> &[R] {
-        let Self { smooth, actuator_forces, applied, .. } = self;
-        smooth.factor_mass(compiled, kinematics, Implicit::none());
-        smooth.apply(compiled, kinematics, [&inputs.qfrc, &inputs.xfrc], applied);
-        actuator_forces.transmit(compiled, kinematics, v, R::zero());
-        actuate(compiled, &ForceState::state(q, v, act, &inputs.ctrl, &inputs.actuator_dynamics), None, actuator_forces);
-        pull_tendons(compiled, q, v, &mut actuator_forces.tau);
-        smooth.acceleration(compiled, kinematics, [&actuator_forces.tau, applied], v, v);
-        if compiled.tendons.iter().any(|t| t.spring.as_ref().is_some_and(|(s, _)| s.inertia > <R::Scalar as Default>::default())) {
-            self.add_tendon_inertia(compiled, kinematics);
+/// Gives the acceleration the inertia of tendons, which the factors of the mass matrix leave to rows of the constraint problem: lane by
+/// lane, as few models have it. `matrix` is the whole mass matrix.
+#[cold]
+fn add_tendon_inertia<R: Real>(compiled: &LaneModel<R>, matrix: &[R], acceleration: &mut [R]) {
+    let nv = compiled.nv;
+    for lane in 0..R::LANES {
+        let number = |x: &R| x.lane(lane).to_f64();
+        let full = DMatrix::from_row_iterator(nv, nv, matrix.iter().map(number));
+        // What the joints' forces are, from the acceleration that they give without that inertia.
+        let free = DVector::from_iterator(nv, acceleration.iter().map(number));
+        let mut force = &full * &free;
+        for tendon in &compiled.tendons {
+            let Some((spring, _)) = &tendon.spring else { continue };
+            let terms = || tendon.length.terms.iter().map(|&(_, dof, c)| (dof, c.to_f64()));
+            let along = spring.inertia.to_f64() * terms().map(|(dof, c)| c * free[dof]).sum::<f64>();
+            terms().for_each(|(dof, c)| force[dof] -= c * along);
         }
-        &self.smooth.acc
-    }
-
-    /// Gives the acceleration the inertia of tendons, which the factors of the mass matrix leave to rows of the constraint problem: lane by
-    /// lane, as few models have it.
-    #[cold]
-    fn add_tendon_inertia(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>) {
-        self.mass_matrix(compiled, kinematics);
-        let nv = compiled.nv;
-        for lane in 0..R::LANES {
-            let number = |x: &R| x.lane(lane).to_f64();
-            let full = DMatrix::from_row_iterator(nv, nv, self.full.iter().map(number));
-            // What the joints' forces are, from the acceleration that they give without that inertia.
-            let free = DVector::from_iterator(nv, self.smooth.acc.iter().map(number));
-            let mut force = &full * &free;
-            for tendon in &compiled.tendons {
-                let Some((spring, _)) = &tendon.spring else { continue };
-                let terms = || tendon.length.terms.iter().map(|&(_, dof, c)| (dof, c.to_f64()));
-                let along = spring.inertia.to_f64() * terms().map(|(dof, c)| c * free[dof]).sum::<f64>();
-                terms().for_each(|(dof, c)| force[dof] -= c * along);
-            }
-            // A lane that no environment is in may have no numbers.
-            let Some(factors) = full.cholesky() else { continue };
-            for (x, solved) in self.smooth.acc.iter_mut().zip(factors.solve(&force).iter()) {
-                x.set_lane(lane, Scalar::from_f64(*solved));
-            }
+        // A lane that no environment is in may have no numbers.
+        let Some(factors) = full.cholesky() else { continue };
+        for (x, solved) in acceleration.iter_mut().zip(factors.solve(&force).iter()) {
+            x.set_lane(lane, Scalar::from_f64(*solved));
         }
     }
 }

@@ -169,11 +169,11 @@ impl<R: Real> Constraints<R> {
     /// Room for a compiled model.
     pub fn new(compiled: &ModelStructure<R::Scalar>, max_contacts: usize) -> Self {
         let block = compiled.equalities.iter().map(|b| b.rows).max().unwrap_or(0);
-        let lanes = R::LANES;
-        // With MuJoCo's law a slot is a contact for the lanes that touch the same trees, so for each lane at the most.
-        let soft_contacts = max_contacts * if compiled.softness.is_some() && compiled.ntree > 1 { lanes } else { 1 };
-        let soft_support = room(compiled, 0, lanes * max_contacts / soft_contacts.max(1)).contact_support;
-        let room = room(compiled, max_contacts, lanes);
+        // With MuJoCo's law a slot is a contact for the lanes that touch the same trees: where there are several, at the most one for each
+        // lane, of that lane's own coordinates.
+        let parts = if compiled.softness.is_some() && compiled.ntree > 1 { R::LANES } else { 1 };
+        let (soft_contacts, soft_support) = (max_contacts * parts, room(compiled, 0, R::LANES / parts).contact_support);
+        let room = room(compiled, max_contacts, R::LANES);
         Self {
             problem: Problem::new(&room),
             iterate: Iterate::new(&room),

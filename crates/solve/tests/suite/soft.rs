@@ -6,20 +6,22 @@ use proptest::prelude::*;
 use stepper_real::{F64Lanes, Mask, Real, Scalar};
 use stepper_solve::soft::{Cone, Effort, Metric, SoftProblem, SoftSolver};
 
-/// A dense mass matrix, lane by lane the same.
+/// A mass matrix of trees of `size` coordinates, dense within each, lane by lane the same.
 struct Dense<R> {
     n: usize,
+    size: usize,
     columns: Vec<u32>,
     rows: Vec<R>,
     inverse: DMatrix<f64>,
 }
 
 impl<R: Real> Dense<R> {
-    fn new(mass: &DMatrix<f64>) -> Self {
+    fn new(mass: &DMatrix<f64>, size: usize) -> Self {
         let n = mass.nrows();
-        let columns = (0..n).flat_map(|i| (0..=i as u32).rev()).collect();
-        let rows = (0..n).flat_map(|i| (0..=i).rev().map(move |j| (i, j))).map(|(i, j)| R::of(mass[(i, j)])).collect();
-        Self { n, columns, rows, inverse: mass.clone().try_inverse().unwrap() }
+        let before = |i: usize| (i - i % size..=i).rev();
+        let columns = (0..n).flat_map(|i| before(i).map(|j| j as u32)).collect();
+        let rows = (0..n).flat_map(|i| before(i).map(move |j| (i, j))).map(|(i, j)| R::of(mass[(i, j)])).collect();
+        Self { n, size, columns, rows, inverse: mass.clone().try_inverse().unwrap() }
     }
 }
 
@@ -29,7 +31,8 @@ impl<R: Real> Metric<R> for Dense<R> {
     }
 
     fn row(&self, i: usize) -> (&[u32], &[R]) {
-        let (start, len) = (i * (i + 1) / 2, i + 1);
+        let (tree, len) = (i / self.size, i % self.size + 1);
+        let start = tree * self.size * (self.size + 1) / 2 + len * (len - 1) / 2;
         (&self.columns[start..start + len], &self.rows[start..start + len])
     }
 
@@ -55,6 +58,10 @@ struct Case {
 }
 
 const ROWS: usize = 3 + 2 * 3 + 6;
+
+/// Bodies that may touch, and coordinates of each: other than the solver eliminates together, so that these may be of two bodies.
+const BODIES: usize = 6;
+const SIZE: usize = 4;
 
 fn case() -> impl Strategy<Value = Case> {
     (4usize..9, any::<bool>(), -4.0..2.0_f64).prop_flat_map(|(n, elliptic, softness)| {
@@ -111,7 +118,7 @@ impl Case {
     }
 
     fn solve<R: Real>(&self) -> (Vec<f64>, Vec<f64>, f64) {
-        let (problem, metric) = (self.problem::<R>(), Dense::<R>::new(&self.mass()));
+        let (problem, metric) = (self.problem::<R>(), Dense::<R>::new(&self.mass(), self.n));
         let free: Vec<R> = self.free.iter().map(|&x| R::of(x)).collect();
         // The solution is that of any order.
         let order: Vec<u32> = (0..self.n as u32).map(|d| (d + 2) % self.n as u32).collect();
@@ -186,5 +193,45 @@ proptest! {
         let (alone, together) = (case.solve::<f64>(), case.solve::<F64Lanes>());
         prop_assert_eq!(alone.0, together.0);
         prop_assert_eq!(alone.1, together.1);
+    }
+
+    /// A solver that has seen other bodies touch has the bits of a fresh one, and the solution of any order of the bodies, up to rounding
+    /// and the residual.
+    #[test]
+    fn what_touched_before_leaves_nothing(
+        touches in prop::collection::vec(prop::collection::vec((0..BODIES, 0..BODIES), 1..7), 2..6),
+        order in Just((0..BODIES as u32).collect::<Vec<_>>()).prop_shuffle(),
+        numbers in prop::collection::vec(-1.0..1.0_f64, 97),
+    ) {
+        let n = SIZE * BODIES;
+        let mut used = 0;
+        let mut number = || {
+            used += 1;
+            numbers[used * 31 % numbers.len()]
+        };
+        let mass = DMatrix::from_fn(n, n, |i, j| if i == j { 2.0 } else if i / SIZE == j / SIZE { 0.4 } else { 0.0 });
+        let metric = Dense::<f64>::new(&mass, SIZE);
+        let free: Vec<f64> = (0..n).map(|_| 5.0 * number()).collect();
+        let natural: Vec<u32> = (0..n as u32).collect();
+        let shuffled: Vec<u32> = order.iter().flat_map(|body| SIZE as u32 * body..SIZE as u32 * (body + 1)).collect();
+        let mut kept = SoftSolver::new(&shuffled);
+        for pairs in touches {
+            let mut problem = SoftProblem::new(Cone::Elliptic, 0, 0, pairs.len(), 2 * SIZE, false);
+            for (a, b) in pairs {
+                let support: Vec<u32> = natural.iter().copied().filter(|d| [a, b].contains(&(*d as usize / SIZE))).collect();
+                let entries: Vec<[f64; 3]> = (0..n).map(|_| [number(), number(), number()]).collect();
+                problem.contacts.push(&support, |d| entries[d], [4.0, number(), number()], [9.0; 3], [0.7; 3]);
+            }
+            let solve = |solver: &mut SoftSolver<f64>| {
+                let mut a = free.clone();
+                let outcome = solver.solve(&problem, &metric, &free, Effort { steps: 100, tolerance: 1e-11 }, true, &mut a);
+                (a, outcome.residual)
+            };
+            let (a, residual) = solve(&mut kept);
+            prop_assert!(residual < 1e-9, "{residual}");
+            prop_assert_eq!(&a, &solve(&mut SoftSolver::new(&shuffled)).0);
+            let other = solve(&mut SoftSolver::new(&natural)).0;
+            prop_assert!(a.iter().zip(&other).all(|(a, b)| (a - b).abs() < 1e-8), "{a:?} {other:?}");
+        }
     }
 }

@@ -34,17 +34,14 @@ impl<R: Real> Constraints<R> {
         let VisitOrder { visits, places, keyed, order } = order;
         let slots = contacts.slots();
         places.clear();
-        places.resize(slots, [(0, 0); 2]);
-        let kinds = [self.slots.len(), self.rolling_slots.len()];
-        for (rolling, count) in kinds.into_iter().enumerate() {
-            for index in 0..count {
-                let slot = if rolling == 1 { self.rolling_slots[index].0 } else { self.slots[index].0 };
-                let (first, end) = &mut places[slot][rolling];
-                // Contacts of a slot follow one another.
-                *first = if first == end { index as u32 } else { *first };
-                *end = index as u32 + 1;
-            }
-        }
+        places.resize(slots, [0..0, 0..0]);
+        // Contacts of a slot follow one another.
+        let mut place = |slot: usize, rolling: usize, index: usize| {
+            let range = &mut places[slot][rolling];
+            *range = if range.start == range.end { index } else { range.start }..index + 1;
+        };
+        self.slots.iter().enumerate().for_each(|(index, slot)| place(slot.0, 0, index));
+        self.rolling_slots.iter().enumerate().for_each(|(index, slot)| place(slot.0, 1, index));
         order.clear();
         order.resize(slots * R::LANES, u32::MAX);
         for l in 0..R::LANES {
@@ -67,8 +64,8 @@ impl<R: Real> Constraints<R> {
                 rest &= !same;
                 let Some(places) = places.get(first as usize) else { continue };
                 let there = R::Mask::from_bits(same);
-                for (rolling, &(first, end)) in places.iter().enumerate() {
-                    for index in first as usize..end as usize {
+                for (rolling, places) in places.iter().enumerate() {
+                    for index in places.clone() {
                         let active = if rolling == 1 { self.rolling_slots[index].1 } else { self.slots[index].1 };
                         let lanes = active.and(there);
                         if lanes.any() {

@@ -1,5 +1,7 @@
 //! Order in which sweeps without slip visit contacts.
 
+use std::ops::Range;
+
 use stepper_real::Real;
 use stepper_solve::soft::ContactVisit;
 
@@ -12,7 +14,7 @@ pub(super) struct VisitOrder<R: Real> {
     /// Contacts to visit.
     pub(super) visits: Vec<ContactVisit<R::Mask>>,
     /// Places of every slot among the contacts with three rows and among those with six: ranges.
-    pub(super) places: Vec<[(u32, u32); 2]>,
+    pub(super) places: Vec<[Range<usize>; 2]>,
     /// Key and slot of the contacts of one lane.
     pub(super) keyed: Vec<(Key, u32)>,
     /// Slots of every lane in their order, lane by lane.

@@ -52,6 +52,7 @@ macro_rules! array_lanes {
             elementary_functions!();
             type Mask = $mask;
             type Half = Self;
+            type Single = $scalar;
 
             #[inline(always)]
             fn splat(x: $scalar) -> Self {

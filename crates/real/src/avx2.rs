@@ -82,6 +82,7 @@ macro_rules! avx2_lanes {
             elementary_functions!();
             type Mask = $mask;
             type Half = Self;
+            type Single = crate::lone::single!($scalar);
 
             #[inline(always)]
             fn splat(x: $scalar) -> Self {

@@ -52,6 +52,7 @@ macro_rules! avx512_lanes {
             elementary_functions!();
             type Mask = $mask;
             type Half = Self;
+            type Single = crate::lone::single!($scalar);
             $($method)*
 
             #[inline(always)]

@@ -6,6 +6,17 @@
 use crate::operators::{elementary_functions, operators, vectorize};
 use crate::real::Real;
 
+/// One number with the instructions of the wider types: of `f32` there is none that is worth having.
+macro_rules! single {
+    (f64) => {
+        crate::lone::F64x1
+    };
+    (f32) => {
+        f32
+    };
+}
+pub(crate) use single;
+
 /// One `f64`. As for the wider types, it may be used only where the CPU was asked for the level before.
 #[derive(Clone, Copy, Debug, Default)]
 #[repr(transparent)]
@@ -30,6 +41,7 @@ impl Real for F64x1 {
     type Scalar = f64;
     type Mask = bool;
     type Half = Self;
+    type Single = Self;
     const LANES: usize = 1;
     vectorize!("avx2");
     elementary_functions!();

@@ -37,6 +37,8 @@ pub trait Real:
     type Mask: Mask;
     /// Half of the lanes, in half the registers; `Self` where there is one register.
     type Half: Real<Scalar = Self::Scalar, Half = Self::Half>;
+    /// One lane as a number of its own.
+    type Single: Real<Scalar = Self::Scalar, Single = Self::Single>;
     /// Environments side by side.
     const LANES: usize;
 
@@ -86,6 +88,14 @@ pub trait Real:
     /// # Panics
     /// When there is no lane `i`.
     fn lane(self, i: usize) -> Self::Scalar;
+    /// The number in lane `i`, by itself.
+    ///
+    /// # Panics
+    /// When there is no lane `i`.
+    #[inline(always)]
+    fn single_lane(self, i: usize) -> Self::Single {
+        Self::Single::splat(self.lane(i))
+    }
     /// Replaces the number in lane `i`.
     ///
     /// # Panics

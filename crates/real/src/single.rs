@@ -9,6 +9,7 @@ macro_rules! single {
             type Scalar = $t;
             type Mask = bool;
             type Half = Self;
+            type Single = Self;
             const LANES: usize = 1;
             vectorize!();
             elementary_functions!();

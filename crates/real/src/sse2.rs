@@ -69,6 +69,7 @@ macro_rules! sse2_lanes {
             elementary_functions!();
             type Mask = $mask;
             type Half = Self;
+            type Single = $scalar;
 
             #[inline(always)]
             fn splat(x: $scalar) -> Self {

@@ -54,6 +54,7 @@ impl<R: Real<Half = R>> Real for Two<R> {
     type Scalar = R::Scalar;
     type Mask = TwoMask<R>;
     type Half = R;
+    type Single = R::Single;
     const LANES: usize = 2 * R::LANES;
     elementary_functions!();
 

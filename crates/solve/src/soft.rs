@@ -17,12 +17,15 @@
 mod cone;
 mod contact;
 mod hessian;
+mod lane_solver;
 mod newton;
 mod noslip;
 mod problem;
+mod solver;
 
 pub use cone::Cone;
 pub use contact::SoftContact;
-pub use newton::{Effort, SoftOutcome, SoftSolver};
+pub use newton::{Effort, SoftOutcome};
 pub use noslip::{ContactVisit, SlipEffort, SlipRoom};
 pub use problem::{Metric, SoftContacts, SoftProblem, SoftRow};
+pub use solver::SoftSolver;

@@ -26,6 +26,8 @@ pub(super) struct Hessian<R: Real> {
     runs: Vec<Vec<Range<usize>>>,
     /// Whether a row has the columns of the row before it, that row's own, and no others: the joints of a body, or of a limb.
     follows: Vec<bool>,
+    /// See [`Hessian::work`].
+    work: usize,
     /// A vector in the order of the rows.
     ordered: Vec<R>,
 }
@@ -46,6 +48,7 @@ impl<R: Real> Hessian<R> {
             sets: vec![0; dimension * dimension.div_ceil(64)],
             runs: (0..dimension).map(|i| Vec::with_capacity(i.div_ceil(2))).collect(),
             follows: vec![false; dimension],
+            work: 0,
             ordered: vec![R::zero(); dimension],
         }
     }
@@ -69,11 +72,14 @@ impl<R: Real> Hessian<R> {
         problem.contacts.items.iter().for_each(|contact| couple(problem.contacts.entries(contact).0));
         problem.rolling_contacts.items.iter().for_each(|contact| couple(problem.rolling_contacts.entries(contact).0));
         // Elimination of a row couples the others of its columns: the last of them takes the rest up.
+        self.work = 0;
         for i in (0..self.dimension).rev() {
             let runs = &mut self.runs[i];
             let (above, own) = self.sets.split_at_mut(i * words);
             let own = &mut own[..words];
             list_runs(own, runs);
+            let columns: usize = runs.iter().map(ExactSizeIterator::len).sum();
+            self.work += columns * (columns + 5) / 2;
             self.follows[i] = false;
             if let Some(parent) = runs.last().map(|run| run.end - 1) {
                 let target = &mut above[parent * words..][..words];
@@ -86,6 +92,11 @@ impl<R: Real> Hessian<R> {
                 own[parent / 64] |= 1 << (parent % 64);
             }
         }
+    }
+
+    /// Multiplications that the factors of the last pattern and a solution with them take.
+    pub(super) fn work(&self) -> usize {
+        self.work
     }
 
     /// Makes the matrix: `argument` is where the rows of the problem are.
@@ -334,6 +345,17 @@ impl<R: Real> Argument<R> {
         problem.multiply_rows(x, relative, &mut self.rows);
         problem.contacts.multiply(x, relative, &mut self.contacts);
         problem.rolling_contacts.multiply(x, relative, &mut self.rolling_contacts);
+    }
+
+    /// Zeros for all rows of a problem.
+    pub(super) fn clear_for(&mut self, problem: &SoftProblem<R>) {
+        let Self { rows, contacts, rolling_contacts } = self;
+        rows.clear();
+        rows.resize(problem.rows.len(), R::zero());
+        contacts.clear();
+        contacts.resize(problem.contacts.items.len(), [R::zero(); 3]);
+        rolling_contacts.clear();
+        rolling_contacts.resize(problem.rolling_contacts.items.len(), [R::zero(); 6]);
     }
 
     /// self += step * change

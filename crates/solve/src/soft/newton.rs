@@ -29,7 +29,7 @@ pub struct SoftOutcome<R> {
 
 /// Newton's method for [`SoftProblem`], with its workspace.
 #[derive(Clone, Debug)]
-pub struct SoftSolver<R: Real> {
+pub(super) struct NewtonSolver<R: Real> {
     hessian: Hessian<R>,
     argument: Argument<R>,
     change: Argument<R>,
@@ -52,13 +52,15 @@ const LINE_SEARCH_STEPS: u32 = 16;
 /// Slope along the direction, relative to that at its beginning, at which a line search ends.
 const LINE_SEARCH_TOLERANCE: f64 = 1e-2;
 
-/// Steps of [`SoftSolver::respond`].
+/// Multiplications that a contact takes in a step, beside those of the factors.
+const CONTACT_WORK: usize = 300;
+
+/// Steps of [`NewtonSolver::respond`].
 const RESPONSE_STEPS: usize = 2;
 
-impl<R: Real> SoftSolver<R> {
-    /// Room for problems of as many coordinates as `order` lists, each once. They are eliminated from the last to the first: what rows
-    /// join to many others belongs in front. Coordinates of one tree stay together and in their own order.
-    pub fn new(order: &[u32]) -> Self {
+impl<R: Real> NewtonSolver<R> {
+    /// Room for problems of as many coordinates as `order` lists; see [`SoftSolver::new`](crate::soft::SoftSolver::new).
+    pub(super) fn new(order: &[u32]) -> Self {
         let zeros = || vec![R::zero(); order.len()];
         Self {
             hessian: Hessian::new(order),
@@ -75,15 +77,15 @@ impl<R: Real> SoftSolver<R> {
         }
     }
 
-    /// With room for [`SoftSolver::remove_slip`].
+    /// With room for [`NewtonSolver::remove_slip`].
     #[must_use]
-    pub fn with_noslip(mut self, room: SlipRoom) -> Self {
+    pub(super) fn with_noslip(mut self, room: SlipRoom) -> Self {
         self.noslip = Some(Box::new(NoSlip::new(self.forces.len(), room)));
         self
     }
 
     /// Solves the lanes `lanes` from the acceleration `a`, which becomes the solution; `free` is a0.
-    pub fn solve(
+    pub(super) fn solve(
         &mut self,
         problem: &SoftProblem<R>,
         metric: &impl Metric<R>,
@@ -128,16 +130,9 @@ impl<R: Real> SoftSolver<R> {
         outcome
     }
 
-    /// Sweeps over the forces of friction after [`SoftSolver::solve`] found the solution `a` of the same problem in the lanes `lanes`; it
-    /// becomes the acceleration with the new forces; see the module of the sweeps. `visits` are the contacts in their order. Rows from
-    /// `constraints` on are couplings of the metric. Returns the sweeps of each lane.
-    ///
-    /// With couplings the sweeps take no more of each than its diagonal, as MuJoCo's do; the acceleration at last has all of it.
-    ///
-    /// # Panics
-    /// If it was made without [`SoftSolver::with_noslip`].
+    /// See [`SoftSolver::remove_slip`](crate::soft::SoftSolver::remove_slip).
     #[allow(clippy::too_many_arguments, reason = "the arguments of a solve, and those of the sweeps")]
-    pub fn remove_slip(
+    pub(super) fn remove_slip(
         &mut self,
         problem: &SoftProblem<R>,
         metric: &impl Metric<R>,
@@ -220,8 +215,8 @@ impl<R: Real> SoftSolver<R> {
         self.noslip.as_deref().filter(|_| self.without_slip)
     }
 
-    /// Keeps the factors of the Hessian at the solution `a`, for [`SoftSolver::respond`].
-    pub fn settle(&mut self, problem: &SoftProblem<R>, metric: &impl Metric<R>, free: &[R], a: &[R]) {
+    /// Keeps the factors of the Hessian at the solution `a`, for [`NewtonSolver::respond`].
+    pub(super) fn settle(&mut self, problem: &SoftProblem<R>, metric: &impl Metric<R>, free: &[R], a: &[R]) {
         self.hessian.find_pattern(problem, metric);
         R::vectorize(
             #[inline(always)]
@@ -236,9 +231,8 @@ impl<R: Real> SoftSolver<R> {
         );
     }
 
-    /// Replaces the acceleration `a`, the solution of the problem that was settled, by that of a problem near it: steps of Newton's method
-    /// with the Hessian that was kept. The first is the implicit function theorem, the second takes up how cones bend between the two.
-    pub fn respond(&mut self, problem: &SoftProblem<R>, metric: &impl Metric<R>, free: &[R], a: &mut [R]) {
+    /// See [`SoftSolver::respond`](crate::soft::SoftSolver::respond).
+    pub(super) fn respond(&mut self, problem: &SoftProblem<R>, metric: &impl Metric<R>, free: &[R], a: &mut [R]) {
         R::vectorize(
             #[inline(always)]
             || {
@@ -255,18 +249,37 @@ impl<R: Real> SoftSolver<R> {
     }
 
     /// Forces of the constraints at the solution, as generalized forces.
-    pub fn forces(&self) -> &[R] {
+    pub(super) fn forces(&self) -> &[R] {
         &self.forces
     }
 
+    /// Multiplications of a step for a problem.
+    pub(super) fn estimate_work(&mut self, problem: &SoftProblem<R>, metric: &impl Metric<R>) -> usize {
+        self.hessian.find_pattern(problem, metric);
+        self.hessian.work() + CONTACT_WORK * (problem.contacts.items.len() + problem.rolling_contacts.items.len())
+    }
+
+    /// Where the rows are at the solution.
+    pub(super) fn argument(&self) -> &Argument<R> {
+        &self.argument
+    }
+
+    /// Forces of the joints and where the rows are, for a solution that is found elsewhere: nothing acts yet.
+    pub(super) fn take_over(&mut self, problem: &SoftProblem<R>) -> (&mut [R], &mut Argument<R>) {
+        self.without_slip = false;
+        self.forces.fill(R::zero());
+        self.argument.clear_for(problem);
+        (&mut self.forces, &mut self.argument)
+    }
+
     /// Force of every scalar row at the solution.
-    pub fn row_force(&self, problem: &SoftProblem<R>, i: usize) -> R {
+    pub(super) fn row_force(&self, problem: &SoftProblem<R>, i: usize) -> R {
         self.slipless().map_or_else(|| problem.rows[i].force(self.argument.rows[i]), |noslip| noslip.row(i))
     }
 
     /// Force of a contact at the solution.
     #[inline(always)]
-    pub fn contact_force(&self, problem: &SoftProblem<R>, i: usize) -> [R; 3] {
+    pub(super) fn contact_force(&self, problem: &SoftProblem<R>, i: usize) -> [R; 3] {
         match self.slipless() {
             Some(noslip) => noslip.contact(i),
             None => problem.cone.force(&problem.contacts.items[i], &self.argument.contacts[i]),
@@ -275,7 +288,7 @@ impl<R: Real> SoftSolver<R> {
 
     /// Force of a contact with six rows at the solution.
     #[inline(always)]
-    pub fn rolling_contact_force(&self, problem: &SoftProblem<R>, i: usize) -> [R; 6] {
+    pub(super) fn rolling_contact_force(&self, problem: &SoftProblem<R>, i: usize) -> [R; 6] {
         match self.slipless() {
             Some(noslip) => noslip.rolling_contact(i),
             None => problem.cone.force(&problem.rolling_contacts.items[i], &self.argument.rolling_contacts[i]),
@@ -328,7 +341,9 @@ impl<R: Real> SoftSolver<R> {
         self.change.multiply(problem, &self.direction, false);
         multiply(metric, &self.direction, &mut self.inertial_change);
         let step = self.search(problem, lanes);
-        advance(a, &self.direction, step);
+        for (a, &direction) in a.iter_mut().zip(&self.direction) {
+            *a = R::select(lanes, *a + step * direction, *a);
+        }
         advance(&mut self.inertial, &self.inertial_change, step);
         self.argument.advance(&self.change, step);
     }
@@ -368,7 +383,7 @@ impl<R: Real> SoftSolver<R> {
     }
 }
 
-impl<R: Real> SoftSolver<R> {
+impl<R: Real> NewtonSolver<R> {
     /// Slope along the direction after a step, of which `slope` is the part of the accelerations.
     #[inline(always)]
     fn slope(&self, problem: &SoftProblem<R>, mut slope: R, step: R) -> R {

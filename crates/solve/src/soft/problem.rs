@@ -78,6 +78,23 @@ impl<R: Real, const N: usize> SoftContacts<R, N> {
         self.items.push(SoftContact::new(start..self.support.len(), reference, weight, scale));
     }
 
+    /// Appends the contacts that a lane of others has, and their places to `places`.
+    pub(super) fn gather<L: Real<Single = R>>(&mut self, from: &SoftContacts<L, N>, lane: usize, places: &mut Vec<u32>) {
+        for (i, contact) in from.items.iter().enumerate() {
+            let weight = contact.weight.map(|weight| weight.single_lane(lane));
+            if weight.iter().all(|weight| weight.eq(R::zero()).all()) {
+                continue;
+            }
+            places.push(i as u32);
+            let (support, jacobian) = from.entries(contact);
+            let start = self.support.len();
+            self.support.extend_from_slice(support);
+            self.jacobian.extend(jacobian.iter().map(|j| j.map(|j| j.single_lane(lane))));
+            let [reference, scale] = [contact.reference, contact.scale].map(|numbers| numbers.map(|x| x.single_lane(lane)));
+            self.items.push(SoftContact::new(start..self.support.len(), reference, weight, scale));
+        }
+    }
+
     /// Coordinates and entries of a contact.
     #[inline(always)]
     pub(super) fn entries(&self, contact: &SoftContact<R, N>) -> (&[u32], &[[R; N]]) {
@@ -228,11 +245,15 @@ impl<R: Real> SoftProblem<R> {
     /// Appends a scalar row with the entries `jacobian` at the coordinates `support`, ascending.
     #[inline(always)]
     pub fn push_row(&mut self, support: &[u32], jacobian: impl Fn(usize) -> R, reference: R, weight: R, bounds: [R; 2]) {
+        self.push_entries(support, support.iter().map(|&d| jacobian(d as usize)), reference, weight, bounds);
+    }
+
+    /// The same with these entries.
+    #[inline(always)]
+    pub(super) fn push_entries(&mut self, support: &[u32], entries: impl Iterator<Item = R>, reference: R, weight: R, bounds: [R; 2]) {
         let start = self.support.len();
         self.support.extend_from_slice(support);
-        for &d in support {
-            self.jacobian.push(jacobian(d as usize));
-        }
+        self.jacobian.extend(entries);
         self.rows.push(SoftRow { entries: start..self.support.len(), reference, weight, bounds });
     }
 

@@ -234,4 +234,84 @@ proptest! {
             prop_assert!(a.iter().zip(&other).all(|(a, b)| (a - b).abs() < 1e-8), "{a:?} {other:?}");
         }
     }
+
+    /// Lanes in which other bodies touch, each a few of many contacts, have the bits of each alone: accelerations, forces of the joints and
+    /// of the contacts.
+    #[test]
+    fn lanes_that_touch_differently_are_as_each_alone(
+        touches in prop::collection::vec(prop::collection::vec((0..BODIES, 0..BODIES), 1..7), F64Lanes::LANES),
+        numbers in prop::collection::vec(-1.0..1.0_f64, 97),
+    ) {
+        let n = SIZE * BODIES;
+        let mut used = 0;
+        let mut number = || {
+            used += 1;
+            numbers[used * 31 % numbers.len()]
+        };
+        let mass = DMatrix::from_fn(n, n, |i, j| if i == j { 2.0 } else if i / SIZE == j / SIZE { 0.4 } else { 0.0 });
+        let natural: Vec<u32> = (0..n as u32).collect();
+        let free: Vec<Vec<f64>> = (0..F64Lanes::LANES).map(|_| (0..n).map(|_| 5.0 * number()).collect()).collect();
+        let count = touches.iter().map(Vec::len).sum();
+        let mut together = SoftProblem::<F64Lanes>::new(Cone::Elliptic, 1, n, count, 2 * SIZE, false);
+        let limit: Vec<f64> = (0..F64Lanes::LANES).map(|_| 5.0 * number()).collect();
+        let bounds = [0.0, f64::INFINITY];
+        // Half of the lanes have a limit, too.
+        let weight = |lane: usize| if lane % 2 == 0 { 3.0 } else { 0.0 };
+        let each = |number: &dyn Fn(usize) -> f64| {
+            let mut lanes = F64Lanes::zero();
+            (0..F64Lanes::LANES).for_each(|lane| lanes.set_lane(lane, number(lane)));
+            lanes
+        };
+        together.push_row(&[1], |_| F64Lanes::one(), each(&|lane| limit[lane]), each(&weight), bounds.map(F64Lanes::of));
+        let mut alone: Vec<SoftProblem<f64>> = vec![];
+        for (lane, pairs) in touches.iter().enumerate() {
+            let mut own = SoftProblem::new(Cone::Elliptic, 1, n, pairs.len(), 2 * SIZE, false);
+            if lane % 2 == 0 {
+                own.push_row(&[1], |_| 1.0, limit[lane], weight(lane), bounds);
+            }
+            for &(a, b) in pairs {
+                let support: Vec<u32> = natural.iter().copied().filter(|d| [a, b].contains(&(*d as usize / SIZE))).collect();
+                let entries: Vec<[f64; 3]> = (0..n).map(|_| [number(), number(), number()]).collect();
+                let reference = [4.0, number(), number()];
+                let here = |x: f64| each(&|l| if l == lane { x } else { 0.0 });
+                own.contacts.push(&support, |d| entries[d], reference, [9.0; 3], [0.7; 3]);
+                together.contacts.push(
+                    &support,
+                    |d| entries[d].map(here),
+                    reference.map(here),
+                    [here(9.0); 3],
+                    [F64Lanes::of(0.7); 3],
+                );
+            }
+            alone.push(own);
+        }
+        let effort = Effort { steps: 100, tolerance: F64Lanes::of(1e-11) };
+        let metric = Dense::<F64Lanes>::new(&mass, SIZE);
+        let free_lanes: Vec<F64Lanes> = (0..n).map(|d| each(&|lane| free[lane][d])).collect();
+        let all = F64Lanes::one().gt(F64Lanes::zero());
+        for in_turn in [false, true] {
+            let (mut solver, mut a) = (SoftSolver::new(&natural), free_lanes.clone());
+            let outcome = match in_turn {
+                true => solver.solve_in_turn(&together, &metric, &free_lanes, effort, all, &mut a),
+                false => solver.solve(&together, &metric, &free_lanes, effort, all, &mut a),
+            };
+            let mut first = 0;
+            for (lane, own) in alone.iter().enumerate() {
+                let (mut lone, mut expected) = (SoftSolver::new(&natural), free[lane].clone());
+                let effort = Effort { steps: 100, tolerance: 1e-11 };
+                let alone = lone.solve(own, &Dense::new(&mass, SIZE), &free[lane], effort, true, &mut expected);
+                let found = |numbers: &[F64Lanes]| -> Vec<f64> { numbers.iter().map(|x| x.lane(lane)).collect() };
+                prop_assert_eq!(found(&a), expected);
+                prop_assert_eq!(found(solver.forces()), lone.forces());
+                prop_assert_eq!((outcome.residual.lane(lane), outcome.steps.lane(lane)), (alone.residual, alone.steps));
+                let row = if lane % 2 == 0 { lone.row_force(own, 0) } else { 0.0 };
+                prop_assert_eq!(solver.row_force(&together, 0).lane(lane), row);
+                for k in 0..touches[lane].len() {
+                    let force = solver.contact_force(&together, first + k).map(|x| x.lane(lane));
+                    prop_assert_eq!(force, lone.contact_force(own, k));
+                }
+                first += touches[lane].len();
+            }
+        }
+    }
 }

@@ -1,0 +1,208 @@
+//! Soft problems of single lanes, one after the other, in ordinary numbers.
+//!
+//! The rows of all lanes, and the Hessian's pattern, have what any lane has. In heaps, whose bodies touch differently in every environment,
+//! that is many times what one has, and each lane by itself takes less time. The same bits come of it: what a lane lacks is zero among the
+//! rows of all.
+
+use std::cell::RefCell;
+
+use stepper_real::{Mask, Real};
+
+use crate::soft::cone::Cone;
+use crate::soft::newton::{Effort, NewtonSolver, SoftOutcome};
+use crate::soft::problem::{Metric, SoftProblem};
+
+/// Work on one lane that takes the time of one register's on all of them: what lies side by side in a row is worked on together.
+const SPEED: f64 = 1.6;
+
+/// Bytes of a register.
+const REGISTER: usize = 64;
+
+/// Contacts below which what begins and ends a solution takes more time than it saves.
+const FEWEST: usize = 8;
+
+/// Solutions after which the work is estimated again, and lanes that it is estimated from.
+const PERIOD: u32 = 32;
+const SAMPLES: usize = 4;
+
+/// Solver of single lanes.
+#[derive(Clone, Debug)]
+pub(super) struct LaneSolver<R: Real> {
+    solver: NewtonSolver<R::Single>,
+    problem: SoftProblem<R::Single>,
+    /// Places of the lane's rows, contacts and rolling contacts among those of all lanes.
+    places: [Vec<u32>; 3],
+    /// Entries of the metric, row by row, and where each row begins.
+    metric: Vec<R::Single>,
+    starts: Vec<usize>,
+    free: Vec<R::Single>,
+    acceleration: Vec<R::Single>,
+    /// A vector in lanes.
+    room: RefCell<Vec<R>>,
+    /// Whether lanes are solved one after the other, and for how many problems that holds.
+    pays: bool,
+    holds: u32,
+}
+
+/// Metric of one lane.
+struct LaneMetric<'a, R: Real, M> {
+    all: &'a M,
+    lane: usize,
+    entries: &'a [R::Single],
+    starts: &'a [usize],
+    room: &'a RefCell<Vec<R>>,
+}
+
+impl<R: Real, M: Metric<R>> Metric<R::Single> for LaneMetric<'_, R, M> {
+    #[inline(always)]
+    fn dimension(&self) -> usize {
+        self.all.dimension()
+    }
+
+    #[inline(always)]
+    fn row(&self, i: usize) -> (&[u32], &[R::Single]) {
+        (self.all.row(i).0, &self.entries[self.starts[i]..self.starts[i + 1]])
+    }
+
+    fn solve(&self, x: &mut [R::Single]) {
+        let mut room = self.room.borrow_mut();
+        room.clear();
+        room.extend(x.iter().map(|x| R::splat(x.lane(0))));
+        R::vectorize(
+            #[inline(always)]
+            || self.all.solve(&mut room),
+        );
+        for (x, all) in x.iter_mut().zip(&*room) {
+            *x = all.single_lane(self.lane);
+        }
+    }
+}
+
+impl<R: Real> LaneSolver<R> {
+    /// Room for problems of as many coordinates as `order` lists.
+    pub(super) fn new(order: &[u32]) -> Self {
+        let zeros = || vec![R::Single::zero(); order.len()];
+        Self {
+            solver: NewtonSolver::new(order),
+            problem: SoftProblem::new(Cone::Elliptic, 0, 0, 0, 0, false),
+            places: [vec![], vec![], vec![]],
+            metric: vec![],
+            starts: vec![],
+            free: zeros(),
+            acceleration: zeros(),
+            room: RefCell::new(Vec::with_capacity(order.len())),
+            pays: false,
+            holds: 0,
+        }
+    }
+
+    /// Whether this problem has so many contacts that it may matter.
+    pub(super) fn matters(problem: &SoftProblem<R>) -> bool {
+        R::LANES > 1 && problem.contacts.items.len() + problem.rolling_contacts.items.len() >= FEWEST
+    }
+
+    /// Whether the lanes `lanes` take less time one after the other than `together`. Problems of following steps are alike, and the bits
+    /// are the same, so that not every one is looked at.
+    pub(super) fn pays(
+        &mut self,
+        problem: &SoftProblem<R>,
+        metric: &impl Metric<R>,
+        together: &mut NewtonSolver<R>,
+        lanes: R::Mask,
+    ) -> bool {
+        if self.holds == 0 {
+            self.holds = PERIOD;
+            let lanes = (0..R::LANES).filter(|lane| lanes.bits() >> lane & 1 == 1);
+            let (mut work, mut count) = (0, 0);
+            for (i, lane) in lanes.enumerate() {
+                count = i + 1;
+                if i < SAMPLES {
+                    self.gather(problem, metric, lane);
+                    let Self { solver, problem: own, metric: entries, starts, room, .. } = self;
+                    work += solver.estimate_work(own, &LaneMetric { all: metric, lane, entries, starts, room });
+                }
+            }
+            let registers = (R::LANES * size_of::<R::Scalar>()) as f64 / REGISTER as f64;
+            let alone = (work * count) as f64 / count.clamp(1, SAMPLES) as f64;
+            self.pays = alone < SPEED * registers * together.estimate_work(problem, metric) as f64;
+        }
+        self.holds -= 1;
+        self.pays
+    }
+
+    /// Solves the lanes `lanes` as [`NewtonSolver::solve`] does, and leaves in `together` what it would.
+    #[allow(clippy::too_many_arguments, reason = "the arguments of a solve, and who has its results")]
+    pub(super) fn solve(
+        &mut self,
+        problem: &SoftProblem<R>,
+        metric: &impl Metric<R>,
+        free: &[R],
+        effort: Effort<R>,
+        lanes: R::Mask,
+        a: &mut [R],
+        together: &mut NewtonSolver<R>,
+    ) -> SoftOutcome<R> {
+        let (forces, argument) = together.take_over(problem);
+        let mut outcome = SoftOutcome { residual: R::zero(), steps: R::zero() };
+        for lane in (0..R::LANES).filter(|lane| lanes.bits() >> lane & 1 == 1) {
+            self.gather(problem, metric, lane);
+            for ([free, a], (&from_free, &from_a)) in
+                self.free.iter_mut().zip(&mut self.acceleration).map(|(free, a)| [free, a]).zip(free.iter().zip(&*a))
+            {
+                *free = from_free.single_lane(lane);
+                *a = from_a.single_lane(lane);
+            }
+            let Self { solver, problem: own, places, metric: entries, starts, free, acceleration, room, .. } = self;
+            let metric = LaneMetric { all: metric, lane, entries, starts, room };
+            let effort = Effort { steps: effort.steps, tolerance: effort.tolerance.single_lane(lane) };
+            let found = solver.solve(own, &metric, free, effort, <R::Single as Real>::Mask::splat(true), acceleration);
+            outcome.residual.set_lane(lane, found.residual.lane(0));
+            outcome.steps.set_lane(lane, found.steps.lane(0));
+            scatter(acceleration, a, lane);
+            scatter(solver.forces(), forces, lane);
+            let at = solver.argument();
+            for (&place, u) in places[0].iter().zip(&at.rows) {
+                argument.rows[place as usize].set_lane(lane, u.lane(0));
+            }
+            for (&place, u) in places[1].iter().zip(&at.contacts) {
+                scatter(u, &mut argument.contacts[place as usize], lane);
+            }
+            for (&place, u) in places[2].iter().zip(&at.rolling_contacts) {
+                scatter(u, &mut argument.rolling_contacts[place as usize], lane);
+            }
+        }
+        outcome
+    }
+
+    /// Takes up the rows and the metric of a lane.
+    fn gather(&mut self, problem: &SoftProblem<R>, metric: &impl Metric<R>, lane: usize) {
+        let Self { problem: own, places, metric: entries, starts, .. } = self;
+        own.clear();
+        own.cone = problem.cone;
+        places.iter_mut().for_each(Vec::clear);
+        for (i, row) in problem.rows.iter().enumerate() {
+            let weight = row.weight.single_lane(lane);
+            if !weight.eq(R::Single::zero()).all() {
+                places[0].push(i as u32);
+                let (support, jacobian) = problem.entries(row);
+                let bounds = row.bounds.map(|bound| bound.single_lane(lane));
+                own.push_entries(support, jacobian.iter().map(|&j| j.single_lane(lane)), row.reference.single_lane(lane), weight, bounds);
+            }
+        }
+        own.contacts.gather(&problem.contacts, lane, &mut places[1]);
+        own.rolling_contacts.gather(&problem.rolling_contacts, lane, &mut places[2]);
+        entries.clear();
+        starts.clear();
+        starts.push(0);
+        for i in 0..metric.dimension() {
+            entries.extend(metric.row(i).1.iter().map(|&entry| entry.single_lane(lane)));
+            starts.push(entries.len());
+        }
+    }
+}
+
+fn scatter<R: Real>(from: &[R::Single], to: &mut [R], lane: usize) {
+    for (to, from) in to.iter_mut().zip(from) {
+        to.set_lane(lane, from.lane(0));
+    }
+}

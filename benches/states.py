@@ -29,6 +29,8 @@ def some(num_envs: int = 256) -> None:
 
     rows: dict[str, Callable[[], Any]] = {
         "a step": lambda: sim.step(ctrl),
+        "a step of the first quarter": lambda: sim.step(ctrl, mask=np.arange(num_envs) < num_envs // 4),
+        "a step of every fourth": lambda: sim.step(ctrl, mask=np.arange(num_envs) % 4 == 0),
         "states.copy from random sources": lambda: states.copy(sim, sources),
         "states.save of all": lambda: states.save(sim),
         "states.restore of all": lambda: states.restore(sim, kept),

@@ -849,17 +849,20 @@ class Stepper:
             ValueError: A wrong shape, a number that is not finite, a quaternion of zeros, a negative seed. Nothing is changed then.
             KeyError: No such keyframe.
         """
-    def step(self, ctrl: ArrayLike | None = None, nstep: int = 1) -> None:
-        """Makes `nstep` steps in every environment.
+    def step(self, ctrl: ArrayLike | None = None, nstep: int = 1, *, mask: ArrayLike | None = None) -> None:
+        """Makes `nstep` steps in every environment, or in those of a boolean mask (num_envs,).
 
         Args:
             ctrl: Controls, (num_envs, nu) or (nu,) for all, held until others are given; None holds those in force (`Stepper.ctrl`),
                 as MuJoCo does.
             nstep: Number of steps.
+            mask: Which environments; None is all. The others stay as they are, to the bit, with their controls, sensors and flags, and
+                rows of theirs in `ctrl` are not read. Environments that are worked on together and none of which step cost nothing,
+                unless sensors or actuators have delays: then all step, and the others are put back.
 
         Raises:
-            ValueError: A wrong shape; the message has both. A control that is NaN is no error: its environment keeps its state and
-                says NON_FINITE in `status`.
+            ValueError: A wrong shape; the message has both. A mask while the stepper is recorded. A control that is NaN is no error: its
+                environment keeps its state and says NON_FINITE in `status`.
             KeyboardInterrupt: Ctrl-C in a long call, which looks for signals some twenty times a second. Every environment has then
                 made the same number of steps, the exception's `steps`, and all is as a call with that `nstep` leaves it; but mocap
                 bodies are where their way has brought them, and a recording in which they were under way replays up to this call

@@ -167,8 +167,8 @@ def reset(
 def step(sim: Stepper, ctrl: ArrayLike | None, envs: Envs, nstep: int = 1) -> None:
     """Makes steps of some environments; the others stay as they are, to the bit.
 
-    All are stepped and the others are given back their states, which costs the time of a step of all of them. Whoever always steps
-    the same blocks has them as steppers of their own, or as a `stepper.adapters.envpool.StepperPool`.
+    `Stepper.step` by indices. Of a stepper that is recorded all are stepped, and the others are given back their states, which a
+    recording repeats. Whoever always steps the same blocks has them as a `stepper.adapters.envpool.StepperPool`, too.
 
     Args:
         sim: The stepper.
@@ -188,6 +188,9 @@ def step(sim: Stepper, ctrl: ArrayLike | None, envs: Envs, nstep: int = 1) -> No
         controls[which] = _rows(which, ctrl, "ctrl", 1)
     if not others.any():
         sim.step(controls, nstep)
+        return
+    if sim.recorder is None:
+        sim.step(controls, nstep, mask=~others)
         return
     before = sim.get_state()
     try:

@@ -94,6 +94,56 @@ def test_some_are_stepped_and_the_others_stay():
     same(all_of(sim), before, [1])
 
 
+HAND_MOVED = """
+<mujoco><option timestep="0.005"/><worldbody>
+  <geom type="plane" size="5 5 0.1"/>
+  <body name="hand" mocap="true" pos="0 0 0.3"><geom type="box" size="0.3 0.3 0.02"/></body>
+  <body pos="0.05 0 0.45"><freejoint/><geom type="box" size="0.1 0.1 0.1"/></body>
+</worldbody></mujoco>"""
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+@pytest.mark.parametrize("settings", [
+    {"options": stepper.Options()}, {"options": stepper.Options(contact="mujoco"), "precision": "f32"}, {"sensors": DELAYED, "actuators": DRIVES},
+])  # fmt: skip
+def test_a_mask_steps_its_environments_alone(settings, threads):
+    """Groups of environments none, some and all of which step: all state is that of a step of all after which the others are put back."""
+    sim, twin = (stepper.Stepper(stepper_model(HOPPER), 40, threads=threads, **settings) for _ in range(2))
+    rng = np.random.default_rng(5)
+    masks = [np.arange(40) < 17, np.arange(40) % 3 == 0, np.zeros(40, bool), np.ones(40, bool), rng.uniform(size=40) < 0.1]
+    for mask in masks * 4:
+        ctrl = rng.uniform(-1, 1, (40, sim.model.nu))
+        held = np.where(mask[:, None], ctrl, twin.ctrl)
+        before = twin.get_state()
+        twin.step(held, nstep=3)
+        twin.set_state(before, mask=~mask)
+        sim.step(np.where(mask[:, None], ctrl, np.nan), nstep=3, mask=mask)  # Rows of the others are not read.
+        same(all_of(sim), all_of(twin))
+        np.testing.assert_array_equal(sim.ctrl, twin.ctrl)
+        assert sim.get_state() == twin.get_state()
+    assert len(set(sim.time)) > 2
+
+
+def test_a_mask_moves_the_mocap_bodies_of_its_environments(tmp_path):
+    sim, twin = (simulate(stepper.load(HAND_MOVED), 5) for _ in range(2))
+    mask = np.array([True, False, True, False, False])
+    with twin.record(tmp_path / "run"):  # All step, and the others are put back: it replays.
+        for k in range(30):
+            for s in (sim, twin):
+                s.mocap_pos = np.tile([0.0, 0.0, 0.3 + 0.002 * k], (5, 1, 1))
+                states.step(s, None, mask)
+            assert sim.get_state() == twin.get_state()
+        with pytest.raises(ValueError, match=r"stepper\.states\.step\(sim, ctrl, mask\) is recorded"):
+            twin.step(mask=mask)
+    twin.recorder = None
+    assert sim.qpos[0, 2] > sim.qpos[1, 2] + 0.02
+    twin.step(mask=mask)
+    with pytest.raises(ValueError, match="mask has shape"):
+        sim.step(mask=mask[:3])
+    with pytest.raises(ValueError, match="mask has dtype int64, must be bool"):
+        sim.step(mask=np.arange(5))
+
+
 def test_a_rollout_begins_where_it_is_told_to():
     plant, planner = batch(1), batch(5, steps=2)
     ctrl = np.random.default_rng(4).uniform(-1, 1, (6, 5, plant.model.nu))

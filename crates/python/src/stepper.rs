@@ -91,6 +91,11 @@ impl Stepper {
     /// Environments named by a mask, all without one.
     fn chosen(&self, mask: Option<&Bound<'_, PyAny>>) -> PyResult<Vec<usize>> {
         let Some(mask) = mask else { return Ok((0..self.n()).collect()) };
+        Ok(self.truths(mask)?.into_iter().enumerate().filter(|(_, chosen)| *chosen).map(|(env, _)| env).collect())
+    }
+
+    /// A boolean mask (num_envs,).
+    fn truths(&self, mask: &Bound<'_, PyAny>) -> PyResult<Vec<bool>> {
         let numpy = mask.py().import("numpy")?;
         let mask = numpy.call_method1("asarray", (mask,))?;
         if mask.getattr("dtype")?.getattr("kind")?.extract::<String>()? != "b" {
@@ -102,7 +107,7 @@ impl Stepper {
         let shape: Vec<usize> = mask.getattr("shape")?.extract()?;
         check_shape("mask", &shape, &[&[self.n()]])?;
         let mask = mask.cast::<PyArrayDyn<bool>>()?.try_readonly()?;
-        Ok(mask.as_array().iter().enumerate().filter(|(_, chosen)| **chosen).map(|(env, _)| env).collect())
+        Ok(mask.as_array().iter().copied().collect())
     }
 
     /// Rows of a (num_envs, width) or (width,) array, one per environment.

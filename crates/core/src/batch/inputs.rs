@@ -15,6 +15,8 @@ pub struct StepInputs<'a> {
     pub mocap_pos: &'a [f64],
     /// Orientations of the mocap bodies, (num_envs, nmocap, 4): in this call.
     pub mocap_quat: &'a [f64],
+    /// Which environments step, (num_envs): the others stay as they are, to the bit. Nobody reads what is said of them.
+    pub mask: &'a [bool],
 }
 
 impl<'a> StepInputs<'a> {
@@ -163,6 +165,7 @@ impl AppliedInputs {
             xfrc: or(given.xfrc, xfrc),
             mocap_pos: or(given.mocap_pos, mocap_pos),
             mocap_quat: or(given.mocap_quat, mocap_quat),
+            mask: given.mask,
         }
     }
 

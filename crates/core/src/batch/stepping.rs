@@ -7,10 +7,13 @@ use crate::batch::call::{Call, Part, Query, Schedule};
 use crate::batch::environments::Batch;
 use crate::batch::inputs::StepInputs;
 use crate::batch::rollout::{Numbers, Recording, Share};
+use crate::batch::saving::Saving;
+use crate::batch::state::Group;
 #[cfg(feature = "internals")]
 use crate::batch::worker::WorkerMakers;
-use crate::batch::worker::{GroupPosition, LaneScalar};
+use crate::batch::worker::{GroupPosition, LaneScalar, Worker};
 use crate::error::Error;
+use crate::math::lanes::{Target, each_of};
 use crate::options::StepSettings;
 use crate::step_derivative::{DerivativeQuery, DerivativeRows};
 
@@ -77,6 +80,9 @@ impl<S: LaneScalar> BatchCalls for Batch<S> {
         recording: Option<Recording<'_>>,
         watch: Watch<'_>,
     ) -> Result<usize, Error> {
+        if !inputs.mask.is_empty() && self.has_delay_lines() {
+            return self.step_all_and_restore(inputs, schedule, watch);
+        }
         let size = self.chunk_size() * self.lanes;
         let mut shares = recording.map_or(Vec::new(), |recording| recording.split(self.num_envs, size, S::numbers));
         self.workers.start_threads()?;
@@ -195,6 +201,21 @@ impl<S: LaneScalar> Batch<S> {
         }
     }
 
+    fn has_delay_lines(&self) -> bool {
+        let Group { sensing, actuation, .. } = &self.groups[0];
+        !(sensing.cursors.is_empty() && actuation.cursors.is_empty())
+    }
+
+    /// Makes steps of all environments and gives those outside the mask their state back: delay lines of all are at one place.
+    #[cold]
+    fn step_all_and_restore(&mut self, inputs: &StepInputs<'_>, schedule: Schedule, watch: Watch<'_>) -> Result<usize, Error> {
+        let before = self.save(None, inputs.ctrl);
+        let steps = self.make_steps(&StepInputs { mask: &[], ..*inputs }, schedule, None, watch)?;
+        let others: Vec<usize> = (0..self.num_envs).filter(|&env| !inputs.mask[env]).collect();
+        self.restore(&before, &others).expect("a state of this batch fits it");
+        Ok(steps)
+    }
+
     /// Groups that a worker takes at a time: small chunks even out what some groups cost more than others.
     pub(super) fn chunk_size(&self) -> usize {
         match self.workers.threads() {
@@ -255,7 +276,7 @@ impl<S: LaneScalar> Batch<S> {
         let mut groups = std::mem::take(&mut self.groups);
         let call = self.call(inputs, schedule, part);
         for (g, group) in groups.iter_mut().enumerate() {
-            worker.run(&call, group, GroupPosition { first: g * self.lanes, share_first: 0, share: shares.first_mut() });
+            run_chosen(&mut *worker, &call, group, GroupPosition { first: g * self.lanes, share_first: 0, share: shares.first_mut() });
         }
         self.groups = groups;
         self.workers.idle_workers().push(worker);
@@ -273,14 +294,35 @@ impl<S: LaneScalar> Batch<S> {
             |worker, (chunk, (groups, mut share))| {
                 let share_first = chunk * size * self.lanes;
                 for (g, group) in groups.iter_mut().enumerate() {
-                    worker.run(
-                        &call,
-                        group,
-                        GroupPosition { first: share_first + g * self.lanes, share_first, share: share.as_deref_mut() },
-                    );
+                    let at = GroupPosition { first: share_first + g * self.lanes, share_first, share: share.as_deref_mut() };
+                    run_chosen(worker, &call, group, at);
                 }
             },
         );
         self.groups = groups;
     }
+}
+
+/// Makes the steps of a group, if its environments are among those that step; those that are not keep their state.
+fn run_chosen<S: LaneScalar>(worker: &mut dyn Worker<S>, call: &Call<'_, S>, group: &mut Group<S>, at: GroupPosition<'_, '_, S>) {
+    let mask = call.inputs.mask.get(at.first..).unwrap_or_default();
+    let others = (0..group.lanes).filter(|&lane| mask.get(lane) == Some(&false)).fold(0, |set, lane| set | 1 << lane) & group.alive;
+    if others == 0 {
+        return worker.run(call, group, at);
+    }
+    if others == group.alive {
+        return;
+    }
+    let mut kept = group.clone();
+    worker.run(call, group, at);
+    let mut moved = others;
+    if 2 * others.count_ones() > group.alive.count_ones() {
+        // Fewer lanes are copied the other way round.
+        std::mem::swap(group, &mut kept);
+        moved = group.alive & !others;
+    }
+    for lane in each_of(moved) {
+        group.set_part(Target::From(lane), &kept.part(lane, 1));
+    }
+    worker.forget_state();
 }

@@ -19,6 +19,11 @@ impl Simulation {
     /// # Errors
     /// [`Error::Length`] when there are more or fewer numbers.
     pub fn set_ctrl(&mut self, rows: &[f64], nstep: usize) -> Result<(), Error> {
+        self.set_ctrl_of(rows, nstep, &[])
+    }
+
+    /// The same for the environments of a mask; none is all.
+    fn set_ctrl_of(&mut self, rows: &[f64], nstep: usize, mask: &[bool]) -> Result<(), Error> {
         let nu = self.model.nu();
         if rows.len() != self.ctrl.len() && rows.len() != nu {
             return self.check_each_input(&StepInputs { ctrl: rows, ..StepInputs::default() }, 1, self.num_envs);
@@ -27,10 +32,14 @@ impl Simulation {
             return Ok(());
         }
         self.note_change();
-        if rows.len() == self.ctrl.len() {
-            self.ctrl.copy_from_slice(rows);
-        } else {
-            self.ctrl.chunks_exact_mut(nu).for_each(|row| row.copy_from_slice(rows));
+        let each = rows.len() == self.ctrl.len();
+        match mask {
+            [] if each => self.ctrl.copy_from_slice(rows),
+            _ => {
+                for (env, row) in self.ctrl.chunks_exact_mut(nu.max(1)).enumerate().filter(|(env, _)| mask.get(*env) != Some(&false)) {
+                    row.copy_from_slice(if each { &rows[env * nu..(env + 1) * nu] } else { rows });
+                }
+            }
         }
         Ok(())
     }
@@ -80,7 +89,7 @@ impl Simulation {
     fn make_steps(&mut self, inputs: &StepInputs<'_>, nstep: usize, watch: Watch<'_>) -> Result<usize, Error> {
         self.check_inputs(inputs, 1)?;
         if !inputs.ctrl.is_empty() {
-            self.set_ctrl(inputs.ctrl, nstep)?;
+            self.set_ctrl_of(inputs.ctrl, nstep, inputs.mask)?;
         }
         self.note_change();
         let inputs = StepInputs { ctrl: &self.ctrl, ..self.applied.complete(inputs) };
@@ -120,6 +129,10 @@ impl Simulation {
         watch: Watch<'_>,
     ) -> Result<usize, Error> {
         let Schedule { controls, nstep } = schedule;
+        if !inputs.mask.is_empty() {
+            let detail = String::from(" (rollouts step all environments)");
+            return Err(Error::Length { name: "mask", found: inputs.mask.len(), must: 0, detail });
+        }
         self.check_inputs(inputs, controls)?;
         self.check_recording(&recording, controls)?;
         self.note_change();

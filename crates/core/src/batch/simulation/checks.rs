@@ -108,7 +108,7 @@ impl Simulation {
         if inputs.mocap_pos.is_empty() != inputs.mocap_quat.is_empty() {
             return Err(Error::MocapPoses);
         }
-        Ok(())
+        if inputs.mask.is_empty() { Ok(()) } else { check_length("mask", inputs.mask.len(), n) }
     }
 
     pub(super) fn check_recording(&self, recording: &Recording<'_>, controls: usize) -> Result<(), Error> {

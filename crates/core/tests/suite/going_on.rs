@@ -103,6 +103,7 @@ impl Scene {
                                         xfrc: &xfrc,
                                         mocap_pos: &mocap_pos,
                                         mocap_quat: &mocap_quat,
+                                        ..StepInputs::default()
                                     };
                                 }
                                 sim.step(&inputs, nstep).unwrap();

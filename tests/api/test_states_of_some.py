@@ -104,7 +104,9 @@ HAND_MOVED = """
 
 @pytest.mark.parametrize("threads", [1, 2])
 @pytest.mark.parametrize("settings", [
-    {"options": stepper.Options()}, {"options": stepper.Options(contact="mujoco"), "precision": "f32"}, {"sensors": DELAYED, "actuators": DRIVES},
+    {"options": stepper.Options()},
+    {"options": stepper.Options(contact="mujoco"), "precision": "f32"},
+    {"sensors": DELAYED, "actuators": DRIVES},
 ])  # fmt: skip
 def test_a_mask_steps_its_environments_alone(settings, threads):
     """Groups of environments none, some and all of which step: all state is that of a step of all after which the others are put back."""

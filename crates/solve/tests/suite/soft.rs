@@ -255,8 +255,8 @@ proptest! {
         let mut together = SoftProblem::<F64Lanes>::new(Cone::Elliptic, 1, n, count, 2 * SIZE, false);
         let limit: Vec<f64> = (0..F64Lanes::LANES).map(|_| 5.0 * number()).collect();
         let bounds = [0.0, f64::INFINITY];
-        // Half of the lanes have a limit, too.
-        let weight = |lane: usize| if lane % 2 == 0 { 3.0 } else { 0.0 };
+        let has_limit = |lane: usize| lane.is_multiple_of(2);
+        let weight = |lane: usize| if has_limit(lane) { 3.0 } else { 0.0 };
         let each = |number: &dyn Fn(usize) -> f64| {
             let mut lanes = F64Lanes::zero();
             (0..F64Lanes::LANES).for_each(|lane| lanes.set_lane(lane, number(lane)));
@@ -266,7 +266,7 @@ proptest! {
         let mut alone: Vec<SoftProblem<f64>> = vec![];
         for (lane, pairs) in touches.iter().enumerate() {
             let mut own = SoftProblem::new(Cone::Elliptic, 1, n, pairs.len(), 2 * SIZE, false);
-            if lane % 2 == 0 {
+            if has_limit(lane) {
                 own.push_row(&[1], |_| 1.0, limit[lane], weight(lane), bounds);
             }
             for &(a, b) in pairs {
@@ -304,7 +304,7 @@ proptest! {
                 prop_assert_eq!(found(&a), expected);
                 prop_assert_eq!(found(solver.forces()), lone.forces());
                 prop_assert_eq!((outcome.residual.lane(lane), outcome.steps.lane(lane)), (alone.residual, alone.steps));
-                let row = if lane % 2 == 0 { lone.row_force(own, 0) } else { 0.0 };
+                let row = if has_limit(lane) { lone.row_force(own, 0) } else { 0.0 };
                 prop_assert_eq!(solver.row_force(&together, 0).lane(lane), row);
                 for k in 0..touches[lane].len() {
                     let force = solver.contact_force(&together, first + k).map(|x| x.lane(lane));

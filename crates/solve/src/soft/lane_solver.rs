@@ -72,9 +72,7 @@ impl<R: Real, M: Metric<R>> Metric<R::Single> for LaneMetric<'_, R, M> {
             #[inline(always)]
             || self.all.solve(&mut room),
         );
-        for (x, all) in x.iter_mut().zip(&*room) {
-            *x = all.single_lane(self.lane);
-        }
+        copy_lane(&room, self.lane, x);
     }
 }
 
@@ -146,12 +144,8 @@ impl<R: Real> LaneSolver<R> {
         let mut outcome = SoftOutcome { residual: R::zero(), steps: R::zero() };
         for lane in (0..R::LANES).filter(|lane| lanes.bits() >> lane & 1 == 1) {
             self.gather(problem, metric, lane);
-            for ([free, a], (&from_free, &from_a)) in
-                self.free.iter_mut().zip(&mut self.acceleration).map(|(free, a)| [free, a]).zip(free.iter().zip(&*a))
-            {
-                *free = from_free.single_lane(lane);
-                *a = from_a.single_lane(lane);
-            }
+            copy_lane(free, lane, &mut self.free);
+            copy_lane(a, lane, &mut self.acceleration);
             let Self { solver, problem: own, places, metric: entries, starts, free, acceleration, room, .. } = self;
             let metric = LaneMetric { all: metric, lane, entries, starts, room };
             let effort = Effort { steps: effort.steps, tolerance: effort.tolerance.single_lane(lane) };
@@ -198,6 +192,12 @@ impl<R: Real> LaneSolver<R> {
             entries.extend(metric.row(i).1.iter().map(|&entry| entry.single_lane(lane)));
             starts.push(entries.len());
         }
+    }
+}
+
+fn copy_lane<R: Real>(from: &[R], lane: usize, to: &mut [R::Single]) {
+    for (to, &from) in to.iter_mut().zip(from) {
+        *to = from.single_lane(lane);
     }
 }
 

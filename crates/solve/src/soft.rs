@@ -21,11 +21,10 @@ mod lane_solver;
 mod newton;
 mod noslip;
 mod problem;
-mod solver;
 
 pub use cone::Cone;
 pub use contact::SoftContact;
-pub use newton::{Effort, SoftOutcome};
+pub use lane_solver::LaneSolver;
+pub use newton::{Effort, SoftOutcome, SoftSolver};
 pub use noslip::{ContactVisit, SlipEffort, SlipRoom};
 pub use problem::{Metric, SoftContacts, SoftProblem, SoftRow};
-pub use solver::SoftSolver;

@@ -42,9 +42,7 @@ impl Stepper {
         }
         py.detach(|| watched(|watch| simulation.step_watched(&inputs, nstep, watch))).map_err(value_error)
     }
-}
 
-impl Stepper {
     /// Makes steps of the environments of a mask.
     #[cold]
     fn step_some(

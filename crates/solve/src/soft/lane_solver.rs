@@ -9,7 +9,7 @@ use std::cell::RefCell;
 use stepper_real::{Mask, Real};
 
 use crate::soft::cone::Cone;
-use crate::soft::newton::{Effort, NewtonSolver, SoftOutcome};
+use crate::soft::newton::{Effort, SoftOutcome, SoftSolver};
 use crate::soft::problem::{Metric, SoftProblem};
 
 /// Work on one lane that takes the time of one register's on all of them: what lies side by side in a row is worked on together.
@@ -27,8 +27,8 @@ const SAMPLES: usize = 4;
 
 /// Solver of single lanes.
 #[derive(Clone, Debug)]
-pub(super) struct LaneSolver<R: Real> {
-    solver: NewtonSolver<R::Single>,
+pub struct LaneSolver<R: Real> {
+    solver: SoftSolver<R::Single>,
     problem: SoftProblem<R::Single>,
     /// Places of the lane's rows, contacts and rolling contacts among those of all lanes.
     places: [Vec<u32>; 3],
@@ -78,10 +78,10 @@ impl<R: Real, M: Metric<R>> Metric<R::Single> for LaneMetric<'_, R, M> {
 
 impl<R: Real> LaneSolver<R> {
     /// Room for problems of as many coordinates as `order` lists.
-    pub(super) fn new(order: &[u32]) -> Self {
+    pub fn new(order: &[u32]) -> Self {
         let zeros = || vec![R::Single::zero(); order.len()];
         Self {
-            solver: NewtonSolver::new(order),
+            solver: SoftSolver::new(order),
             problem: SoftProblem::new(Cone::Elliptic, 0, 0, 0, 0, false),
             places: [vec![], vec![], vec![]],
             metric: vec![],
@@ -94,20 +94,12 @@ impl<R: Real> LaneSolver<R> {
         }
     }
 
-    /// Whether this problem has so many contacts that it may matter.
-    pub(super) fn matters(problem: &SoftProblem<R>) -> bool {
-        R::LANES > 1 && problem.contacts.items.len() + problem.rolling_contacts.items.len() >= FEWEST
-    }
-
     /// Whether the lanes `lanes` take less time one after the other than `together`. Problems of following steps are alike, and the bits
     /// are the same, so that not every one is looked at.
-    pub(super) fn pays(
-        &mut self,
-        problem: &SoftProblem<R>,
-        metric: &impl Metric<R>,
-        together: &mut NewtonSolver<R>,
-        lanes: R::Mask,
-    ) -> bool {
+    pub fn pays(&mut self, problem: &SoftProblem<R>, metric: &impl Metric<R>, together: &mut SoftSolver<R>, lanes: R::Mask) -> bool {
+        if problem.contacts.items.len() + problem.rolling_contacts.items.len() < FEWEST {
+            return false;
+        }
         if self.holds == 0 {
             self.holds = PERIOD;
             let lanes = (0..R::LANES).filter(|lane| lanes.bits() >> lane & 1 == 1);
@@ -128,9 +120,9 @@ impl<R: Real> LaneSolver<R> {
         self.pays
     }
 
-    /// Solves the lanes `lanes` as [`NewtonSolver::solve`] does, and leaves in `together` what it would.
+    /// Solves the lanes `lanes` as [`SoftSolver::solve`] does, and leaves in `together` what it would.
     #[allow(clippy::too_many_arguments, reason = "the arguments of a solve, and who has its results")]
-    pub(super) fn solve(
+    pub fn solve(
         &mut self,
         problem: &SoftProblem<R>,
         metric: &impl Metric<R>,
@@ -138,7 +130,7 @@ impl<R: Real> LaneSolver<R> {
         effort: Effort<R>,
         lanes: R::Mask,
         a: &mut [R],
-        together: &mut NewtonSolver<R>,
+        together: &mut SoftSolver<R>,
     ) -> SoftOutcome<R> {
         let (forces, argument) = together.take_over(problem);
         let mut outcome = SoftOutcome { residual: R::zero(), steps: R::zero() };

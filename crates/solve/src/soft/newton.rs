@@ -29,7 +29,7 @@ pub struct SoftOutcome<R> {
 
 /// Newton's method for [`SoftProblem`], with its workspace.
 #[derive(Clone, Debug)]
-pub(super) struct NewtonSolver<R: Real> {
+pub struct SoftSolver<R: Real> {
     hessian: Hessian<R>,
     argument: Argument<R>,
     change: Argument<R>,
@@ -55,12 +55,13 @@ const LINE_SEARCH_TOLERANCE: f64 = 1e-2;
 /// Multiplications that a contact takes in a step, beside those of the factors.
 const CONTACT_WORK: usize = 300;
 
-/// Steps of [`NewtonSolver::respond`].
+/// Steps of [`SoftSolver::respond`].
 const RESPONSE_STEPS: usize = 2;
 
-impl<R: Real> NewtonSolver<R> {
-    /// Room for problems of as many coordinates as `order` lists; see [`SoftSolver::new`](crate::soft::SoftSolver::new).
-    pub(super) fn new(order: &[u32]) -> Self {
+impl<R: Real> SoftSolver<R> {
+    /// Room for problems of as many coordinates as `order` lists, each once. They are eliminated from the last to the first: what rows
+    /// join to many others belongs in front. Coordinates of one tree stay together and in their own order.
+    pub fn new(order: &[u32]) -> Self {
         let zeros = || vec![R::zero(); order.len()];
         Self {
             hessian: Hessian::new(order),
@@ -77,15 +78,15 @@ impl<R: Real> NewtonSolver<R> {
         }
     }
 
-    /// With room for [`NewtonSolver::remove_slip`].
+    /// With room for [`SoftSolver::remove_slip`].
     #[must_use]
-    pub(super) fn with_noslip(mut self, room: SlipRoom) -> Self {
+    pub fn with_noslip(mut self, room: SlipRoom) -> Self {
         self.noslip = Some(Box::new(NoSlip::new(self.forces.len(), room)));
         self
     }
 
     /// Solves the lanes `lanes` from the acceleration `a`, which becomes the solution; `free` is a0.
-    pub(super) fn solve(
+    pub fn solve(
         &mut self,
         problem: &SoftProblem<R>,
         metric: &impl Metric<R>,
@@ -130,9 +131,16 @@ impl<R: Real> NewtonSolver<R> {
         outcome
     }
 
-    /// See [`SoftSolver::remove_slip`](crate::soft::SoftSolver::remove_slip).
+    /// Sweeps over the forces of friction after [`SoftSolver::solve`] found the solution `a` of the same problem in the lanes `lanes`; it
+    /// becomes the acceleration with the new forces; see the module of the sweeps. `visits` are the contacts in their order. Rows from
+    /// `constraints` on are couplings of the metric. Returns the sweeps of each lane.
+    ///
+    /// With couplings the sweeps take no more of each than its diagonal, as MuJoCo's do; the acceleration at last has all of it.
+    ///
+    /// # Panics
+    /// If it was made without [`SoftSolver::with_noslip`].
     #[allow(clippy::too_many_arguments, reason = "the arguments of a solve, and those of the sweeps")]
-    pub(super) fn remove_slip(
+    pub fn remove_slip(
         &mut self,
         problem: &SoftProblem<R>,
         metric: &impl Metric<R>,
@@ -215,8 +223,8 @@ impl<R: Real> NewtonSolver<R> {
         self.noslip.as_deref().filter(|_| self.without_slip)
     }
 
-    /// Keeps the factors of the Hessian at the solution `a`, for [`NewtonSolver::respond`].
-    pub(super) fn settle(&mut self, problem: &SoftProblem<R>, metric: &impl Metric<R>, free: &[R], a: &[R]) {
+    /// Keeps the factors of the Hessian at the solution `a`, for [`SoftSolver::respond`].
+    pub fn settle(&mut self, problem: &SoftProblem<R>, metric: &impl Metric<R>, free: &[R], a: &[R]) {
         self.hessian.find_pattern(problem, metric);
         R::vectorize(
             #[inline(always)]
@@ -231,8 +239,9 @@ impl<R: Real> NewtonSolver<R> {
         );
     }
 
-    /// See [`SoftSolver::respond`](crate::soft::SoftSolver::respond).
-    pub(super) fn respond(&mut self, problem: &SoftProblem<R>, metric: &impl Metric<R>, free: &[R], a: &mut [R]) {
+    /// Replaces the acceleration `a`, the solution of the problem that was settled, by that of a problem near it: steps of Newton's method
+    /// with the Hessian that was kept. The first is the implicit function theorem, the second takes up how cones bend between the two.
+    pub fn respond(&mut self, problem: &SoftProblem<R>, metric: &impl Metric<R>, free: &[R], a: &mut [R]) {
         R::vectorize(
             #[inline(always)]
             || {
@@ -249,7 +258,7 @@ impl<R: Real> NewtonSolver<R> {
     }
 
     /// Forces of the constraints at the solution, as generalized forces.
-    pub(super) fn forces(&self) -> &[R] {
+    pub fn forces(&self) -> &[R] {
         &self.forces
     }
 
@@ -273,13 +282,13 @@ impl<R: Real> NewtonSolver<R> {
     }
 
     /// Force of every scalar row at the solution.
-    pub(super) fn row_force(&self, problem: &SoftProblem<R>, i: usize) -> R {
+    pub fn row_force(&self, problem: &SoftProblem<R>, i: usize) -> R {
         self.slipless().map_or_else(|| problem.rows[i].force(self.argument.rows[i]), |noslip| noslip.row(i))
     }
 
     /// Force of a contact at the solution.
     #[inline(always)]
-    pub(super) fn contact_force(&self, problem: &SoftProblem<R>, i: usize) -> [R; 3] {
+    pub fn contact_force(&self, problem: &SoftProblem<R>, i: usize) -> [R; 3] {
         match self.slipless() {
             Some(noslip) => noslip.contact(i),
             None => problem.cone.force(&problem.contacts.items[i], &self.argument.contacts[i]),
@@ -288,7 +297,7 @@ impl<R: Real> NewtonSolver<R> {
 
     /// Force of a contact with six rows at the solution.
     #[inline(always)]
-    pub(super) fn rolling_contact_force(&self, problem: &SoftProblem<R>, i: usize) -> [R; 6] {
+    pub fn rolling_contact_force(&self, problem: &SoftProblem<R>, i: usize) -> [R; 6] {
         match self.slipless() {
             Some(noslip) => noslip.rolling_contact(i),
             None => problem.cone.force(&problem.rolling_contacts.items[i], &self.argument.rolling_contacts[i]),
@@ -341,9 +350,7 @@ impl<R: Real> NewtonSolver<R> {
         self.change.multiply(problem, &self.direction, false);
         multiply(metric, &self.direction, &mut self.inertial_change);
         let step = self.search(problem, lanes);
-        for (a, &direction) in a.iter_mut().zip(&self.direction) {
-            *a = R::select(lanes, *a + step * direction, *a);
-        }
+        advance(a, &self.direction, step);
         advance(&mut self.inertial, &self.inertial_change, step);
         self.argument.advance(&self.change, step);
     }
@@ -383,7 +390,7 @@ impl<R: Real> NewtonSolver<R> {
     }
 }
 
-impl<R: Real> NewtonSolver<R> {
+impl<R: Real> SoftSolver<R> {
     /// Slope along the direction after a step, of which `slope` is the part of the accelerations.
     #[inline(always)]
     fn slope(&self, problem: &SoftProblem<R>, mut slope: R, step: R) -> R {

@@ -4,7 +4,7 @@ use crate::common::cases;
 use nalgebra::{DMatrix, DVector};
 use proptest::prelude::*;
 use stepper_real::{F64Lanes, Mask, Real, Scalar};
-use stepper_solve::soft::{Cone, Effort, Metric, SoftProblem, SoftSolver};
+use stepper_solve::soft::{Cone, Effort, LaneSolver, Metric, SoftProblem, SoftSolver};
 
 /// A mass matrix of trees of `size` coordinates, dense within each, lane by lane the same.
 struct Dense<R> {
@@ -158,6 +158,29 @@ impl Case {
     }
 }
 
+/// Mass matrix of the bodies that may touch.
+fn mass_of_bodies() -> DMatrix<f64> {
+    let n = SIZE * BODIES;
+    DMatrix::from_fn(n, n, |i, j| {
+        if i == j {
+            2.0
+        } else if i / SIZE == j / SIZE {
+            0.4
+        } else {
+            0.0
+        }
+    })
+}
+
+/// Numbers of a list in some order, again and again.
+fn one_by_one(numbers: &[f64]) -> impl FnMut() -> f64 {
+    let mut used = 0;
+    move || {
+        used += 1;
+        numbers[used * 31 % numbers.len()]
+    }
+}
+
 proptest! {
     #![proptest_config(cases(300))]
 
@@ -204,12 +227,7 @@ proptest! {
         numbers in prop::collection::vec(-1.0..1.0_f64, 97),
     ) {
         let n = SIZE * BODIES;
-        let mut used = 0;
-        let mut number = || {
-            used += 1;
-            numbers[used * 31 % numbers.len()]
-        };
-        let mass = DMatrix::from_fn(n, n, |i, j| if i == j { 2.0 } else if i / SIZE == j / SIZE { 0.4 } else { 0.0 });
+        let (mass, mut number) = (mass_of_bodies(), one_by_one(&numbers));
         let metric = Dense::<f64>::new(&mass, SIZE);
         let free: Vec<f64> = (0..n).map(|_| 5.0 * number()).collect();
         let natural: Vec<u32> = (0..n as u32).collect();
@@ -243,12 +261,7 @@ proptest! {
         numbers in prop::collection::vec(-1.0..1.0_f64, 97),
     ) {
         let n = SIZE * BODIES;
-        let mut used = 0;
-        let mut number = || {
-            used += 1;
-            numbers[used * 31 % numbers.len()]
-        };
-        let mass = DMatrix::from_fn(n, n, |i, j| if i == j { 2.0 } else if i / SIZE == j / SIZE { 0.4 } else { 0.0 });
+        let (mass, mut number) = (mass_of_bodies(), one_by_one(&numbers));
         let natural: Vec<u32> = (0..n as u32).collect();
         let free: Vec<Vec<f64>> = (0..F64Lanes::LANES).map(|_| (0..n).map(|_| 5.0 * number()).collect()).collect();
         let count = touches.iter().map(Vec::len).sum();
@@ -292,7 +305,7 @@ proptest! {
         for in_turn in [false, true] {
             let (mut solver, mut a) = (SoftSolver::new(&natural), free_lanes.clone());
             let outcome = match in_turn {
-                true => solver.solve_in_turn(&together, &metric, &free_lanes, effort, all, &mut a),
+                true => LaneSolver::new(&natural).solve(&together, &metric, &free_lanes, effort, all, &mut a, &mut solver),
                 false => solver.solve(&together, &metric, &free_lanes, effort, all, &mut a),
             };
             let mut first = 0;

@@ -1,7 +1,7 @@
 //! The soft constraint problem of a step with its solver, and which of the model's elements its rows belong to.
 
 use stepper_real::Real;
-use stepper_solve::soft::{Effort, Metric, SlipEffort, SlipRoom, SoftOutcome, SoftProblem, SoftSolver};
+use stepper_solve::soft::{Effort, LaneSolver, Metric, SlipEffort, SlipRoom, SoftOutcome, SoftProblem, SoftSolver};
 
 use crate::compile::{LaneModel, ModelStructure};
 use crate::constraints::soft::visit_order::VisitOrder;
@@ -15,6 +15,8 @@ pub struct SoftSystem<R: Real> {
     pub problem: SoftProblem<R>,
     /// Newton's method.
     pub solver: SoftSolver<R>,
+    /// The same lane by lane, where there are several trees, which may touch differently in every lane.
+    in_turn: Option<Box<LaneSolver<R>>>,
     /// Acceleration: where the solver starts, then the solution, nv.
     pub acceleration: Vec<R>,
     /// Entries of the mass matrix, not factored.
@@ -48,6 +50,7 @@ impl<R: Real> SoftSystem<R> {
         Some(Box::new(Self {
             problem,
             solver,
+            in_turn: (R::LANES > 1 && compiled.ntree > 1).then(|| Box::new(LaneSolver::new(&softness.order))),
             order: VisitOrder::new(visited),
             acceleration: zeros(),
             mass: vec![R::zero(); compiled.chain.len()],
@@ -65,8 +68,14 @@ impl<R: Real> SoftSystem<R> {
         effort: Effort<R>,
         lanes: R::Mask,
     ) -> SoftOutcome<R> {
-        let Self { problem, solver, acceleration, mass, .. } = self;
-        solver.solve(problem, &TreeMass { compiled, mass, factors }, free, effort, lanes, acceleration)
+        let Self { problem, solver, in_turn, acceleration, mass, .. } = self;
+        let metric = TreeMass { compiled, mass, factors };
+        if let Some(in_turn) = in_turn
+            && in_turn.pays(problem, &metric, solver, lanes)
+        {
+            return in_turn.solve(problem, &metric, free, effort, lanes, acceleration, solver);
+        }
+        solver.solve(problem, &metric, free, effort, lanes, acceleration)
     }
 
     /// Takes the slip out of friction in the lanes `lanes`, once they are solved. Rows from `constraints` on are couplings of the mass

@@ -113,6 +113,19 @@ pub trait Real:
         }
         gathered
     }
+    /// Replaces the lanes `lanes` by lanes of half the registers: lane i becomes lane `places[i]` of `half`.
+    ///
+    /// # Panics
+    /// When `places` is shorter than all lanes. A place that does not exist gives some number, or panics.
+    #[inline(always)]
+    fn replace_lanes(mut self, half: Self::Half, places: &[u32], lanes: Self::Mask) -> Self {
+        for (i, &place) in places[..Self::LANES].iter().enumerate() {
+            if lanes.bits() >> i & 1 == 1 {
+                self.set_lane(i, half.lane(place as usize));
+            }
+        }
+        self
+    }
     /// Gathers lanes of two vectors: lane `sources[i]` becomes lane i, where the lanes of `high` are numbered after those of `low`. A
     /// source that does not exist gives some number, or panics.
     #[inline(always)]

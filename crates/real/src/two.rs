@@ -91,6 +91,12 @@ impl<R: Real<Half = R>> Real for Two<R> {
         R::gather_lanes_of_two(self.0, self.1, sources)
     }
     #[inline(always)]
+    fn replace_lanes(self, half: R, places: &[u32], lanes: TwoMask<R>) -> Self {
+        let (low, high) = places[..Self::LANES].split_at(R::LANES);
+        let [from_low, from_high] = [R::gather_lanes_of_two(half, half, low), R::gather_lanes_of_two(half, half, high)];
+        Two(R::select(lanes.0, from_low, self.0), R::select(lanes.1, from_high, self.1))
+    }
+    #[inline(always)]
     fn lt(self, o: Self) -> TwoMask<R> {
         TwoMask(self.0.lt(o.0), self.1.lt(o.1))
     }

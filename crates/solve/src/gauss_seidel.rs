@@ -8,6 +8,7 @@ mod compaction;
 pub(crate) mod history;
 mod sweep;
 
+use crate::constraints::constraint_set::SweepLanes;
 use crate::gauss_seidel::acceleration::{recompute_w, reset_history};
 use crate::gauss_seidel::compaction::sweep_compacted;
 use crate::gauss_seidel::sweep::Progress;
@@ -65,6 +66,21 @@ pub fn solve<'a, R: Real>(
                 progress.threshold = R::select(unsolved, progress.threshold * R::of(0.25), progress.threshold);
             }
             SweepOutcome { residual: worst, sweeps: progress.sweeps }
+        },
+    )
+}
+
+/// Replaces the impulses of the lanes `lanes` by what `sweeps` sweeps make of none: an estimate that follows from the problem alone.
+pub fn sweep_from_none<R: Real>(problem: &Problem<R>, iterate: &mut Iterate<R>, sweeps: u32, lanes: R::Mask) {
+    let system = problem.into();
+    R::vectorize(
+        #[inline(always)]
+        || {
+            iterate.release(lanes);
+            iterate.solve_separate(system, lanes);
+            for _ in 0..sweeps {
+                iterate.sweep(system, SweepLanes { running: lanes, exact: lanes });
+            }
         },
     )
 }

@@ -1,25 +1,29 @@
 //! Lane map: which lanes of a group are gathered into half the registers, and scattered back.
 
-use stepper_real::Real;
+use stepper_real::{Mask, Real};
 
 /// Sources of gathered lanes: lane i of the half holds what lane `sources[i]` of the whole held.
 #[derive(Clone, Copy, Debug)]
 pub struct LaneMap {
     /// Source of every lane of the half; beyond the count it is lane 0, whose copy nothing reads.
     sources: [u32; 16],
-    /// Number of gathered lanes.
-    count: usize,
+    /// Place in the half of every lane of the whole; 0 for a lane that is not gathered.
+    places: [u32; 32],
+    /// Bits of the gathered lanes.
+    lanes: u32,
 }
 
 impl LaneMap {
     /// Map of the lanes whose bits are set, ascending.
     #[inline(always)]
-    pub(crate) fn of(mut bits: u32) -> Self {
-        let mut map = Self { sources: [0; 16], count: 0 };
-        while bits != 0 {
-            map.sources[map.count] = bits.trailing_zeros();
-            map.count += 1;
-            bits &= bits - 1;
+    pub(crate) fn of(lanes: u32) -> Self {
+        let mut map = Self { sources: [0; 16], places: [0; 32], lanes };
+        let mut rest = lanes;
+        for place in 0..lanes.count_ones() {
+            let lane = rest.trailing_zeros();
+            map.sources[place as usize] = lane;
+            map.places[lane as usize] = place;
+            rest &= rest - 1;
         }
         map
     }
@@ -27,7 +31,7 @@ impl LaneMap {
     /// Bits of the lanes of the half that are in use.
     #[inline(always)]
     pub(crate) fn gathered_bits(&self) -> u32 {
-        (1 << self.count) - 1
+        (1 << self.lanes.count_ones()) - 1
     }
 
     /// Gathers one number.
@@ -40,9 +44,7 @@ impl LaneMap {
     #[inline(always)]
     pub(crate) fn gather_array<R: Real, const N: usize>(&self, x: &[R; N]) -> [R::Half; N] {
         let mut gathered = [R::Half::zero(); N];
-        for k in 0..N {
-            gathered[k] = self.gather(x[k]);
-        }
+        self.gather_into(x, &mut gathered);
         gathered
     }
 
@@ -70,9 +72,7 @@ impl LaneMap {
     /// Scatters one number into the lanes that it was gathered from.
     #[inline(always)]
     pub(crate) fn scatter<R: Real>(&self, from: R::Half, to: &mut R) {
-        for (i, &l) in self.sources[..self.count].iter().enumerate() {
-            to.set_lane(l as usize, from.lane(i));
-        }
+        *to = to.replace_lanes(from, &self.places, R::Mask::from_bits(self.lanes));
     }
 
     /// Scatters a list of numbers.

@@ -12,7 +12,7 @@ use crate::options::StepSettings;
 use crate::probe::{Probe, Span};
 use crate::stages::s01_actuate::actuate;
 use crate::stages::s04_assemble::assemble_demands;
-use crate::stages::s05_solve::{estimate, restore_hyperstatic_impulses};
+use crate::stages::s05_solve::Estimate;
 
 /// Compares where servos are on their bounds with what an estimate of the impulses says, which takes the place of those of the last step
 /// where the two differ. Returns whether they do in any lane.
@@ -23,7 +23,8 @@ pub(crate) fn reconsider_servos<R: Real>(
     s: &mut Workspace<R>,
 ) -> bool {
     let lanes = s.constraints.constrained;
-    estimate(options, &s.state.v, scheme.h, lanes, &mut s.constraints);
+    let estimate = Estimate::new(options, &s.state.v, scheme.h, true, &s.constraints);
+    estimate.make(options, lanes, &mut s.constraints);
     s.constraints.impulse_change(compiled, &s.free_motion.smooth.mass, &mut s.work.expected_change);
     R::vectorize(
         #[inline(always)]
@@ -51,7 +52,7 @@ pub(crate) fn reconsider_servos<R: Real>(
             },
         );
     }
-    restore_hyperstatic_impulses(lanes, &mut s.constraints);
+    estimate.choose_start(lanes, &mut s.constraints);
     wrong.any()
 }
 
@@ -68,12 +69,13 @@ pub(crate) fn correct_forces<R: Real>(
     probe: impl Probe,
 ) {
     let constrained = s.constraints.constrained;
+    let estimate = Estimate::new(options, &s.state.v, scheme.h, compiled.servos_are_bounded, &s.constraints);
     if constrained.any() {
-        probe.span(Span::EstimateImpulses, || estimate(options, &s.state.v, scheme.h, constrained, &mut s.constraints));
+        probe.span(Span::EstimateImpulses, || estimate.make(options, constrained, &mut s.constraints));
     }
     take_forces_again(compiled, scheme, s, probe);
     if constrained.any() {
-        probe.span(Span::EstimateImpulses, || restore_hyperstatic_impulses(constrained, &mut s.constraints));
+        probe.span(Span::EstimateImpulses, || estimate.choose_start(constrained, &mut s.constraints));
     }
 }
 

@@ -12,7 +12,7 @@ use crate::integrators::workspace::Workspace;
 use crate::options::StepSettings;
 use crate::probe::{Counter, Probe, Span};
 use crate::stages::s04_assemble::assemble;
-use crate::stages::s05_solve::{estimate, restore_hyperstatic_impulses};
+use crate::stages::s05_solve::Estimate;
 
 /// Stages 1 to 3: the velocity at the end of the step if nothing were in the way, and the contacts. Moreau's rule takes everything in the
 /// middle of the step, Euler's at its beginning.
@@ -64,8 +64,9 @@ pub(crate) fn assemble_rows<R: Real>(
         probe.span(Span::Assemble, || assemble_here(compiled, options, scheme, s, at_beginning));
         // Where nothing was wrong, this repeats the bits of the estimate before.
         probe.span(Span::EstimateImpulses, || {
-            estimate(options, &s.state.v, scheme.h, s.constraints.constrained, &mut s.constraints);
-            restore_hyperstatic_impulses(s.constraints.constrained, &mut s.constraints);
+            let (estimate, lanes) = (Estimate::new(options, &s.state.v, scheme.h, true, &s.constraints), s.constraints.constrained);
+            estimate.make(options, lanes, &mut s.constraints);
+            estimate.choose_start(lanes, &mut s.constraints);
         });
     }
     if scheme.corrects {

@@ -6,7 +6,7 @@ use stepper_solve::{Outcome, Settings, System, residual};
 use crate::collision::contact_set::Contacts;
 use crate::constraints::{AssembledRows, Constraints, SolverWorkspace};
 use crate::math::spatial::*;
-use crate::options::StepSettings;
+use crate::options::{Solver, StepSettings};
 
 /// Solves the lanes `lanes` to the tolerance and leaves the impulses where the next step finds its warm start.
 ///
@@ -84,13 +84,19 @@ fn share_loads<R: Real>(
     }
 }
 
-/// Sweeps of an estimate at the most: with 8 of them, 13 % of the steps of dm_control's humanoid under random control depend on the step
-/// before by more than 1e-4 m/s, with 16 of them 2 %.
+/// Sweeps of a rough estimate. One more changes no error of a trajectory in three digits (docs/decisions/visible_state.md).
+const ROUGH_SWEEPS: u32 = 2;
+
+/// Motion within a step, rad or m, between which a rough estimate is enough. What moves less may be a structure of many bodies, which only
+/// the impulses of the step before hold; in a step that is so long that it turns more, an error of the velocity feeds the motion.
+const ROUGH_MOTION: [f64; 2] = [1e-3, 0.3];
+
+/// Sweeps of an estimate that is solved for, at the most.
 const ESTIMATE_SWEEPS: u32 = 16;
 
-/// Tolerated error of the free velocity due to the estimate, m/s, and beside the tolerance of the step: of who asks for less than the
-/// default, the estimate is as much better. An error d of the estimated velocity changes the effect of inertial forces by about h |v| d, so
-/// sweeps stop at ESTIMATE_ERROR / (h |v|).
+/// Tolerated error of the free velocity due to an estimate that is solved for, m/s, and beside the tolerance of the step: of who asks for
+/// less than the default, the estimate is as much better. An error d of the estimated velocity changes the effect of inertial forces by
+/// about h |v| d, so sweeps stop at ESTIMATE_ERROR / (h |v|).
 const ESTIMATE_ERROR: f64 = 1e-5;
 const ESTIMATE_RATIO: f64 = 10.0;
 
@@ -98,33 +104,68 @@ const ESTIMATE_RATIO: f64 = 10.0;
 /// makes no sweeps.
 const REST_MOTION: f64 = 1e-6;
 
-/// Loosest tolerance of an estimate, m/s.
+/// Loosest tolerance of an estimate that is solved for, m/s.
 const ROUGHEST_ESTIMATE: f64 = 1e-2;
 
-/// Estimates the impulses in the lanes `lanes` before forces that depend on the velocity are taken: where a step ends follows from its own
-/// contacts then, and not from those of the step before.
-///
-/// What rests keeps the impulses of the step before: they hold it, and sweeps of a stack would leave less.
-#[inline(always)]
-pub fn estimate<R: Real>(options: &StepSettings, v: &[R], h: R, lanes: R::Mask, constraints: &mut Constraints<R>) {
-    let (error, sweeps) = match options.is_tight() {
-        true => (ESTIMATE_RATIO * options.tolerance, ESTIMATE_SWEEPS.max(options.iterations)),
-        false => (ESTIMATE_ERROR, ESTIMATE_SWEEPS),
-    };
-    let (moving, tolerance) = R::vectorize(
-        #[inline(always)]
-        || {
-            let turn = h * fastest(v);
-            let slow = (turn * R::of(ROUGHEST_ESTIMATE)).le(R::of(error));
-            let tolerance = R::select(slow, R::of(ROUGHEST_ESTIMATE), R::of(error) / R::select(slow, R::one(), turn));
-            (lanes.and(is_moving(turn)), tolerance)
-        },
-    );
-    let settings = stepper_solve::gauss_seidel::SweepSettings { sweeps, tolerance };
-    let Constraints { problem, iterate, shared, patches, .. } = constraints;
-    // Impulses that share a load evenly are not for sweeps to change: they come back after the estimate.
-    shared.save(iterate, lanes.and(patches.lanes()));
-    stepper_solve::gauss_seidel::estimate(problem, iterate, settings, lanes, moving);
+/// How the impulses of a step are estimated before forces that depend on the velocity are taken.
+#[derive(Clone, Copy, Debug)]
+pub struct Estimate<R: Real> {
+    /// Lanes of which an estimate is made: where a step ends follows from its own contacts then, and not from those of the step before.
+    /// What rests keeps the impulses of the step before: they hold it.
+    moving: R::Mask,
+    /// Those of them in which a few sweeps from no impulses, which follow from the state alone, are as good as the rule needs. In the
+    /// others the estimate is solved for.
+    rough: R::Mask,
+    /// Change by a sweep at which the others are solved, m/s.
+    tolerance: R,
+}
+
+impl<R: Real> Estimate<R> {
+    /// That of a step of `h` seconds from the velocity `v`. Where the estimate `decides` whether servos are on their bounds it is solved
+    /// for, as it is where loads are shared, and for who asks for more than the default: for Newton's method, or a smaller tolerance.
+    #[inline(always)]
+    pub fn new(options: &StepSettings, v: &[R], h: R, decides: bool, constraints: &Constraints<R>) -> Self {
+        let error = if options.is_tight() { ESTIMATE_RATIO * options.tolerance } else { ESTIMATE_ERROR };
+        let exact = decides || options.is_tight() || options.solver == Solver::Newton;
+        let [least, most] = ROUGH_MOTION;
+        R::vectorize(
+            #[inline(always)]
+            || {
+                let turn = h * fastest(v);
+                let slow = (turn * R::of(ROUGHEST_ESTIMATE)).le(R::of(error));
+                let tolerance = R::select(slow, R::of(ROUGHEST_ESTIMATE), R::of(error) / R::select(slow, R::one(), turn));
+                let moving = is_moving(turn);
+                let rough = turn.gt(R::of(least)).and(turn.lt(R::of(most))).and_not(constraints.patches.lanes());
+                Self { moving, rough: if exact { R::Mask::splat(false) } else { rough }, tolerance }
+            },
+        )
+    }
+
+    /// Estimates the impulses in the lanes `lanes`.
+    #[inline(always)]
+    pub fn make(&self, options: &StepSettings, lanes: R::Mask, constraints: &mut Constraints<R>) {
+        let Constraints { problem, iterate, shared, .. } = constraints;
+        let [rough, solved] = [lanes.and(self.rough), lanes.and_not(self.rough)];
+        shared.save(iterate, lanes);
+        if rough.any() {
+            stepper_solve::gauss_seidel::sweep_from_none(problem, iterate, ROUGH_SWEEPS, rough);
+        }
+        if solved.any() {
+            let sweeps = if options.is_tight() { ESTIMATE_SWEEPS.max(options.iterations) } else { ESTIMATE_SWEEPS };
+            let settings = stepper_solve::gauss_seidel::SweepSettings { sweeps, tolerance: self.tolerance };
+            stepper_solve::gauss_seidel::estimate(problem, iterate, settings, solved, solved.and(self.moving));
+        }
+    }
+
+    /// Gives the lanes `lanes` the impulses from before the estimate back where loads are shared evenly, which is not for sweeps to change,
+    /// and where those are as good a start of the solve as a rough estimate.
+    #[inline(always)]
+    pub fn choose_start(&self, lanes: R::Mask, constraints: &mut Constraints<R>) {
+        let Constraints { problem, iterate, shared, patches, .. } = constraints;
+        let rough = lanes.and(self.rough);
+        let as_good = if rough.any() { rough.and(shared.is_as_good(problem, iterate)) } else { rough };
+        shared.restore(iterate, lanes.and(patches.lanes()).or(as_good));
+    }
 }
 
 /// Lanes that an estimate is made of at the velocity `v`: the others keep the impulses of the step before.
@@ -139,13 +180,6 @@ pub(crate) fn is_estimated<R: Real>(v: &[R], h: R) -> R::Mask {
 #[inline(always)]
 fn is_moving<R: Real>(turn: R) -> R::Mask {
     turn.gt(R::of(REST_MOTION))
-}
-
-/// Gives the lanes whose loads are shared evenly their impulses back after an estimate.
-#[inline(always)]
-pub fn restore_hyperstatic_impulses<R: Real>(lanes: R::Mask, constraints: &mut Constraints<R>) {
-    let Constraints { iterate, shared, patches, .. } = constraints;
-    shared.restore(iterate, lanes.and(patches.lanes()));
 }
 
 #[inline(always)]

@@ -45,7 +45,8 @@ impl<T: Row> Rows<T> {
     /// Copies rows; where there is room, nothing is allocated.
     #[inline(always)]
     pub(crate) fn copy(&mut self, from: &Self) {
-        self.items.clone_from(&from.items);
+        self.items.clear();
+        self.items.extend_from_slice(&from.items);
         self.compliant = from.compliant;
     }
 }
@@ -104,7 +105,7 @@ impl<R: Real, const N: usize> Impulse<R> for [R; N] {
 }
 
 /// Rows of one constraint.
-pub trait Row: Clone {
+pub trait Row: Copy {
     /// Exchanges what the rows demand in the velocity solve for what they demand in the position solve, or back.
     fn exchange_demands(&mut self);
 }
@@ -287,6 +288,9 @@ pub trait ConstraintSet<R: Real>: Sized {
 
     /// `sum` plus the magnitudes of all normal impulses.
     fn sum_normal_impulses(&self, rows: &Rows<Self::Row>, impulses: &[Self::Impulse], sum: R) -> R;
+
+    /// `sum` plus the potential `g . lambda + R lambda^2 / 2` of the impulses in the velocity solve, J.
+    fn add_potential(&self, impulses: &[Self::Impulse], sum: R) -> R;
 
     /// Shifts both demands of all rows by the velocities of a scaled change of the free velocity, in the lanes `lanes`.
     fn shift(&self, rows: &mut Rows<Self::Row>, change: &[R], lanes: R::Mask);

@@ -3,7 +3,7 @@
 //! What is the same for every number of rows is here; a [`LocalSolver`] solves one contact alone, and knows the block of G that this takes.
 
 use std::fmt::Debug;
-use std::ops::{Index, IndexMut, Range};
+use std::ops::{Index, IndexMut};
 
 use crate::admissible_set::AdmissibleSet;
 use crate::capacity::Capacity;
@@ -18,7 +18,7 @@ use stepper_real::{Mask, Real, Scalar};
 
 /// Friction law of one contact: the solution of its own problem while all other impulses stand, and the set of its impulses, which is the
 /// circular cone of Coulomb's law unless it has another.
-pub trait LocalSolver<R: Real, const N: usize>: Clone + Debug + Sized {
+pub trait LocalSolver<R: Real, const N: usize>: Copy + Debug + Sized {
     /// Solver of the same kind in half the lanes.
     type Half: LocalSolver<R::Half, N>;
 
@@ -44,8 +44,8 @@ pub trait LocalSolver<R: Real, const N: usize>: Clone + Debug + Sized {
     /// entry before to that after it.
     fn give(&mut self, compliance: R) -> R;
 
-    /// Gathers some lanes.
-    fn gather(&self, map: &LaneMap) -> Self::Half;
+    /// Gathers some lanes into `out`.
+    fn gather(&self, map: &LaneMap, out: &mut Self::Half);
 
     /// De Saxce's term of the velocity `v`, m/s.
     #[inline(always)]
@@ -91,12 +91,14 @@ impl<R: Real> NaturalStep<R> {
 }
 
 /// Contact with friction in `N` rows, which `L` solves alone.
-#[derive(Clone, Debug)]
+#[derive(Clone, Copy, Debug)]
 pub struct FrictionContact<R: Real, const N: usize, L> {
-    /// Range of its coordinates among those of all contacts of its kind.
-    support: Range<usize>,
+    /// Index of its first coordinate among those of all contacts of its kind.
+    support: usize,
     /// Index of its first entry among those of all contacts of its kind.
     y: usize,
+    /// Number of its coordinates.
+    coordinates: usize,
     /// Lanes in which the contact exists.
     pub active: R::Mask,
     /// Lanes in which a contact exists but nothing can move along its normal: it has no rows, and its impulse stays.
@@ -130,26 +132,40 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContact<R, N, L> {
         self.local.damp(compliance, &mut self.step);
     }
 
-    #[inline(always)]
-    fn gather(&self, map: &LaneMap) -> FrictionContact<R::Half, N, L::Half> {
-        FrictionContact {
-            support: self.support.clone(),
-            y: self.y,
-            active: map.gather_mask::<R>(self.active),
-            immovable: map.gather_mask::<R>(self.immovable),
-            mu: map.gather(self.mu),
-            g: map.gather_array(&self.g),
-            position_g: [R::Half::zero(); N],
-            compliance: map.gather(self.compliance),
-            firmness: map.gather(self.firmness),
-            damping: map.gather(self.damping),
-            step: NaturalStep {
-                rho: map.gather(self.step.rho),
-                inv_rho: map.gather(self.step.inv_rho),
-                trace_ratio: map.gather(self.step.trace_ratio),
-            },
-            local: self.local.gather(map),
+    /// A contact that exists nowhere, to be overwritten.
+    fn blank() -> Self {
+        let (none, zero) = (R::Mask::splat(false), R::zero());
+        let (local, trace) = L::new(&[[zero; N]; N], none);
+        Self {
+            support: 0,
+            y: 0,
+            coordinates: 0,
+            active: none,
+            immovable: none,
+            mu: zero,
+            g: [zero; N],
+            position_g: [zero; N],
+            compliance: zero,
+            firmness: R::one(),
+            damping: zero,
+            step: NaturalStep::of_trace::<N>(trace),
+            local,
         }
+    }
+
+    /// Gathers some lanes into `out`: what sweeps read.
+    #[inline(always)]
+    fn gather(&self, map: &LaneMap, compliant: bool, out: &mut FrictionContact<R::Half, N, L::Half>) {
+        (out.support, out.y, out.coordinates) = (self.support, self.y, self.coordinates);
+        out.active = map.gather_mask::<R>(self.active);
+        out.mu = map.gather(self.mu);
+        map.gather_into(&self.g, &mut out.g);
+        if compliant {
+            out.compliance = map.gather(self.compliance);
+            out.damping = map.gather(self.damping);
+        }
+        out.step.inv_rho = map.gather(self.step.inv_rho);
+        self.local.gather(map, &mut out.local);
     }
 }
 
@@ -202,8 +218,9 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContacts<R, N, L> {
         let mut position_g = [R::zero(); N];
         position_g[0] = g[0];
         self.rows.items.push(FrictionContact {
-            support: s0..s0 + support.len(),
+            support: s0,
             y: y0,
+            coordinates: support.len(),
             active: exists,
             immovable: active.and_not(exists),
             mu,
@@ -250,8 +267,7 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContacts<R, N, L> {
     /// Coordinates and entries of a contact.
     #[inline(always)]
     pub fn entries(&self, contact: &FrictionContact<R, N, L>) -> (&[u32], &[[R; N]]) {
-        let support = &self.support[contact.support.clone()];
-        (support, self.y.row(contact.y, support.len()))
+        (&self.support[contact.support..contact.support + contact.coordinates], self.y.row(contact.y, contact.coordinates))
     }
 
     /// Velocity Y^T w + g of a contact at the scaled velocity change w, m/s, without its compliance.
@@ -393,10 +409,10 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> ConstraintSet<R> for Frictio
             #[inline(always)]
             |y| map.gather_array(y),
         );
-        out.rows.clear();
         out.rows.compliant = rows.compliant;
-        for contact in &rows.items {
-            out.rows.items.push(contact.gather(map));
+        out.rows.items.resize_with(rows.items.len(), FrictionContact::blank);
+        for (contact, out) in rows.items.iter().zip(&mut out.rows.items) {
+            contact.gather(map, rows.compliant, out);
         }
     }
 
@@ -544,6 +560,17 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> ConstraintSet<R> for Frictio
     fn sum_normal_impulses(&self, rows: &Rows<FrictionContact<R, N, L>>, impulses: &[[R; N]], mut sum: R) -> R {
         for (contact, lambda) in rows.items.iter().zip(impulses) {
             sum += masked(contact.active, lambda[0]);
+        }
+        sum
+    }
+
+    #[inline(always)]
+    fn add_potential(&self, impulses: &[[R; N]], mut sum: R) -> R {
+        for (contact, lambda) in self.rows.items.iter().zip(impulses) {
+            sum += contact.compliance * R::of(0.5) * lambda[0].square();
+            for k in 0..N {
+                sum += contact.g[k] * lambda[k];
+            }
         }
         sum
     }

@@ -41,7 +41,7 @@ impl<R: Real> ScalarRows<R> {
                 }
             }
             let at = self.rows.items[k].y;
-            let n = self.rows.items[k].support.len();
+            let n = self.rows.items[k].coordinates;
             let mut rest = R::zero();
             for &y in self.y.row(at, n) {
                 rest += y * y;
@@ -63,8 +63,8 @@ impl<R: Real> ScalarRows<R> {
     /// Removes from row `k` its projection on the earlier row `j`; returns the coefficient of the projection.
     #[inline(always)]
     fn remove_projection(&mut self, k: usize, j: usize) -> R {
-        let n = self.rows.items[k].support.len();
-        debug_assert_eq!(n, self.rows.items[j].support.len(), "rows of one support");
+        let n = self.rows.items[k].coordinates;
+        debug_assert_eq!(n, self.rows.items[j].coordinates, "rows of one support");
         let (before, row) = self.y.two_rows(self.rows.items[j].y, self.rows.items[k].y, n);
         let mut along = R::zero();
         for (&a, &b) in before.iter().zip(row.iter()) {

@@ -23,7 +23,7 @@ pub type RollingContacts<R> = FrictionContacts<R, 6, RollingSolver<R>>;
 /// As for sliding friction the normal impulse is eliminated and `A x_t + c = -s x_t` is solved in the principal axes of
 /// A, here five, found by Jacobi's method. The model `nn (k k^T) + Q diag(a) Q^T` of the tangential block is used for the update only: at
 /// its fixed point the law holds for the velocities themselves, however precise the axes are.
-#[derive(Clone, Debug)]
+#[derive(Clone, Copy, Debug)]
 pub struct RollingSolver<R: Real> {
     inv_gnn: R,
     nn: R,
@@ -213,20 +213,14 @@ impl<R: Real> LocalSolver<R, 6> for RollingSolver<R> {
     }
 
     #[inline(always)]
-    fn gather(&self, map: &LaneMap) -> RollingSolver<R::Half> {
-        let mut axes = [[R::Half::zero(); T]; T];
-        for i in 0..T {
-            axes[i] = map.gather_array(&self.axes[i]);
-        }
-        RollingSolver {
-            inv_gnn: map.gather(self.inv_gnn),
-            nn: map.gather(self.nn),
-            axes,
-            a: map.gather_array(&self.a),
-            inv_a: map.gather_array(&self.inv_a),
-            coupling: map.gather_array(&self.coupling),
-            step: map.gather(self.step),
-        }
+    fn gather(&self, map: &LaneMap, out: &mut RollingSolver<R::Half>) {
+        out.inv_gnn = map.gather(self.inv_gnn);
+        out.nn = map.gather(self.nn);
+        map.gather_into(self.axes.as_flattened(), out.axes.as_flattened_mut());
+        map.gather_into(&self.a, &mut out.a);
+        map.gather_into(&self.inv_a, &mut out.inv_a);
+        map.gather_into(&self.coupling, &mut out.coupling);
+        out.step = map.gather(self.step);
     }
 }
 

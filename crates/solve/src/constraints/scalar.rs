@@ -15,12 +15,14 @@ use crate::lane_map::LaneMap;
 use stepper_real::{Mask, Real, Scalar};
 
 /// Bounded scalar row: an equality (any lambda), a limit (`0 <= lambda`), or dry friction (`|lambda| <= h f`).
-#[derive(Clone, Debug)]
+#[derive(Clone, Copy, Debug)]
 pub struct ScalarRow<R: Real> {
-    /// Range of its coordinates among those of all scalar rows.
-    pub(super) support: Range<usize>,
+    /// Index of its first coordinate among those of all scalar rows.
+    support: usize,
     /// Index of its first entry among those of all scalar rows.
     pub(super) y: usize,
+    /// Number of its coordinates.
+    pub(super) coordinates: usize,
     /// Lanes in which the row exists.
     pub active: R::Mask,
     /// Velocity of the row before any impulse, with its bias, m/s or rad/s.
@@ -51,7 +53,7 @@ impl<R: Real> ScalarRow<R> {
     /// Range of the row's entries among those of all scalar rows.
     #[inline(always)]
     pub fn entries(&self) -> Range<usize> {
-        self.y..self.y + self.support.len()
+        self.y..self.y + self.coordinates
     }
 
     /// Coefficient of the projection of another row on this one, when `along` is the product of the entries of both.
@@ -71,24 +73,39 @@ impl<R: Real> ScalarRow<R> {
         met
     }
 
-    #[inline(always)]
-    fn gather(&self, map: &LaneMap) -> ScalarRow<R::Half> {
-        ScalarRow {
-            support: self.support.clone(),
-            y: self.y,
-            active: map.gather_mask::<R>(self.active),
-            g: map.gather(self.g),
-            position_g: R::Half::zero(),
-            lo: map.gather(self.lo),
-            hi: map.gather(self.hi),
-            compliance: map.gather(self.compliance),
-            diagonal: map.gather(self.diagonal),
-            inv_diagonal: map.gather(self.inv_diagonal),
-            trace_ratio: map.gather(self.trace_ratio),
-            mobility: map.gather(self.mobility),
-            damping_deficit: map.gather(self.damping_deficit),
-            immovable: map.gather_mask::<R>(self.immovable),
+    /// A row that exists nowhere, to be overwritten.
+    fn blank() -> Self {
+        let (none, zero) = (R::Mask::splat(false), R::zero());
+        Self {
+            support: 0,
+            y: 0,
+            coordinates: 0,
+            active: none,
+            g: zero,
+            position_g: zero,
+            lo: zero,
+            hi: zero,
+            compliance: zero,
+            diagonal: zero,
+            inv_diagonal: R::one(),
+            trace_ratio: R::one(),
+            mobility: zero,
+            damping_deficit: zero,
+            immovable: none,
         }
+    }
+
+    /// Gathers some lanes into `out`: what sweeps read.
+    #[inline(always)]
+    fn gather(&self, map: &LaneMap, out: &mut ScalarRow<R::Half>) {
+        (out.support, out.y, out.coordinates) = (self.support, self.y, self.coordinates);
+        out.active = map.gather_mask::<R>(self.active);
+        out.g = map.gather(self.g);
+        out.lo = map.gather(self.lo);
+        out.hi = map.gather(self.hi);
+        out.compliance = map.gather(self.compliance);
+        out.diagonal = map.gather(self.diagonal);
+        out.inv_diagonal = map.gather(self.inv_diagonal);
     }
 }
 
@@ -137,8 +154,9 @@ impl<R: Real> ScalarRows<R> {
         }
         let movable = diagonal.gt(R::zero());
         self.rows.items.push(ScalarRow {
-            support: s0..s0 + support.len(),
+            support: s0,
             y: y0,
+            coordinates: support.len(),
             active: active.and(movable),
             g,
             position_g: g,
@@ -219,8 +237,7 @@ impl<R: Real> ScalarRows<R> {
     /// Coordinates and entries of a row.
     #[inline(always)]
     pub fn entries(&self, row: &ScalarRow<R>) -> (&[u32], &[R]) {
-        let support = &self.support[row.support.clone()];
-        (support, self.y.row(row.y, support.len()))
+        (&self.support[row.support..row.support + row.coordinates], self.y.row(row.y, row.coordinates))
     }
 
     /// Velocity y . w + g of a row at the scaled velocity change w, without its compliance.
@@ -302,9 +319,9 @@ impl<R: Real> ConstraintSet<R> for ScalarRows<R> {
             |&y| map.gather(y),
         );
         out.separate = self.separate;
-        out.rows.clear();
-        for row in &rows.items {
-            out.rows.items.push(row.gather(map));
+        out.rows.items.resize_with(rows.items.len(), ScalarRow::blank);
+        for (row, out) in rows.items.iter().zip(&mut out.rows.items) {
+            row.gather(map, out);
         }
     }
 
@@ -431,6 +448,14 @@ impl<R: Real> ConstraintSet<R> for ScalarRows<R> {
     fn sum_normal_impulses(&self, rows: &Rows<ScalarRow<R>>, impulses: &[R], mut sum: R) -> R {
         for (row, &lambda) in rows.items.iter().zip(impulses) {
             sum += masked(row.active, lambda.abs());
+        }
+        sum
+    }
+
+    #[inline(always)]
+    fn add_potential(&self, impulses: &[R], mut sum: R) -> R {
+        for (row, &lambda) in self.rows.items.iter().zip(impulses) {
+            sum += (row.g + row.compliance * R::of(0.5) * lambda) * lambda;
         }
         sum
     }

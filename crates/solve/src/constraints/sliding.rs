@@ -15,7 +15,7 @@ pub type SlidingContacts<R> = FrictionContacts<R, 3, SlidingSolver<R>>;
 ///
 /// With the normal impulse eliminated, the tangential problem is `A lambda_t + c = -s lambda_t`, where
 /// `A = G_tt - G_tn G_nt / G_nn`. It is solved in the principal axes of A, where it is two independent scalar equations coupled by s.
-#[derive(Clone, Debug)]
+#[derive(Clone, Copy, Debug)]
 pub struct SlidingSolver<R: Real> {
     /// G_nn, G_na, G_nb, G_aa, G_ab, G_bb, compliance included.
     gram: [R; 6],
@@ -204,16 +204,14 @@ impl<R: Real> LocalSolver<R, 3> for SlidingSolver<R> {
     }
 
     #[inline(always)]
-    fn gather(&self, map: &LaneMap) -> SlidingSolver<R::Half> {
-        SlidingSolver {
-            gram: map.gather_array(&self.gram),
-            own: map.gather(self.own),
-            inv_gnn: map.gather(self.inv_gnn),
-            axis: map.gather_array(&self.axis),
-            a: map.gather_array(&self.a),
-            inv_a: map.gather_array(&self.inv_a),
-            coupling: map.gather_array(&self.coupling),
-        }
+    fn gather(&self, map: &LaneMap, out: &mut SlidingSolver<R::Half>) {
+        map.gather_into(&self.gram, &mut out.gram);
+        out.own = map.gather(self.own);
+        out.inv_gnn = map.gather(self.inv_gnn);
+        map.gather_into(&self.axis, &mut out.axis);
+        map.gather_into(&self.a, &mut out.a);
+        map.gather_into(&self.inv_a, &mut out.inv_a);
+        map.gather_into(&self.coupling, &mut out.coupling);
     }
 }
 

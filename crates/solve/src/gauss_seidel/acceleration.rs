@@ -6,7 +6,7 @@
 
 use crate::constraints::constraint_set::Impulse;
 use crate::constraints::each_kind;
-use crate::gauss_seidel::history::MEMORY;
+use crate::gauss_seidel::history::{MEMORY, SweepChange};
 use crate::iterate::Iterate;
 use crate::problem::Problem;
 use stepper_real::{Mask, Real};
@@ -41,50 +41,33 @@ pub(super) fn recompute_w<R: Real>(iterate: &mut Iterate<R>, problem: &Problem<R
 /// differ: there, w and the impulses are summed separately, so that w is no longer the sum over the impulses to the last bit.
 #[inline(always)]
 pub(super) fn accelerate<R: Real>(iterate: &mut Iterate<R>, running: R::Mask) -> R::Mask {
-    match iterate.record_sweep(running) {
-        0 => {}
-        1 => iterate.extrapolate::<1>(),
-        2 => iterate.extrapolate::<2>(),
-        3 => iterate.extrapolate::<3>(),
-        _ => iterate.extrapolate::<MEMORY>(),
-    }
     let Iterate { w, history, .. } = iterate;
-    history.start.copy_from_slice(w);
-    history.known[0]
+    history.shift();
+    let change = match history.remembered() {
+        0 => history.record_change::<0>(w),
+        1 => history.record_change::<1>(w),
+        2 => history.record_change::<2>(w),
+        3 => history.record_change::<3>(w),
+        _ => history.record_change::<MEMORY>(w),
+    };
+    match history.forget(running, change.length) {
+        0 => iterate.extrapolate::<0>(&change),
+        1 => iterate.extrapolate::<1>(&change),
+        2 => iterate.extrapolate::<2>(&change),
+        3 => iterate.extrapolate::<3>(&change),
+        _ => iterate.extrapolate::<MEMORY>(&change),
+    }
+    iterate.history.known[0]
 }
 
 impl<R: Real> Iterate<R> {
-    /// Records the change of a sweep of the lanes `running`. Returns the number of changes that are known in any lane.
+    /// Records the unknowns that the sweep left, and subtracts the combination of the last `N` changes from them.
     #[inline(always)]
-    fn record_sweep(&mut self, running: R::Mask) -> usize {
-        let past = &mut self.history;
-        past.shift();
-        let mut length = R::zero();
-        for (((w, start), f), df) in self.w.iter().zip(&past.start).zip(&mut past.f).zip(&mut past.df[0]) {
-            let now = *w - *start;
-            length += now * now;
-            *df = now - *f;
-            *f = now;
-        }
-        let goes = running.and(length.le(past.length));
-        past.length = R::select(running, length, past.length);
-        for known in &mut past.known[1..] {
-            *known = known.and(goes);
-        }
-        past.known[0] = past.ran.and(goes);
-        past.ran = running;
-        let mut at = 0;
-        past.record(&self.w, &mut at);
-        each_kind!([impulses: &self] => past.record(Impulse::flatten(impulses), &mut at));
-        past.known.iter().take_while(|known| known.any()).count()
-    }
-
-    /// Subtracts the combination of the last `N` changes from the unknowns that the sweep left.
-    #[inline(always)]
-    fn extrapolate<const N: usize>(&mut self) {
-        let c = self.history.coefficients::<N>();
+    fn extrapolate<const N: usize>(&mut self, change: &SweepChange<R>) {
+        let c = self.history.coefficients::<N>(change);
         let mut at = 0;
         self.history.extrapolate(&c, &mut self.w, &mut at);
+        self.history.start.copy_from_slice(&self.w);
         each_kind!([impulses: &mut self] => self.history.extrapolate(&c, Impulse::flatten_mut(impulses), &mut at));
     }
 }

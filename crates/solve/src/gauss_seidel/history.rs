@@ -35,6 +35,16 @@ pub(crate) struct History<R: Real> {
     pub(super) gram: [[R; MEMORY]; MEMORY],
 }
 
+/// Change of w by a sweep.
+pub(super) struct SweepChange<R> {
+    /// Squared length |f|^2 of the change f.
+    pub(super) length: R,
+    /// Products of the newest change of f with the last ones, itself first.
+    with_newest: [R; MEMORY],
+    /// Products of f with the last changes of it.
+    with_f: [R; MEMORY],
+}
+
 impl<R: Real> History<R> {
     /// Reserves memory for so many coordinates of w, and so many unknowns, w included.
     pub(crate) fn new(dimension: usize, unknowns: usize) -> Self {
@@ -86,51 +96,85 @@ impl<R: Real> History<R> {
         }
     }
 
-    /// Records the unknowns `part`, which a sweep left, at the place `at` among all unknowns, which becomes the place after
-    /// them.
+    /// Number of changes that any lane may know once that of the sweep just made is known.
     #[inline(always)]
-    pub(super) fn record(&mut self, part: &[R], at: &mut usize) {
-        let (known, place) = (self.known[0], *at..*at + part.len());
-        for ((x, image), dt) in part.iter().zip(&mut self.image[place.clone()]).zip(&mut self.dt[0][place.clone()]) {
-            // Zero, and never what is not a number, where a lane is not to use it.
-            *dt = masked(known, *x - *image);
-            *image = *x;
-        }
-        *at = place.end;
+    pub(super) fn remembered(&self) -> usize {
+        if self.ran.any() { 1 + self.known[1..].iter().take_while(|known| known.any()).count() } else { 0 }
     }
 
-    /// Subtracts the combination `c` of the last `N` changes from the unknowns `part`, which are at the place `at` among all, which becomes
-    /// the place after them.
+    /// Records the change of a sweep that left `w`, with its products with the last `N` changes of f.
     #[inline(always)]
-    pub(super) fn extrapolate<const N: usize>(&self, c: &[R; N], part: &mut [R], at: &mut usize) {
-        let place = *at..*at + part.len();
-        *at = place.end;
-        let mut dt = self.dt.iter().map(|dt| &dt[place.clone()]);
-        let dt: [&[R]; N] = std::array::from_fn(|_| dt.next().expect("N is at most MEMORY"));
-        for (i, x) in part.iter_mut().enumerate() {
-            // From zero, which is no -0: where a neighbour remembers more, nothing changes.
-            let mut sum = R::zero();
-            for k in 0..N {
-                sum += c[k] * dt[k][i];
+    pub(super) fn record_change<const N: usize>(&mut self, w: &[R]) -> SweepChange<R> {
+        let Self { start, f, df: [newest, older @ ..], .. } = self;
+        let (start, f, newest) = (&start[..w.len()], &mut f[..w.len()], &mut newest[..w.len()]);
+        let mut older = older.iter().map(|df| &df[..w.len()]);
+        let older: [&[R]; MEMORY - 1] = std::array::from_fn(|_| older.next().expect("there is one for each change but the newest"));
+        let mut change = SweepChange { length: R::zero(), with_newest: [R::zero(); MEMORY], with_f: [R::zero(); MEMORY] };
+        for i in 0..w.len() {
+            let now = w[i] - start[i];
+            change.length += now * now;
+            let difference = now - f[i];
+            f[i] = now;
+            if N > 0 {
+                newest[i] = difference;
             }
-            *x -= sum;
+            for j in 0..N {
+                let df = if j == 0 { difference } else { older[j - 1][i] };
+                change.with_newest[j] += difference * df;
+                change.with_f[j] += df * now;
+            }
+        }
+        change
+    }
+
+    /// Forgets all changes in lanes that are not `running`, and in those whose sweep changed more than the one before. Returns the number
+    /// of changes that are known in any lane.
+    #[inline(always)]
+    pub(super) fn forget(&mut self, running: R::Mask, length: R) -> usize {
+        let goes = running.and(length.le(self.length));
+        self.length = R::select(running, length, self.length);
+        for known in &mut self.known[1..] {
+            *known = known.and(goes);
+        }
+        self.known[0] = self.ran.and(goes);
+        self.ran = running;
+        self.known.iter().take_while(|known| known.any()).count()
+    }
+
+    /// Records the unknowns `part`, which a sweep left and which are at the place `at` among all, and subtracts the combination `c` of the
+    /// last `N` changes from them. `at` becomes the place after them.
+    #[inline(always)]
+    pub(super) fn extrapolate<const N: usize>(&mut self, c: &[R; N], part: &mut [R], at: &mut usize) {
+        let (known, place) = (self.known[0], *at..*at + part.len());
+        *at = place.end;
+        let [newest, older @ ..] = &mut self.dt;
+        let (image, newest) = (&mut self.image[place.clone()], &mut newest[place.clone()]);
+        let mut older = older.iter().map(|dt| &dt[place.clone()]);
+        let older: [&[R]; MEMORY - 1] = std::array::from_fn(|_| older.next().expect("there is one for each change but the newest"));
+        for (i, x) in part.iter_mut().enumerate() {
+            let now = *x;
+            if N > 0 {
+                // Zero, and never what is not a number, where a lane is not to use it.
+                newest[i] = masked(known, now - image[i]);
+                // From zero, which is no -0: where a neighbour remembers more, nothing changes.
+                let mut sum = R::zero();
+                for k in 0..N {
+                    sum += c[k] * if k == 0 { newest[i] } else { older[k - 1][i] };
+                }
+                *x -= sum;
+            }
+            image[i] = now;
         }
     }
 
     /// Coefficients c of least squares over the last `N` changes; 0 for a change that a lane does not know.
     #[inline(always)]
-    pub(super) fn coefficients<const N: usize>(&mut self) -> [R; N] {
-        let Self { f, df, known, gram, .. } = self;
-        let (zero, one) = (R::zero(), R::one());
-        let (mut own, mut c) = ([zero; N], [zero; N]);
-        for i in 0..f.len() {
-            for j in 0..N {
-                let older = df[j][i];
-                own[j] += df[0][i] * older;
-                c[j] += older * f[i];
-            }
-        }
-        gram[0][..N].copy_from_slice(&own);
+    pub(super) fn coefficients<const N: usize>(&mut self, change: &SweepChange<R>) -> [R; N] {
+        let Self { known, gram, .. } = self;
+        let one = R::one();
+        let mut c = [R::zero(); N];
+        c.copy_from_slice(&change.with_f[..N]);
+        gram[0][..N].copy_from_slice(&change.with_newest[..N]);
         // Elimination, the newest first; a change that is nearly a sum of newer ones is left out: its large c would magnify rounding.
         let mut a = *gram;
         let rounding = R::of(<R::Scalar as Scalar>::EPSILON.to_f64().sqrt());

@@ -68,6 +68,13 @@ fn build<R: Real<Scalar = f64>>(problems: &Problems) -> (Problem<R>, Iterate<R>)
     (problem, iterate)
 }
 
+/// Bits of what every lane of an iterate has, after those of `more`.
+fn bits<R: Real<Scalar = f64>>(more: &[R], iterate: &Iterate<R>) -> Vec<Vec<u64>> {
+    let impulses = [iterate.contacts.as_flattened(), iterate.rolling_contacts.as_flattened(), &iterate.scalars, &iterate.w].concat();
+    let all = [more, &impulses].concat();
+    (0..R::LANES).map(|l| all.iter().map(|x| x.lane(l).to_bits()).collect()).collect()
+}
+
 /// What a solve leaves of every lane: of sweeps alone, or of few sweeps and Newton's method.
 fn left<R: Real<Scalar = f64>>(problems: &Problems, tolerance: f64, sweeps_alone: bool) -> Vec<Vec<u64>> {
     let (problem, mut iterate) = build::<R>(problems);
@@ -80,9 +87,7 @@ fn left<R: Real<Scalar = f64>>(problems: &Problems, tolerance: f64, sweeps_alone
         let outcome = stepper_solve::solve(&problem, &mut iterate, settings, all, &mut Newton::default());
         [outcome.residual, outcome.newton_steps]
     };
-    let impulses = [iterate.contacts.as_flattened(), iterate.rolling_contacts.as_flattened(), &iterate.scalars, &iterate.w].concat();
-    let all = [&[residual, effort], &impulses[..]].concat();
-    (0..R::LANES).map(|l| all.iter().map(|x| x.lane(l).to_bits()).collect()).collect()
+    bits(&[residual, effort], &iterate)
 }
 
 proptest! {
@@ -99,5 +104,23 @@ proptest! {
             let alone = left::<f64>(&vec![problem], tolerance, sweeps_alone);
             prop_assert_eq!(&together[l], &alone[0], "lane {}", l);
         }
+    }
+    #[test]
+    fn an_estimate_from_none_follows_from_the_problem_alone(problems in problems(), lane in 0..Lanes::LANES, sweeps in 1u32..4) {
+        let (problem, mut iterate) = build::<Lanes>(&problems);
+        let (_, mut other) = build::<Lanes>(&problems);
+        let three = Lanes::of(3.0);
+        for lambda in other.scalars.iter_mut().chain(other.contacts.as_flattened_mut()) {
+            *lambda *= three;
+        }
+        other.rolling_contacts[0] = [three; 6];
+        other.compute_w(&problem);
+        let before = bits(&[], &other);
+        for iterate in [&mut iterate, &mut other] {
+            gauss_seidel::sweep_from_none(&problem, iterate, sweeps, Mask::from_bits(1 << lane));
+        }
+        let [from_one, from_another] = [&iterate, &other].map(|iterate| bits(&[], iterate));
+        prop_assert_eq!(&from_one[lane], &from_another[lane]);
+        prop_assert_eq!(&before[1 - lane], &from_another[1 - lane], "the other lane keeps its impulses");
     }
 }

@@ -4,7 +4,7 @@ use crate::common::{Share, cases};
 use nalgebra::{DMatrix, DVector};
 use proptest::prelude::*;
 use stepper_solve::gauss_seidel::{SweepSettings, solve};
-use stepper_solve::{Iterate, Problem, cone, residual};
+use stepper_solve::{Iterate, Problem, Snapshot, cone, residual};
 
 /// Rows of a random problem with `contacts` contacts and a limit in `n` coordinates.
 #[derive(Clone, Debug)]
@@ -77,6 +77,26 @@ proptest! {
         let inside = [height, other[1] * shrink, other[2] * shrink];
         prop_assert!(distance(x, p) <= distance(x, inside) + 1e-12);
     }
+}
+
+#[test]
+fn the_better_start_is_that_of_less_energy() {
+    let solved = Share::default();
+    proptest!(cases(400), |(case in case())| {
+        let frictionless = Case { mu: vec![0.0; case.mu.len()], ..case };
+        let (problem, mut iterate) = build(&frictionless);
+        let [mut none, mut solution] = [(); 2].map(|()| Snapshot::default());
+        none.save(&iterate, true);
+        let outcome = solve(&problem, &mut iterate, SweepSettings { sweeps: 1000, tolerance: 1e-9 }, true);
+        prop_assume!(solved.count(outcome.residual <= 1e-9));
+        solution.save(&iterate, true);
+        // Without friction and compliance the energy of the solution is -|w|^2 / 2, that of no impulse 0.
+        let moves = iterate.w.iter().map(|w| w * w).sum::<f64>() > 1e-6;
+        prop_assert!(solution.is_as_good(&problem, &iterate));
+        prop_assert_eq!(none.is_as_good(&problem, &iterate), !moves);
+        none.restore(&mut iterate, true);
+        prop_assert!(solution.is_as_good(&problem, &iterate));
+    });
 }
 
 #[test]

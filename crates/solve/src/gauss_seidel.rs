@@ -60,6 +60,12 @@ pub fn solve<'a, R: Real>(
             let (mut worst, mut unsolved) = (R::zero(), lanes);
             while unsolved.any() {
                 sweep_until_paused(system, iterate, &mut progress);
+                if !system.certified {
+                    unsolved = unsolved.and_not(progress.sweeps.lt(R::of(progress.most_sweeps)));
+                    if unsolved.none() {
+                        break;
+                    }
+                }
                 worst = R::select(unsolved, residual(system, iterate), worst);
                 unsolved = unsolved.and(worst.gt(tolerance)).and(progress.sweeps.lt(R::of(progress.most_sweeps)));
                 progress.running = unsolved;
@@ -102,7 +108,7 @@ pub fn estimate<R: Real>(problem: &Problem<R>, iterate: &mut Iterate<R>, setting
     )
 }
 
-/// Sweeps until every lane has paused; w and the impulses agree then.
+/// Sweeps until every lane has paused; w and the impulses of a certified system agree then to the last bit.
 #[inline(always)]
 fn sweep_until_paused<R: Real>(system: System<'_, R>, iterate: &mut Iterate<R>, progress: &mut Progress<R>) {
     // Lanes that paused long ago start as those that did just now.
@@ -112,7 +118,7 @@ fn sweep_until_paused<R: Real>(system: System<'_, R>, iterate: &mut Iterate<R>, 
             progress.sweep(system, iterate);
         }
     }
-    if progress.extrapolated.any() {
+    if system.certified && progress.extrapolated.any() {
         recompute_w(iterate, system.problem, progress.extrapolated);
         progress.extrapolated = R::Mask::splat(false);
     }

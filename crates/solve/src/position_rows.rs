@@ -39,7 +39,7 @@ impl<R: Real> PositionRows<R> {
     /// System of these rows, which were copied from `problem`.
     #[inline(always)]
     pub fn system<'a>(&'a self, problem: &'a Problem<R>) -> System<'a, R> {
-        make_kinds!(System { problem, } [own: &self] => own)
+        make_kinds!(System { problem, certified: true, } [own: &self] => own)
     }
 
     /// Takes up a scaled change of the free velocity, as [`Problem::shift`] does.

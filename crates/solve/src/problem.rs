@@ -28,13 +28,16 @@ by_kind! {
     pub struct System['a, R: Real] {
         /// What all solves share.
         pub(crate) problem: &'a Problem<R>,
+        /// Whether the solve ends with a residual that certifies it, of a w that is the sum over the impulses to the last bit. Else lanes
+        /// whose sweeps change little count as solved.
+        pub(crate) certified: bool,
     } each rows
 }
 
 impl<'a, R: Real> From<&'a Problem<R>> for System<'a, R> {
     #[inline(always)]
     fn from(problem: &'a Problem<R>) -> Self {
-        make_kinds!(System { problem, } [set: &problem] => set.rows())
+        make_kinds!(System { problem, certified: true, } [set: &problem] => set.rows())
     }
 }
 
@@ -129,6 +132,12 @@ fn shift_own<R: Real, const N: usize, L: LocalSolver<R, N>>(
 }
 
 impl<R: Real> System<'_, R> {
+    /// The same system, of whose solution nobody asks for a certificate: the residual of lanes whose sweeps change little is 0.
+    #[inline(always)]
+    pub fn uncertified(self) -> Self {
+        Self { certified: false, ..self }
+    }
+
     /// Gathers some lanes into `out`, as far as sweeps need them.
     #[inline(always)]
     pub(crate) fn gather(&self, map: &LaneMap, out: &mut Problem<R::Half>) {

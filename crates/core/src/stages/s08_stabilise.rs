@@ -216,6 +216,7 @@ fn correct<R: Real>(
     let threshold = if options.solver == Solver::Newton { tolerance } else { tolerance.max(rough) };
     let settings = Settings { sweeps, newton_steps: newton, tolerance: R::of(tolerance), newton_threshold: R::of(threshold) };
     let system = room.positions.system(problem);
+    let system = if options.is_tight() { system } else { system.uncertified() };
     stepper_solve::solve(system, room.iterate, settings, lanes, room.newton);
     let bounds = Bounds::new(options, solved.h);
     let (fast, lacking) = R::vectorize(

@@ -1,0 +1,80 @@
+"""Errors of the trajectories of robots in contact at their own time step, half and a quarter of it, beside a 64th of it.
+
+256 environments of each robot, after 120 steps of random control, go on with held controls for 40 ms. The error of one is its largest of a
+coordinate, m or rad; what is printed is the median, the third quartile and the ninth decile of the
+environments. Two builds are compared by running it with each:
+references are made once, and kept in a folder.
+
+    PYTHONPATH=old/python python benches/comparison/refinement.py out/references
+    PYTHONPATH=new/python python benches/comparison/refinement.py out/references
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import warnings
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from stepper import Model, Options, Stepper, load
+from stepper.shared.machine import MissingPackageError, package_file
+from versions import MODELS
+
+NUM_ENVS, WARM_UP, SECONDS = 256, 120, 0.04
+REFINED = 64
+"""Steps of a reference in one of the robot's own."""
+QUANTILES = (0.5, 0.75, 0.9)
+"""Of the errors of the environments that are printed."""
+
+
+def main() -> None:
+    """Prints a table."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("references", type=Path, help="folder of the references, which are made where they are missing")
+    folder = parser.parse_args().references
+    folder.mkdir(parents=True, exist_ok=True)
+    warnings.simplefilter("ignore")
+    print(f"| robot | {' | '.join(f'dt / {k}' for k in (1, 2, 4))} |\n|---|---|---|---|")
+    for package, file in MODELS:
+        try:
+            path = package_file(package, file, "to step its robots")
+        except MissingPackageError as error:
+            print(f"{file}: left out, {error}", file=sys.stderr)
+            continue
+        name = f"{package}/{Path(file).stem}"
+        model = load(str(path), strict=False)
+        kept = folder / f"{name.replace('/', '_')}.npz"
+        if not kept.exists():
+            np.savez(kept, **reference(model))
+        with np.load(kept) as there:
+            given = dict(there)
+        cells = []
+        for parts in (1, 2, 4):
+            error = np.abs(final_qpos(model, given, parts) - given["reached"]).max(axis=1)
+            cells.append(" ".join(f"{q:.2e}" for q in np.quantile(error, QUANTILES)))
+        print(f"| {name} | {' | '.join(cells)} |", flush=True)
+
+
+def reference(model: Model) -> dict[str, NDArray[np.float64]]:
+    """States in the middle of random control, controls for what follows, and where that leads."""
+    low, high = np.nan_to_num(np.asarray(model.actuator_ctrlrange), neginf=-1.0, posinf=1.0).T
+    sim, rng = Stepper(model, NUM_ENVS), np.random.default_rng(1)
+    for _ in range(WARM_UP):
+        sim.step(rng.uniform(low, high, (NUM_ENVS, len(low))))
+    given = {"qpos": np.array(sim.qpos), "qvel": np.array(sim.qvel), "ctrl": rng.uniform(low, high, (NUM_ENVS, len(low))) / 2}
+    return given | {"reached": final_qpos(model, given, REFINED)}
+
+
+def final_qpos(model: Model, given: dict[str, NDArray[np.float64]], parts: int) -> NDArray[np.float64]:
+    """Configurations after the time, with so many steps in one of the model's own."""
+    steps = max(4, round(SECONDS / model.timestep))
+    sim = Stepper(model, NUM_ENVS, options=Options(timestep=model.timestep / parts))
+    sim.set_state(qpos=given["qpos"], qvel=given["qvel"])
+    sim.step(given["ctrl"], nstep=steps * parts)
+    return np.array(sim.qpos)
+
+
+if __name__ == "__main__":
+    main()

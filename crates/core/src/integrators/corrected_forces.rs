@@ -23,7 +23,7 @@ pub(crate) fn reconsider_servos<R: Real>(
     s: &mut Workspace<R>,
 ) -> bool {
     let lanes = s.constraints.constrained;
-    let estimate = Estimate::new(options, &s.state.v, scheme.h, true, &s.constraints);
+    let estimate = Estimate::new(compiled, options, &s.state.v, scheme.h, &s.constraints);
     estimate.make(options, lanes, &mut s.constraints);
     s.constraints.impulse_change(compiled, &s.free_motion.smooth.mass, &mut s.work.expected_change);
     R::vectorize(
@@ -69,7 +69,7 @@ pub(crate) fn correct_forces<R: Real>(
     probe: impl Probe,
 ) {
     let constrained = s.constraints.constrained;
-    let estimate = Estimate::new(options, &s.state.v, scheme.h, compiled.servos_are_bounded, &s.constraints);
+    let estimate = Estimate::new(compiled, options, &s.state.v, scheme.h, &s.constraints);
     if constrained.any() {
         probe.span(Span::EstimateImpulses, || estimate.make(options, constrained, &mut s.constraints));
     }

@@ -64,7 +64,7 @@ pub(crate) fn assemble_rows<R: Real>(
         probe.span(Span::Assemble, || assemble_here(compiled, options, scheme, s, at_beginning));
         // Where nothing was wrong, this repeats the bits of the estimate before.
         probe.span(Span::EstimateImpulses, || {
-            let (estimate, lanes) = (Estimate::new(options, &s.state.v, scheme.h, true, &s.constraints), s.constraints.constrained);
+            let (estimate, lanes) = (Estimate::new(compiled, options, &s.state.v, scheme.h, &s.constraints), s.constraints.constrained);
             estimate.make(options, lanes, &mut s.constraints);
             estimate.choose_start(lanes, &mut s.constraints);
         });

@@ -4,6 +4,7 @@ use stepper_real::{Mask, Real, Scalar};
 use stepper_solve::{Outcome, Settings, System, residual};
 
 use crate::collision::contact_set::Contacts;
+use crate::compile::LaneModel;
 use crate::constraints::{AssembledRows, Constraints, SolverWorkspace};
 use crate::math::spatial::*;
 use crate::options::{Solver, StepSettings};
@@ -87,9 +88,12 @@ fn share_loads<R: Real>(
 /// Sweeps of a rough estimate. One more changes no error of a trajectory in three digits (docs/decisions/visible_state.md).
 const ROUGH_SWEEPS: u32 = 2;
 
-/// Motion within a step, rad or m, between which a rough estimate is enough. What moves less may be a structure of many bodies, which only
-/// the impulses of the step before hold; in a step that is so long that it turns more, an error of the velocity feeds the motion.
-const ROUGH_MOTION: [f64; 2] = [1e-3, 0.3];
+/// Motion within a step, rad or m, from which on a rough estimate is enough where there are several trees: what moves less may be a
+/// structure of many bodies, which only the impulses of the step before hold.
+const STRUCTURE_MOTION: f64 = 1e-3;
+
+/// Motion within a step, rad or m, up to which a rough estimate is enough: in a longer step an error of the velocity feeds the motion.
+const ROUGH_MOTION: f64 = 0.3;
 
 /// Sweeps of an estimate that is solved for, at the most.
 const ESTIMATE_SWEEPS: u32 = 16;
@@ -121,13 +125,13 @@ pub struct Estimate<R: Real> {
 }
 
 impl<R: Real> Estimate<R> {
-    /// That of a step of `h` seconds from the velocity `v`. Where the estimate `decides` whether servos are on their bounds it is solved
-    /// for, as it is where loads are shared, and for who asks for more than the default: for Newton's method, or a smaller tolerance.
+    /// That of a step of `h` seconds from the velocity `v`. It is solved for where it decides whether servos are on their bounds, where
+    /// loads are shared, and for who asks for more than the default: for Newton's method, or a smaller tolerance.
     #[inline(always)]
-    pub fn new(options: &StepSettings, v: &[R], h: R, decides: bool, constraints: &Constraints<R>) -> Self {
+    pub fn new(compiled: &LaneModel<R>, options: &StepSettings, v: &[R], h: R, constraints: &Constraints<R>) -> Self {
         let error = if options.is_tight() { ESTIMATE_RATIO * options.tolerance } else { ESTIMATE_ERROR };
-        let exact = decides || options.is_tight() || options.solver == Solver::Newton;
-        let [least, most] = ROUGH_MOTION;
+        let exact = compiled.servos_are_bounded || options.is_tight() || options.solver == Solver::Newton;
+        let least = if compiled.ntree > 1 { STRUCTURE_MOTION } else { REST_MOTION };
         R::vectorize(
             #[inline(always)]
             || {
@@ -135,7 +139,7 @@ impl<R: Real> Estimate<R> {
                 let slow = (turn * R::of(ROUGHEST_ESTIMATE)).le(R::of(error));
                 let tolerance = R::select(slow, R::of(ROUGHEST_ESTIMATE), R::of(error) / R::select(slow, R::one(), turn));
                 let moving = is_moving(turn);
-                let rough = turn.gt(R::of(least)).and(turn.lt(R::of(most))).and_not(constraints.patches.lanes());
+                let rough = turn.gt(R::of(least)).and(turn.lt(R::of(ROUGH_MOTION))).and_not(constraints.patches.lanes());
                 Self { moving, rough: if exact { R::Mask::splat(false) } else { rough }, tolerance }
             },
         )

@@ -86,7 +86,7 @@ const NEGLIGIBLE_ENERGY: f64 = 1e-6;
 
 impl<R: Real> Snapshot<R> {
     /// Lanes in which the saved impulses are as good a start: their energy `|w|^2 / 2 + g . lambda + R lambda^2 / 2`, which the solution
-    /// minimises but for De Saxce's terms, is less than that of `iterate`, or more by no more than [`NEGLIGIBLE_ENERGY`] of it.
+    /// minimises but for De Saxce's terms, is less than that of `iterate`, or more by no more than a millionth of it.
     pub fn is_as_good(&self, problem: &Problem<R>, iterate: &Iterate<R>) -> R::Mask {
         R::vectorize(
             #[inline(always)]

@@ -89,7 +89,9 @@ proptest! {
             let outcome = solve(problem, &mut iterate, SweepSettings { sweeps, tolerance: 1e-12 }, true);
             (iterate, outcome)
         });
-        prop_assert!(one.1.residual < 1e-10, "residual {}", one.1.residual);
+        // Rounding of a sum of so many terms of the size of w, which grows with one over the sine between nearly dependent rows.
+        let largest = one.0.w.iter().fold(1.0, |most: f64, w| most.max(w.abs()));
+        prop_assert!(one.1.residual < 1e-12 * largest, "residual {} of {largest}", one.1.residual);
         prop_assert!(many.1.residual < 1e-9, "residual {}", many.1.residual);
         // The limit's impulse is the same, and so is w: residuals over the least squared length that was assumed, 1e-2 of a row of order
         // one.

@@ -5,8 +5,8 @@ coordinate, m or rad; what is printed is the median, the third quartile and the 
 environments. Two builds are compared by running it with each:
 references are made once, and kept in a folder.
 
-    PYTHONPATH=old/python python benches/comparison/refinement.py out/references
-    PYTHONPATH=new/python python benches/comparison/refinement.py out/references
+    PYTHONPATH=old/python:benches python -m comparison.refinement out/references
+    PYTHONPATH=new/python:benches python -m comparison.refinement out/references
 """
 
 from __future__ import annotations
@@ -17,10 +17,10 @@ import warnings
 from pathlib import Path
 
 import numpy as np
+from comparison.versions import MODELS
 from numpy.typing import NDArray
 from stepper import Model, Options, Stepper, load
 from stepper.shared.machine import MissingPackageError, package_file
-from versions import MODELS
 
 NUM_ENVS, WARM_UP, SECONDS = 256, 120, 0.04
 REFINED = 64
@@ -47,32 +47,38 @@ def main() -> None:
         model = load(str(path), strict=False)
         kept = folder / f"{name.replace('/', '_')}.npz"
         if not kept.exists():
-            np.savez(kept, **reference(model))
+            qpos, qvel, ctrl, reached = reference(model)
+            np.savez(kept, qpos=qpos, qvel=qvel, ctrl=ctrl, reached=reached)
         with np.load(kept) as there:
             given = dict(there)
         cells = []
         for parts in (1, 2, 4):
-            error = np.abs(final_qpos(model, given, parts) - given["reached"]).max(axis=1)
-            cells.append(" ".join(f"{q:.2e}" for q in np.quantile(error, QUANTILES)))
+            reached = final_qpos(model, (given["qpos"], given["qvel"], given["ctrl"]), parts)
+            errors = np.abs(reached - given["reached"]).max(axis=1)
+            cells.append(" ".join(f"{q:.2e}" for q in np.quantile(errors, QUANTILES)))
         print(f"| {name} | {' | '.join(cells)} |", flush=True)
 
 
-def reference(model: Model) -> dict[str, NDArray[np.float64]]:
-    """States in the middle of random control, controls for what follows, and where that leads."""
+Array = NDArray[np.float64]
+
+
+def reference(model: Model) -> tuple[Array, Array, Array, Array]:
+    """Configurations and velocities in the middle of random control, controls for what follows, and where that leads."""
     low, high = np.nan_to_num(np.asarray(model.actuator_ctrlrange), neginf=-1.0, posinf=1.0).T
     sim, rng = Stepper(model, NUM_ENVS), np.random.default_rng(1)
     for _ in range(WARM_UP):
         sim.step(rng.uniform(low, high, (NUM_ENVS, len(low))))
-    given = {"qpos": np.array(sim.qpos), "qvel": np.array(sim.qvel), "ctrl": rng.uniform(low, high, (NUM_ENVS, len(low))) / 2}
-    return given | {"reached": final_qpos(model, given, REFINED)}
+    given = np.array(sim.qpos), np.array(sim.qvel), rng.uniform(low, high, (NUM_ENVS, len(low))) / 2
+    return *given, final_qpos(model, given, REFINED)
 
 
-def final_qpos(model: Model, given: dict[str, NDArray[np.float64]], parts: int) -> NDArray[np.float64]:
+def final_qpos(model: Model, given: tuple[Array, Array, Array], parts: int) -> Array:
     """Configurations after the time, with so many steps in one of the model's own."""
-    steps = max(4, round(SECONDS / model.timestep))
-    sim = Stepper(model, NUM_ENVS, options=Options(timestep=model.timestep / parts))
-    sim.set_state(qpos=given["qpos"], qvel=given["qvel"])
-    sim.step(given["ctrl"], nstep=steps * parts)
+    (qpos, qvel, ctrl), dt = given, float(model.timestep)
+    steps = max(4, round(SECONDS / dt))
+    sim = Stepper(model, NUM_ENVS, options=Options(timestep=dt / parts))
+    sim.set_state(qpos=qpos, qvel=qvel)
+    sim.step(ctrl, nstep=steps * parts)
     return np.array(sim.qpos)
 
 

@@ -1,9 +1,8 @@
 """Errors of the trajectories of robots in contact at their own time step, half and a quarter of it, beside a 64th of it.
 
 256 environments of each robot, after 120 steps of random control, go on with held controls for 40 ms. The error of one is its largest of a
-coordinate, m or rad; what is printed is the median, the third quartile and the ninth decile of the
-environments. Two builds are compared by running it with each:
-references are made once, and kept in a folder.
+coordinate, m or rad; what is printed is the median, the third quartile and the ninth decile of the environments. Two builds are compared by
+running it with each: references are made once, and kept in a folder.
 
     PYTHONPATH=old/python:benches python -m comparison.refinement out/references
     PYTHONPATH=new/python:benches python -m comparison.refinement out/references
@@ -21,6 +20,8 @@ from comparison.versions import MODELS
 from numpy.typing import NDArray
 from stepper import Model, Options, Stepper, load
 from stepper.shared.machine import MissingPackageError, package_file
+
+Array = NDArray[np.float64]
 
 NUM_ENVS, WARM_UP, SECONDS = 256, 120, 0.04
 REFINED = 64
@@ -57,9 +58,6 @@ def main() -> None:
             errors = np.abs(reached - given["reached"]).max(axis=1)
             cells.append(" ".join(f"{q:.2e}" for q in np.quantile(errors, QUANTILES)))
         print(f"| {name} | {' | '.join(cells)} |", flush=True)
-
-
-Array = NDArray[np.float64]
 
 
 def reference(model: Model) -> tuple[Array, Array, Array, Array]:

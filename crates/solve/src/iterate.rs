@@ -102,7 +102,7 @@ impl<R: Real> Snapshot<R> {
 
 /// |w|^2 / 2, J.
 #[inline(always)]
-fn energy<R: Real>(w: &[R]) -> R {
+pub(crate) fn energy<R: Real>(w: &[R]) -> R {
     let mut square = R::zero();
     for &w in w {
         square += w * w;

@@ -2,7 +2,7 @@
 
 use crate::constraints::constraint_set::{ConstraintSet, number_of, worse};
 use crate::constraints::each_kind;
-use crate::iterate::Iterate;
+use crate::iterate::{Iterate, energy};
 use crate::problem::System;
 use stepper_real::Real;
 
@@ -55,9 +55,5 @@ pub fn worst_constraint<'a, R: Real>(system: impl Into<System<'a, R>>, iterate: 
 pub fn undecided<'a, R: Real>(system: impl Into<System<'a, R>>, iterate: &Iterate<R>, residual: R, negligible: R) -> R::Mask {
     let (system, mut impulse) = (system.into(), R::zero());
     each_kind!([set: &system.problem] [rows: system] [impulses: &iterate] => impulse = set.sum_normal_impulses(rows, impulses, impulse));
-    let mut energy = R::zero();
-    for &w in &iterate.w {
-        energy += w * w;
-    }
-    (residual.min(R::of(1e-6)) * impulse).gt(energy * R::of(0.5) + negligible)
+    (residual.min(R::of(1e-6)) * impulse).gt(energy(&iterate.w) + negligible)
 }

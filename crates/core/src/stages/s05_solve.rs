@@ -85,7 +85,8 @@ fn share_loads<R: Real>(
     }
 }
 
-/// Sweeps of a rough estimate. One more changes no error of a trajectory in three digits (docs/decisions/visible_state.md).
+/// Sweeps of a rough estimate: trajectories have the errors that they have with an estimate that is solved for
+/// (docs/decisions/visible_state.md).
 const ROUGH_SWEEPS: u32 = 2;
 
 /// Motion within a step, rad or m, from which on a rough estimate is enough where there are several trees: what moves less may be a
@@ -148,9 +149,9 @@ impl<R: Real> Estimate<R> {
     /// Estimates the impulses in the lanes `lanes`.
     #[inline(always)]
     pub fn make(&self, options: &StepSettings, lanes: R::Mask, constraints: &mut Constraints<R>) {
-        let Constraints { problem, iterate, shared, .. } = constraints;
+        let Constraints { problem, iterate, shared, patches, .. } = constraints;
         let [rough, solved] = [lanes.and(self.rough), lanes.and_not(self.rough)];
-        shared.save(iterate, lanes);
+        shared.save(iterate, rough.or(lanes.and(patches.lanes())));
         if rough.any() {
             stepper_solve::gauss_seidel::sweep_from_none(problem, iterate, ROUGH_SWEEPS, rough);
         }

@@ -107,8 +107,7 @@ impl<R: Real> History<R> {
     pub(super) fn record_change<const N: usize>(&mut self, w: &[R]) -> SweepChange<R> {
         let Self { start, f, df: [newest, older @ ..], .. } = self;
         let (start, f, newest) = (&start[..w.len()], &mut f[..w.len()], &mut newest[..w.len()]);
-        let mut older = older.iter().map(|df| &df[..w.len()]);
-        let older: [&[R]; MEMORY - 1] = std::array::from_fn(|_| older.next().expect("there is one for each change but the newest"));
+        let older = older.each_ref().map(|df| &df[..w.len()]);
         let mut change = SweepChange { length: R::zero(), with_newest: [R::zero(); MEMORY], with_f: [R::zero(); MEMORY] };
         for i in 0..w.len() {
             let now = w[i] - start[i];
@@ -149,8 +148,7 @@ impl<R: Real> History<R> {
         *at = place.end;
         let [newest, older @ ..] = &mut self.dt;
         let (image, newest) = (&mut self.image[place.clone()], &mut newest[place.clone()]);
-        let mut older = older.iter().map(|dt| &dt[place.clone()]);
-        let older: [&[R]; MEMORY - 1] = std::array::from_fn(|_| older.next().expect("there is one for each change but the newest"));
+        let older = older.each_ref().map(|dt| &dt[place.clone()]);
         for (i, x) in part.iter_mut().enumerate() {
             let now = *x;
             if N > 0 {

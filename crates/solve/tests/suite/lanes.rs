@@ -105,6 +105,7 @@ proptest! {
             prop_assert_eq!(&together[l], &alone[0], "lane {}", l);
         }
     }
+
     #[test]
     fn an_estimate_from_none_follows_from_the_problem_alone(problems in problems(), lane in 0..Lanes::LANES, sweeps in 1u32..4) {
         let (problem, mut iterate) = build::<Lanes>(&problems);

@@ -89,7 +89,8 @@ proptest! {
             let outcome = solve(problem, &mut iterate, SweepSettings { sweeps, tolerance: 1e-12 }, true);
             (iterate, outcome)
         });
-        // Rounding of a sum of so many terms of the size of w, which grows with one over the sine between nearly dependent rows.
+        // Rounding, divided by the sine between nearly dependent rows, twice. w goes with one over that sine, so some 1e-16 w^2 is to be
+        // expected: 1.7e-10 at the w of 577 of the seed that is kept.
         let largest = one.0.w.iter().fold(1.0, |most: f64, w| most.max(w.abs()));
         prop_assert!(one.1.residual < 1e-12 * largest, "residual {} of {largest}", one.1.residual);
         prop_assert!(many.1.residual < 1e-9, "residual {}", many.1.residual);

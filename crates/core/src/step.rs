@@ -57,7 +57,9 @@ fn stages<R: Real>(
     // 9 sense
     probe.span(Span::Sense, || observe(compiled, options, s, devices));
     // 10 record
-    probe.span(Span::Record, || record(compiled, options, s, &solution, [finite, tunnelled]))
+    let record = probe.span(Span::Record, || record(compiled, options, s, &solution, [finite, tunnelled]));
+    s.constraints.leave_out_missed(&mut s.state.contacts);
+    record
 }
 
 /// Stages 1 to 8 with hard contact. Returns the lanes in which something may have passed through something thin, too.

@@ -71,6 +71,15 @@ impl<R: Real> Slot<R> {
         self.mu.set_lane(l, from.mu.lane(l));
         self.restitution.set_lane(l, from.restitution.lane(l));
     }
+
+    /// Takes over the tangent and the impulse of one lane of another slot.
+    #[inline(always)]
+    fn copy_solution(&mut self, from: &Self, l: usize) {
+        for i in 0..3 {
+            self.tangent[i].set_lane(l, from.tangent[i].lane(l));
+            self.impulse[i].set_lane(l, from.impulse[i].lane(l));
+        }
+    }
 }
 
 /// All contacts of a group of environments.
@@ -189,6 +198,11 @@ impl<R: Real> Contacts<R> {
                 self.ids[to][l] = self.ids[from][l];
                 let (before, after) = self.data.split_at_mut(from);
                 before[to].copy_lane(&after[0], l);
+                before[to].copy_solution(&after[0], l);
+                if !self.torque.is_empty() {
+                    let (before, after) = self.torque.split_at_mut(from);
+                    (0..3).for_each(|i| before[to][i].set_lane(l, after[0][i].lane(l)));
+                }
             }
             to += 1;
         }

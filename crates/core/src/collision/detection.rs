@@ -9,7 +9,7 @@ use crate::collision::contact_set::Contacts;
 use crate::collision::pairs::segments;
 use crate::collision::patch_reduction::PatchReduction;
 use crate::collision::separation_cache::SeparationCache;
-use crate::compile::{CompiledPair, Kernel, LaneModel};
+use crate::compile::{CompiledPair, Kernel, LaneModel, ModelStructure};
 use crate::dynamics::kinematics::Kinematics;
 use crate::geometry::Narrow;
 use crate::math::spatial::*;
@@ -69,6 +69,17 @@ pub(crate) struct Search {
     pub(crate) found: SeparationCache,
 }
 
+impl Search {
+    /// Workspace for a compiled model and a number of lanes.
+    pub(crate) fn new<S: Scalar>(compiled: &ModelStructure<S>, lanes: usize) -> Self {
+        Self {
+            narrow: Narrow::for_solids(compiled.geoms.iter().filter_map(|g| g.solid.as_ref())),
+            known: SeparationCache::new(compiled, lanes),
+            found: SeparationCache::new(compiled, lanes),
+        }
+    }
+}
+
 impl<R: Real> GeomPoses<R> {
     /// Room for a compiled model; geoms of the world are placed where the model has them.
     pub fn new(compiled: &LaneModel<R>) -> Self {
@@ -80,11 +91,7 @@ impl<R: Real> GeomPoses<R> {
             near_count: 0,
             broad: Broad::default(),
             reduction: PatchReduction::default(),
-            search: Search {
-                narrow: Narrow::for_solids(compiled.geoms.iter().filter_map(|g| g.solid.as_ref())),
-                known: SeparationCache::new(compiled, R::LANES),
-                found: SeparationCache::new(compiled, R::LANES),
-            },
+            search: Search::new(compiled, R::LANES),
         }
     }
 
@@ -134,7 +141,7 @@ impl<R: Real> GeomPoses<R> {
 }
 
 impl<R: Real> Placed<R> {
-    fn new(compiled: &LaneModel<R>) -> Self {
+    pub(crate) fn new(compiled: &LaneModel<R>) -> Self {
         let zeros = || vec![R::zero(); compiled.geoms.len()];
         Self {
             pos: (0..compiled.geoms.len()).map(|g| compiled.params.geom_pos(g)).collect(),

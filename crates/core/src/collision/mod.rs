@@ -9,5 +9,6 @@ pub mod pairs;
 pub(crate) mod patch_reduction;
 pub mod separation_cache;
 pub mod surface_velocity;
+pub(crate) mod swept_pair;
 pub mod terrain;
 pub mod tunnelling;

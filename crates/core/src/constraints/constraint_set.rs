@@ -82,6 +82,14 @@ pub struct Constraints<R: Real> {
     pub(crate) words: Vec<u64>,
     /// Lanes (bits) in which both surfaces of the gathered contact can move.
     pub(crate) moving: u32,
+    /// Lanes (bits) in which the first surface of the gathered contact is a plane.
+    pub(crate) flat: u32,
+    /// Contacts whose rows wait until the solved motion closes their gap.
+    pub(crate) approaching: Vec<Approaching<R>>,
+    /// Which contacts of a lane are kept, while those that it missed are left out.
+    pub(crate) kept: Vec<bool>,
+    /// Time in which the rows let a gap close, s.
+    pub(crate) closing_time: R,
     /// Rows of the equalities that are taken out of the row which is made.
     pub(crate) tied: Vec<Range<usize>>,
     /// Entries of the separate equalities, times D^-1/2 and times D^1/2.
@@ -131,6 +139,23 @@ pub(crate) struct Impact<R: Real> {
     pub(crate) normal_factor: R,
 }
 
+/// Contact whose rows wait in some lanes.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Approaching<R: Real> {
+    /// Index of the contact in the problem: those of three rows come first, then those of six.
+    pub(crate) contact: usize,
+    /// Slot of its geometry.
+    pub(crate) slot: usize,
+    /// Lanes in which it waits.
+    pub(crate) lanes: R::Mask,
+    /// Lanes in which it bounces: its bias is that of the impact.
+    pub(crate) bounces: R::Mask,
+    /// Bias of the normal row: g less the free velocity, m/s.
+    pub(crate) bias: R,
+    /// Impulse that the rows start from, N s and N m s.
+    pub(crate) impulse: [R; 6],
+}
+
 /// What the rows are made from.
 #[derive(Clone, Copy, Debug)]
 pub struct AssemblyInput<'a, R: Real> {
@@ -174,6 +199,7 @@ impl<R: Real> Constraints<R> {
         let parts = if compiled.softness.is_some() && compiled.ntree > 1 { R::LANES } else { 1 };
         let (soft_contacts, soft_support) = (max_contacts * parts, room(compiled, 0, R::LANES / parts).contact_support);
         let room = room(compiled, max_contacts, R::LANES);
+        let rolling_contacts = room.rolling_contacts;
         Self {
             problem: Problem::new(&room),
             iterate: Iterate::new(&room),
@@ -205,6 +231,10 @@ impl<R: Real> Constraints<R> {
             signs: vec![[0; 2]; compiled.nv],
             words: vec![0; compiled.nv.div_ceil(64)],
             moving: 0,
+            flat: 0,
+            approaching: Vec::with_capacity(max_contacts + rolling_contacts),
+            kept: Vec::with_capacity(max_contacts),
+            closing_time: R::zero(),
             tied: Vec::with_capacity(compiled.equalities.len()),
             soft: SoftSystem::new(compiled, max_contacts, soft_contacts, soft_support),
             separate: std::array::from_fn(|_| Vec::with_capacity(compiled.equalities.iter().map(|b| b.rows * b.support.len()).sum())),

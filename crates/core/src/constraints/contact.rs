@@ -3,7 +3,7 @@
 use stepper_real::{Mask, Real, Scalar};
 
 use crate::collision::contact_set::Contacts;
-use crate::constraints::constraint_set::Constraints;
+use crate::constraints::constraint_set::{Approaching, Constraints};
 use crate::constraints::elimination::Lengths;
 use crate::constraints::equality::RowInput;
 use crate::math::spatial::*;
@@ -20,8 +20,10 @@ pub(crate) struct SlidingRows<R: Real> {
     pub(crate) demands: [[R; 2]; 3],
     /// Squared lengths of the rows, where equalities are taken out of them.
     pub(crate) lengths: Option<Lengths<R, 3>>,
-    /// Lanes in which the contact can push.
+    /// Lanes in which the contact can push, now or once it is activated.
     pub(crate) active: R::Mask,
+    /// Those in which its rows wait; without contact, slot and impulse, which the caller knows.
+    pub(crate) approaching: Approaching<R>,
     /// Compliance of the normal row, 1/kg, where surfaces of the model give way.
     pub(crate) compliance: Option<R>,
 }
@@ -31,8 +33,8 @@ impl<R: Real> Constraints<R> {
     #[inline(always)]
     pub(crate) fn add_contact(&mut self, input: RowInput<'_, R>, contacts: &Contacts<R>, k: usize, lanes: u32) {
         let (slot, mass) = (&contacts.data[k], input.mass);
-        let SlidingRows { demands: g, lengths, active, compliance } = self.sliding_rows(input, contacts, k, lanes);
-        let column = &self.column;
+        let SlidingRows { demands: g, lengths, active, approaching, compliance } = self.sliding_rows(input, contacts, k, lanes);
+        let (column, contact) = (&self.column, self.problem.contacts.len());
         self.problem.push_contact(
             &self.support,
             #[inline(always)]
@@ -48,9 +50,16 @@ impl<R: Real> Constraints<R> {
             self.problem.contacts.set_compliance(compliance);
         }
         self.problem.contacts.set_position_demand([g[0][1], g[1][1] - g[1][0], g[2][1] - g[2][0]]);
-        self.iterate.contacts.push(select(active, slot.impulse, zero()));
+        let solved = active.and_not(approaching.lanes);
+        if approaching.lanes.any() {
+            self.problem.contacts.defer(approaching.lanes);
+            let [n, a, b] = slot.impulse;
+            let impulse = [n, a, b, R::zero(), R::zero(), R::zero()];
+            self.approaching.push(Approaching { contact, slot: k, impulse, ..approaching });
+        }
+        self.iterate.contacts.push(select(solved, slot.impulse, zero()));
         self.slots.push((k, R::Mask::from_bits(lanes)));
-        self.constrained = self.constrained.or(active);
+        self.constrained = self.constrained.or(solved);
     }
 
     /// The rows of slot `k` in the lanes `lanes` along its normal and its tangents; `support` is gathered.
@@ -72,12 +81,17 @@ impl<R: Real> Constraints<R> {
         let (bias, mut active) = self.bounce(compiled, options, slot, assembly, active, [free[0], before[0]], bias);
         let mut demands = [[free[0] + bias, free[0] + position], [free[1]; 2], [free[2]; 2]];
         let lengths = self.eliminate(mass, &mut demands);
+        let held = demands[0][0] - bias;
         if self.has_impacts {
             active = self.bounce_within(input, slot, active, [free, change], bias, &mut demands);
         }
+        let bounces = self.impacts.last().map_or(R::Mask::splat(false), |impact| impact.lanes);
+        let lanes = self.approaching_lanes(input, slot, active.and(rigid), [before[0], held]);
+        let impulse = [R::zero(); 6];
+        let approaching = Approaching { contact: 0, slot: k, lanes, bounces, bias: demands[0][0] - held, impulse };
         if curves {
             self.add_curve(input, contacts, k, active, [free, change], &mut demands);
         }
-        SlidingRows { demands, lengths, active, compliance: springs.map(|row| row.compliance) }
+        SlidingRows { demands, lengths, active, approaching, compliance: springs.map(|row| row.compliance) }
     }
 }

@@ -75,8 +75,10 @@ impl<R: Real> Constraints<R> {
     pub(crate) fn gather_support(&mut self, compiled: &LaneModel<R>, contacts: &Contacts<R>, k: usize, lanes: u32) {
         self.words.fill(0);
         self.moving = 0;
+        self.flat = 0;
         for (pair, same) in contacts.pairs(k, lanes) {
             let [a, b] = compiled.pair_geoms(pair).expect("made from this compiled");
+            self.flat |= if compiled.geoms[a].is_plane { same } else { 0 };
             self.moving |= if compiled.geoms[a].frame != 0 && compiled.geoms[b].frame != 0 { same } else { 0 };
             let (first, second) = (&compiled.moved_dofs[compiled.geoms[a].frame], &compiled.moved_dofs[compiled.geoms[b].frame]);
             for (w, ((&first, &second), word)) in first.iter().zip(second).zip(&mut self.words).enumerate() {

@@ -5,7 +5,7 @@ use stepper_real::{Mask, Real};
 use crate::collision::contact_set::Contacts;
 use crate::collision::surface_velocity;
 use crate::compile::LaneModel;
-use crate::constraints::constraint_set::Constraints;
+use crate::constraints::constraint_set::{Approaching, Constraints};
 use crate::constraints::contact::SlidingRows;
 use crate::constraints::elimination::times;
 use crate::constraints::equality::RowInput;
@@ -29,7 +29,8 @@ impl<R: Real> Constraints<R> {
         let slot = &contacts.data[k];
         let mut friction = Friction::of(compiled, contacts, k, lanes);
         friction.scale_to(slot.mu);
-        let SlidingRows { demands: mut slides, lengths: sliding, active, compliance } = self.sliding_rows(input, contacts, k, lanes);
+        let SlidingRows { demands: mut slides, lengths: sliding, active, approaching, compliance } =
+            self.sliding_rows(input, contacts, k, lanes);
         for &d in &self.support {
             self.linear[d as usize] = self.column[d as usize];
         }
@@ -39,6 +40,7 @@ impl<R: Real> Constraints<R> {
         let mut turns = [[turning[0]; 2], [turning[1]; 2], [turning[2]; 2]];
         let turned = self.eliminate(mass, &mut turns);
         self.turn_at_impact(change, &mut turns);
+        let contact = self.problem.contacts.len() + self.problem.rolling_contacts.len();
         let (linear, column, rub) = (&self.linear, &self.column, friction.slides);
         slides[1] = scale(slides[1], rub);
         slides[2] = scale(slides[2], rub);
@@ -66,9 +68,14 @@ impl<R: Real> Constraints<R> {
         self.problem.rolling_contacts.set_position_demand([slides[0][1], change(slides[1]), change(slides[2]), spin, roll, other]);
         let (push, torque) = (slot.impulse, friction.unscale(contacts.torque[k]));
         let warm = [push[0], push[1] * rub, push[2] * rub, torque[0], torque[1], torque[2]];
-        self.iterate.rolling_contacts.push(select(active, warm, zero()));
+        let solved = active.and_not(approaching.lanes);
+        if approaching.lanes.any() {
+            self.problem.rolling_contacts.defer(approaching.lanes);
+            self.approaching.push(Approaching { contact, slot: k, impulse: warm, ..approaching });
+        }
+        self.iterate.rolling_contacts.push(select(solved, warm, zero()));
         self.rolling_slots.push((k, R::Mask::from_bits(lanes), friction.scale));
-        self.constrained = self.constrained.or(active);
+        self.constrained = self.constrained.or(solved);
     }
 
     /// J of the relative turning about the contact's axes, times `weight`, left in `column`; returns its free velocity.

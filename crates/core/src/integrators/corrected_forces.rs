@@ -7,6 +7,7 @@ use crate::dynamics::gyroscopic;
 use crate::dynamics::kinematics::{advance, blend};
 use crate::integrators::scheme::Scheme;
 use crate::integrators::step_resolution::unresolved;
+use crate::integrators::struck_contacts::predict_strikes;
 use crate::integrators::workspace::Workspace;
 use crate::options::StepSettings;
 use crate::probe::{Probe, Span};
@@ -68,10 +69,13 @@ pub(crate) fn correct_forces<R: Real>(
     s: &mut Workspace<R>,
     probe: impl Probe,
 ) {
-    let constrained = s.constraints.constrained;
+    let constrained = s.constraints.constrained.or(s.constraints.waits(s.alive));
     let estimate = Estimate::new(compiled, options, &s.state.v, scheme.h, &s.constraints);
     if constrained.any() {
-        probe.span(Span::EstimateImpulses, || estimate.make(options, constrained, &mut s.constraints));
+        probe.span(Span::EstimateImpulses, || {
+            estimate.make(options, constrained, &mut s.constraints);
+            predict_strikes(compiled, options, &estimate, s, constrained);
+        });
     }
     take_forces_again(compiled, scheme, s, probe);
     if constrained.any() {

@@ -19,6 +19,8 @@ pub mod rk4;
 pub mod scheme;
 pub mod solution;
 pub mod step_resolution;
+pub(crate) mod strike_search;
+pub(crate) mod struck_contacts;
 pub mod workspace;
 
 use stepper_real::Real;

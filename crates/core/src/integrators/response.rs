@@ -206,11 +206,11 @@ impl<R: Real> HardResponse<R> {
                 s.poses.begin();
                 self.at_beginning = evaluate(compiled, options, &mut self.scheme, s, NoProbe);
                 s.evaluation.contacts.follow_tangents(&self.contacts);
-                assemble_here(compiled, options, &self.scheme, s, self.at_beginning);
+                self.assemble(compiled, options, s);
             }
             Renewed::Velocity => {
                 renew_forces(compiled, &self.scheme, s);
-                assemble_here(compiled, options, &self.scheme, s, self.at_beginning);
+                self.assemble(compiled, options, s);
             }
             Renewed::Forces => {
                 renew_forces(compiled, &self.scheme, s);
@@ -232,6 +232,12 @@ impl<R: Real> HardResponse<R> {
         }
         let (Pass::Solve { lanes } | Pass::Follow { lanes, .. }) = pass;
         lanes
+    }
+
+    /// Stage 4 with the contacts that the step had.
+    fn assemble(&self, compiled: &LaneModel<R>, options: &StepSettings, s: &mut Workspace<R>) {
+        assemble_here(compiled, options, &self.scheme, s, self.at_beginning);
+        s.constraints.activate_known(&s.evaluation.contacts, &self.contacts);
     }
 
     /// Stage 8 with `pass` in the place of its solve.

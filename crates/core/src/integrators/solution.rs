@@ -9,6 +9,7 @@ use crate::integrators::acceptance::{keep_impulse, undecided};
 use crate::integrators::impact;
 use crate::integrators::scheme::Scheme;
 use crate::integrators::step_resolution::{slow_down, thrown};
+use crate::integrators::struck_contacts::solve_strikes;
 use crate::integrators::workspace::{Evaluation, FreeMotion, Workspace};
 use crate::options::StepSettings;
 use crate::probe::{Counter, Probe, Span};
@@ -46,12 +47,16 @@ pub(crate) fn solve_velocities<R: Real>(
     let constrained = s.constraints.constrained;
     let (rows, mut room) = s.constraints.split();
     let mut outcome = probe.span(Span::Solve, || solve(options, &s.state.v, constrained, &rows, &mut room, &mut s.evaluation.contacts));
-    let pushed = probe.span(Span::IntegrateVelocity, || {
-        integrate_velocity(compiled, &s.free_motion.smooth.mass, &s.free_motion.v, &s.constraints, &mut s.next.v)
+    probe.span(Span::IntegrateVelocity, || {
+        integrate_velocity(compiled, &s.free_motion.smooth.mass, &s.free_motion.v, &s.constraints, &mut s.next.v);
     });
+    outcome = probe.span(Span::Solve, || solve_strikes(compiled, options, s, outcome));
     if scheme.in_the_middle {
         outcome = probe.span(Span::SolveImpacts, || impact::solve_impacts(compiled, options, scheme, s, outcome));
+        outcome = probe.span(Span::Solve, || solve_strikes(compiled, options, s, outcome));
     }
+    s.constraints.activate_unviolated();
+    let pushed = s.constraints.iterate.changes_velocity();
     count_effort(&outcome, probe);
     probe.span(Span::IntegrateVelocity, || keep_impulse(compiled, s));
     let (rows, mut room) = s.constraints.split();

@@ -17,6 +17,7 @@ use crate::integrators::mujoco::stages::Stages;
 use crate::integrators::mujoco::unsymmetric::Unsymmetric;
 use crate::integrators::rk4::Rk4;
 use crate::integrators::step_resolution::StepResolution;
+use crate::integrators::strike_search::StrikeSearch;
 use crate::math::spatial::*;
 use crate::options::{ContactLaw, Integrator, StepSettings};
 use crate::sensing::{Room, errors};
@@ -109,6 +110,8 @@ pub(crate) struct Work<R: Real> {
     /// Free velocity with which stage 8 solves for the positions of lanes with impacts, nv: from [`super::impact::prepare_position_solve`]
     /// to stage 8.
     pub(crate) v_positions: Vec<R>,
+    /// Velocity after the step that the predicted impulses lead to, nv.
+    pub(crate) v_predicted: Vec<R>,
     /// Velocity of the correction of positions, nv.
     pub(crate) correction: Vec<R>,
     /// Corrected configuration, nq.
@@ -155,6 +158,8 @@ pub struct Workspace<R: Real> {
     pub(crate) poses: GeomPoses<R>,
     /// Impacts of the step.
     pub(crate) impacts: Impacts<R>,
+    /// Search for the contacts that the solved motion closes.
+    pub(crate) strikes: StrikeSearch<R>,
     /// Room of the guard of the energy.
     pub(crate) step_resolution: StepResolution<R>,
     /// Room of the Runge-Kutta scheme, where it is used.
@@ -212,6 +217,7 @@ impl<R: Real> Workspace<R> {
                 before_impact: v(),
                 carried: v(),
                 v_positions: v(),
+                v_predicted: v(),
                 correction: v(),
                 q_corrected: q(),
                 v_guarded: v(),
@@ -229,6 +235,7 @@ impl<R: Real> Workspace<R> {
             elapsed: 0.0,
             poses: GeomPoses::new(compiled),
             impacts: Impacts::new(compiled),
+            strikes: StrikeSearch::new(compiled, max_contacts),
             step_resolution: StepResolution::new(compiled),
             rk4: (options.integrator == Integrator::Rk4 && hard).then(|| Rk4::new(compiled)),
             unsymmetric: (options.integrator == Integrator::Implicit && !hard).then(|| Unsymmetric::new(compiled)),
@@ -247,13 +254,13 @@ impl<R: Real> Workspace<R> {
     pub(crate) fn poison(&mut self) {
         let Self { evaluation, free_motion, next, work, .. } = self;
         let Work { impulse_change, expected_change, impulse, v_mean, v_forces, v_free_again, free_change, .. } = work;
-        let Work { v_half, before_impact, carried, v_positions, correction, q_corrected, v_guarded, .. } = work;
+        let Work { v_half, before_impact, carried, v_positions, v_predicted, correction, q_corrected, v_guarded, .. } = work;
         let made = [
             [&mut evaluation.q, &mut evaluation.q_ahead, &mut evaluation.act, &mut free_motion.applied, &mut free_motion.v],
             [&mut free_motion.v_expected, &mut next.q, &mut next.v, &mut next.act, impulse_change],
             [expected_change, impulse, v_mean, v_forces, v_free_again],
             [free_change, v_half, before_impact, carried, v_positions],
         ];
-        made.into_iter().flatten().chain([correction, q_corrected, v_guarded]).for_each(|buffer| buffer.fill(R::of(f64::NAN)));
+        made.into_iter().flatten().chain([v_predicted, correction, q_corrected, v_guarded]).for_each(|buffer| buffer.fill(R::of(f64::NAN)));
     }
 }

@@ -44,6 +44,8 @@ pub fn assemble<R: Real>(
             constraints.owners.clear();
             constraints.slots.clear();
             constraints.rolling_slots.clear();
+            constraints.approaching.clear();
+            constraints.closing_time = assembly.h / assembly.closing_fraction;
             constraints.constrained = R::Mask::splat(false);
             constraints.needs_position_solve = R::Mask::splat(false);
             constraints.biased = R::Mask::splat(false);

@@ -149,9 +149,16 @@ impl<R: Real> Estimate<R> {
     /// Estimates the impulses in the lanes `lanes`.
     #[inline(always)]
     pub fn make(&self, options: &StepSettings, lanes: R::Mask, constraints: &mut Constraints<R>) {
-        let Constraints { problem, iterate, shared, patches, .. } = constraints;
+        let Constraints { iterate, shared, patches, .. } = &mut *constraints;
+        shared.save(iterate, lanes.and(self.rough.or(patches.lanes())));
+        self.repeat(options, lanes, constraints);
+    }
+
+    /// Estimates the impulses in the lanes `lanes` again, once more rows are active.
+    #[inline(always)]
+    pub fn repeat(&self, options: &StepSettings, lanes: R::Mask, constraints: &mut Constraints<R>) {
+        let Constraints { problem, iterate, .. } = constraints;
         let [rough, solved] = [lanes.and(self.rough), lanes.and_not(self.rough)];
-        shared.save(iterate, rough.or(lanes.and(patches.lanes())));
         if rough.any() {
             stepper_solve::gauss_seidel::sweep_from_none(problem, iterate, ROUGH_SWEEPS, rough);
         }

@@ -103,6 +103,8 @@ pub struct FrictionContact<R: Real, const N: usize, L> {
     pub active: R::Mask,
     /// Lanes in which a contact exists but nothing can move along its normal: it has no rows, and its impulse stays.
     pub(super) immovable: R::Mask,
+    /// Lanes in which the contact has no rows until it is activated.
+    waiting: R::Mask,
     /// Coefficient of friction of the rows as they are scaled; 0 for a frictionless contact.
     pub mu: R,
     /// Velocity before any impulse, with the bias of the normal row, m/s.
@@ -142,6 +144,7 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContact<R, N, L> {
             coordinates: 0,
             active: none,
             immovable: none,
+            waiting: none,
             mu: zero,
             g: [zero; N],
             position_g: [zero; N],
@@ -223,6 +226,7 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContacts<R, N, L> {
             coordinates: support.len(),
             active: exists,
             immovable: active.and_not(exists),
+            waiting: R::Mask::splat(false),
             mu,
             g,
             position_g,
@@ -250,6 +254,42 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContacts<R, N, L> {
         if let Some(contact) = self.rows.items.last_mut() {
             contact.position_g = position_g;
         }
+    }
+
+    /// Leaves the rows of the contact pushed last out of the lanes `lanes` until they are activated.
+    #[inline(always)]
+    pub fn defer(&mut self, lanes: R::Mask) {
+        if let Some(contact) = self.rows.items.last_mut() {
+            contact.waiting = lanes.and(contact.active);
+            contact.active = contact.active.and_not(lanes);
+        }
+    }
+
+    /// Normal velocity y . w + g of contact `i` at the scaled velocity change w, m/s.
+    #[inline(always)]
+    pub(crate) fn normal_velocity(&self, i: usize, w: &[R]) -> R {
+        let contact = &self.rows.items[i];
+        let (support, y) = self.entries(contact);
+        let mut v = R::zero();
+        for (&c, y) in support.iter().zip(y) {
+            v += y[0] * w[c as usize];
+        }
+        v + contact.g[0]
+    }
+
+    /// Activates contact `i` in the lanes `lanes`, where it waits, with the impulse `lambda`, which moves w.
+    #[inline(always)]
+    pub(crate) fn activate(&mut self, i: usize, lanes: R::Mask, lambda: [R; N], impulses: &mut [[R; N]], w: &mut [R]) {
+        let contact = &mut self.rows.items[i];
+        let lanes = lanes.and(contact.waiting);
+        contact.waiting = contact.waiting.and_not(lanes);
+        contact.active = contact.active.or(lanes);
+        let mut d = lambda;
+        for k in 0..N {
+            d[k] = masked(lanes, lambda[k]);
+            impulses[i][k] = R::select(lanes, lambda[k], impulses[i][k]);
+        }
+        self.add(&self.rows.items[i], d, w);
     }
 
     /// Sets the compliance R >= 0 of the normal row of the contact pushed last: that of a spring and a damper between its surfaces.

@@ -1,0 +1,203 @@
+//! Distance of a pair of geoms along the motion of a step, and whether that motion closes its gap.
+//!
+//! A contact row keeps the nearest points of one pose apart along one normal. Bodies that pass each other at a small distance violate such
+//! a row and never touch. So the geoms are moved along their path and the narrow phase runs there.
+//!
+//! The signed distance of two convex shapes is a convex function of a translation (the distance to the Minkowski difference; Boyd &
+//! Vandenberghe 2004, section 3.2.5). Its tangent at a pose bounds it from below, and its slope says on which side the minimum lies.
+//! Rotation within a step adds terms of second order.
+
+use stepper_real::{Mask, Real};
+
+use crate::collision::contact_set::{ContactPoint, Contacts};
+use crate::collision::detection::{Placed, Scene, Search};
+use crate::compile::{CompiledPair, LaneModel};
+use crate::dynamics::kinematics::Kinematics;
+use crate::math::spatial::*;
+
+/// Number of contact points that a pair can have at most: those of a surface.
+const MAX_PAIR_POINTS: usize = 16;
+
+/// Number of poses at which the distance of a pair is evaluated, at most. Newton's method and bisection need two to six.
+const MAX_POSES: usize = 16;
+
+/// Number of bisections by which the first touch of a pair is found: a part of 1e-3 of the path.
+const TOUCH_BISECTIONS: usize = 10;
+
+/// Turn of a body on its path beyond which the path says nothing of where its points go, rad. Its gap then counts as closed.
+const MAX_TURN: f64 = 1.0;
+
+/// Straight motion of a pair from where the step is taken.
+pub(crate) struct Path<'a, R: Real> {
+    pub(crate) compiled: &'a LaneModel<R>,
+    pub(crate) kinematics: &'a Kinematics<R>,
+    /// Poses where the path begins.
+    pub(crate) start: &'a Placed<R>,
+    /// Duration of the path, s.
+    pub(crate) time: R,
+    /// See [`super::detection::GeomPoses::slack`].
+    pub(crate) slack: R,
+    /// Number of the pair in the compiled model.
+    pub(crate) index: usize,
+    pub(crate) pair: CompiledPair<R::Scalar>,
+}
+
+/// Distance and normal velocity of a contact point.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Gap<R> {
+    /// Signed distance, m; infinite where the narrow phase has no point.
+    pub(crate) distance: R,
+    /// Rate of the distance, m/s.
+    pub(crate) rate: R,
+}
+
+/// Workspace of the narrow phase along paths.
+#[derive(Clone, Debug)]
+pub(crate) struct SweptPair<R: Real> {
+    /// Poses along the path; those of the pair alone are kept up.
+    placed: Placed<R>,
+    search: Search,
+    contacts: Contacts<R>,
+}
+
+impl<R: Real> SweptPair<R> {
+    /// Workspace for a compiled model.
+    pub(crate) fn new(compiled: &LaneModel<R>) -> Self {
+        Self { placed: Placed::new(compiled), search: Search::new(compiled, R::LANES), contacts: Contacts::new(MAX_PAIR_POINTS) }
+    }
+
+    /// Sets the velocity of the joints with which bodies move along their paths.
+    #[inline(always)]
+    pub(crate) fn set_velocity(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, v: &[R]) {
+        kinematics.velocities(compiled, v, &mut self.placed.velocity);
+    }
+
+    /// Lanes of `lanes` in which the distance of the pair falls below `-tolerance` on the path, and a time at which it does, s. `gap` is its
+    /// distance and rate at the beginning.
+    #[inline(always)]
+    pub(crate) fn closes(&mut self, path: &Path<'_, R>, lanes: R::Mask, gap: Gap<R>, tolerance: R) -> (R::Mask, R) {
+        let (mut low, mut high, mut tangent) = (R::zero(), path.time, gap);
+        let end = self.gap_at(path, high, lanes);
+        let mut hits = lanes.and(end.distance.lt(-tolerance).or(self.turns_far(path)));
+        // A distance that still shrinks at the end is least there.
+        let shrinks = end.distance.lt(R::of(f64::INFINITY)).and(end.rate.le(R::zero()));
+        let mut open = lanes.and_not(hits).and_not(shrinks);
+        let mut at = high;
+        for _ in 0..MAX_POSES {
+            open = open.and_not((tangent.distance + (high - low) * tangent.rate).ge(-tolerance));
+            if open.none() {
+                break;
+            }
+            let approaches = open.and(tangent.rate.lt(R::zero()));
+            let touch = low - tangent.distance / R::select(approaches, tangent.rate, R::of(-1.0));
+            let newton = approaches.and(tangent.distance.gt(tolerance)).and(touch.lt(high));
+            let time = R::select(newton, touch, (low + high) * R::of(0.5));
+            let here = self.gap_at(path, time, open);
+            let deep = open.and(here.distance.lt(-tolerance));
+            (hits, at) = (hits.or(deep), R::select(deep, time, at));
+            open = open.and_not(deep);
+            let approaching = here.distance.lt(R::of(f64::INFINITY)).and(here.rate.lt(R::zero()));
+            low = R::select(approaching, time, low);
+            tangent.distance = R::select(approaching, here.distance, tangent.distance);
+            tangent.rate = R::select(approaching, here.rate, tangent.rate);
+            high = R::select(approaching, high, time);
+        }
+        (hits, at)
+    }
+
+    /// First time, of equal parts of `until`, at which the distance of the pair is below `-tolerance`, s; it is at `until`.
+    #[inline(always)]
+    pub(crate) fn first_touch(&mut self, path: &Path<'_, R>, lanes: R::Mask, until: R, tolerance: R) -> R {
+        let (mut low, mut high) = (R::zero(), until);
+        for _ in 0..TOUCH_BISECTIONS {
+            let middle = (low + high) * R::of(0.5);
+            let deep = self.gap_at(path, middle, lanes).distance.lt(-tolerance);
+            low = R::select(deep, low, middle);
+            high = R::select(deep, middle, high);
+        }
+        high
+    }
+
+    /// Lanes in which a body of the pair turns by more than [`MAX_TURN`].
+    #[inline(always)]
+    fn turns_far(&self, path: &Path<'_, R>) -> R::Mask {
+        let mut far = R::Mask::splat(false);
+        for geom in path.pair.geoms {
+            if let Some([turn, _]) = self.placed.frame_motion(path, path.compiled.geoms[geom].frame) {
+                far = far.or((norm(turn) * path.time).gt(R::of(MAX_TURN)));
+            }
+        }
+        far
+    }
+
+    /// Least distance of the pair `time` seconds along the path.
+    #[inline(always)]
+    fn gap_at(&mut self, path: &Path<'_, R>, time: R, lanes: R::Mask) -> Gap<R> {
+        let Path { compiled, kinematics, slack, index, pair, .. } = *path;
+        for geom in pair.geoms {
+            self.place(path, geom, time);
+        }
+        let Self { placed, search, contacts, .. } = self;
+        contacts.clear();
+        let scene = Scene { compiled, kinematics, poses: placed, h: path.time, slack, lead: R::zero(), leads: false };
+        scene.test_pair(index, &pair, lanes, search, contacts);
+        search.found.clear();
+        let mut least = Gap { distance: R::of(f64::INFINITY), rate: R::zero() };
+        for k in 0..contacts.slots() {
+            let point = &contacts.data[k].point;
+            let there = R::Mask::from_bits(contacts.lanes_of(k));
+            let nearer = there.and(point.distance.lt(least.distance));
+            least.distance = R::select(nearer, point.distance, least.distance);
+            least.rate = R::select(nearer, self.placed.normal_velocity(path, point, time), least.rate);
+        }
+        least
+    }
+
+    /// Places a geom `time` seconds along the path.
+    #[inline(always)]
+    fn place(&mut self, path: &Path<'_, R>, geom: usize, time: R) {
+        let (start, kinematics) = (path.start, path.kinematics);
+        let frame = path.compiled.geoms[geom].frame;
+        let Some([turn, velocity]) = self.placed.frame_motion(path, frame) else {
+            self.placed.pos[geom] = start.pos[geom];
+            self.placed.mat[geom] = start.mat[geom];
+            self.placed.travel[geom] = R::zero();
+            return;
+        };
+        let rotation = quat_to_mat(quat_exp(scale(turn, time)));
+        let arm = rotate(&rotation, sub(start.pos[geom], kinematics.pos[frame]));
+        self.placed.pos[geom] = add(add_scaled(kinematics.pos[frame], velocity, time), arm);
+        self.placed.mat[geom] = mat_mul(&rotation, &start.mat[geom]);
+        let reach = norm(arm) + path.compiled.params.bounding_radius(geom);
+        let swing = R::select(norm(turn).gt(R::zero()), norm(turn) * reach, R::zero());
+        self.placed.travel[geom] = (norm(velocity) + swing) * (path.time + path.time);
+    }
+}
+
+impl<R: Real> Placed<R> {
+    /// Angular velocity of a frame and velocity of its origin; `None` for the world.
+    #[inline(always)]
+    fn frame_motion(&self, path: &Path<'_, R>, frame: usize) -> Option<[V3<R>; 2]> {
+        let Path { compiled, kinematics, .. } = *path;
+        let (motion, origin) = match frame.checked_sub(compiled.links.len() + 1) {
+            _ if frame == 0 => return None,
+            Some(mocap) => (&kinematics.posed[mocap], kinematics.pos[frame]),
+            None => (&self.velocity[frame - 1], kinematics.origin[compiled.links[frame - 1].tree]),
+        };
+        Some([angular(motion), velocity_at(motion, sub(kinematics.pos[frame], origin))])
+    }
+
+    /// Rate of the distance of a contact point of the pair `time` seconds along the path, m/s.
+    #[inline(always)]
+    fn normal_velocity(&self, path: &Path<'_, R>, point: &ContactPoint<R>, time: R) -> R {
+        let mut rate = R::zero();
+        for (geom, sign) in path.pair.geoms.into_iter().zip([-R::one(), R::one()]) {
+            let frame = path.compiled.geoms[geom].frame;
+            if let Some([turn, velocity]) = self.frame_motion(path, frame) {
+                let origin = add_scaled(path.kinematics.pos[frame], velocity, time);
+                rate += dot(point.normal, add(velocity, cross(turn, sub(point.pos, origin)))) * sign;
+            }
+        }
+        rate
+    }
+}

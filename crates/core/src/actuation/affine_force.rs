@@ -103,3 +103,10 @@ pub(crate) fn outside<R: Real>(x: R, range: [R::Scalar; 2]) -> R::Mask {
     let [lo, hi] = splat(range);
     x.lt(lo).or(x.gt(hi))
 }
+
+/// Lanes in which `x` is at an end of a range or outside.
+#[inline(always)]
+pub(crate) fn reaches<R: Real>(x: R, range: [R::Scalar; 2]) -> R::Mask {
+    let [lo, hi] = splat(range);
+    x.le(lo).or(x.ge(hi))
+}

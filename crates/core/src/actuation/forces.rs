@@ -32,7 +32,7 @@
 
 use stepper_real::{Mask, Real};
 
-use crate::actuation::affine_force::{ActuatorDynamics, AffineForce, Gauge, Motion, outside, within};
+use crate::actuation::affine_force::{ActuatorDynamics, AffineForce, Gauge, Motion, outside, reaches, within};
 use crate::actuation::force_limits::Region;
 use crate::compile::{CompiledActuator, CompiledActuatorDynamics, LaneModel, ModelStructure};
 use crate::dynamics::implicit_weights::ImplicitWeights;
@@ -283,6 +283,21 @@ impl<R: Real> ActuatorForces<R> {
             }
         }
         cut
+    }
+
+    /// Lanes in which the force of an actuator is at a bound or beyond, or that of the joint that it drives: MuJoCo takes no derivative of
+    /// such a force. What is explicit must have left the forces.
+    #[inline(always)]
+    pub(crate) fn is_at_bound(&self, compiled: &LaneModel<R>, actuator: usize) -> R::Mask {
+        let of_it = &compiled.actuators[actuator];
+        let mut at = self.beyond[actuator];
+        if let Some(range) = of_it.force_range {
+            at = at.or(reaches(self.force[actuator], range));
+        }
+        if let Some(range) = of_it.joint_force_range.map(|r| &compiled.actuator_force_ranges[r]) {
+            at = at.or(reaches(self.joint[range.dof], range.bounds));
+        }
+        at
     }
 
     /// Finds servos whose force at the end of the step would exceed its bounds, if the velocity changed by `dv`: they keep to the bound and

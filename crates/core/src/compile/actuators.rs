@@ -32,6 +32,8 @@ pub struct CompiledActuator<S> {
     pub servo: Option<usize>,
     /// What of its dynamics acts within a step.
     pub dynamics: Option<CompiledActuatorDynamics<S>>,
+    /// Index of the force range of the joint that it drives, where it drives a joint that has one. Actuators on tendons have none.
+    pub joint_force_range: Option<usize>,
 }
 
 /// Where a site is.
@@ -84,11 +86,13 @@ pub struct CompiledActuatorDynamics<S> {
 pub struct CompiledServo<S> {
     /// The actuator.
     pub actuator: usize,
-    /// Entries of the mass matrix and what its weight is multiplied by there.
+    /// Entries of the mass matrix for pairs of dofs on one branch, and the factor of its weight there.
     pub entries: Vec<(usize, S)>,
-    /// Of an actuator on a site: entries and the two arms whose product that is.
+    /// The same of an actuator on a site: entries and the two arms whose product is the factor.
     pub products: Vec<(usize, [usize; 2])>,
-    /// Of one whose dofs lie on several branches: diagonal entries and their arms.
+    /// Diagonal bound of a moment across branches, used instead of `entries`: entries and factors; empty for a moment on one branch.
+    pub bound: Vec<(usize, S)>,
+    /// Diagonal bound of an actuator on a site, used instead of `products`: entries and their arms.
     pub spread: Vec<(usize, usize)>,
 }
 
@@ -141,6 +145,10 @@ impl<S: Scalar> Drives<S> {
         let bounded = model.joints.iter().zip(scene.addresses).filter(|(j, _)| matches!(j.kind, JointKind::Hinge | JointKind::Slide));
         let ranges = bounded.filter_map(|(j, &(_, dof))| j.actuator_force_range.map(|range| (dof, range)));
         drives.force_ranges = ranges.map(|(dof, range)| drives.force_range(dof, range)).collect();
+        for (compiled, actuator) in drives.actuators.iter_mut().zip(&model.actuators) {
+            let Transmission::Joint(j) = actuator.transmission else { continue };
+            compiled.joint_force_range = drives.force_ranges.iter().position(|range| range.dof == scene.addresses[j].1);
+        }
         drives
     }
 
@@ -160,9 +168,9 @@ impl<S: Scalar> Drives<S> {
         let servo = needs_motion.then_some(self.servos.len());
         if needs_motion {
             let moment: Vec<_> = arms.iter().map(|&(j, c)| (addresses[j].1, c * a.gear)).collect();
-            let entries = entries(&moment, scene).into_iter().map(|(entry, c)| (entry, S::from_f64(c))).collect();
+            let [entries, bound] = entries(&moment, scene).map(|list| list.into_iter().map(|(entry, c)| (entry, S::from_f64(c))).collect());
             let (products, spread) = wrench.as_ref().map_or_else(Default::default, |w| products(w, scene));
-            self.servos.push(CompiledServo { actuator: self.actuators.len(), entries, products, spread });
+            self.servos.push(CompiledServo { actuator: self.actuators.len(), entries, products, bound, spread });
         }
         self.actuators.push(CompiledActuator {
             moment: arms.iter().map(|&(j, c)| (addresses[j].0, addresses[j].1, S::from_f64(c * a.gear))).collect(),
@@ -175,6 +183,7 @@ impl<S: Scalar> Drives<S> {
             needs_motion,
             servo,
             dynamics,
+            joint_force_range: None,
         });
     }
 
@@ -243,9 +252,9 @@ fn entry(scene: Scene<'_>, below: usize, above: usize) -> Option<usize> {
     scene.chain[dof.chain..dof.chain + dof.depth].iter().position(|&d| d as usize == above).map(|k| dof.chain + k)
 }
 
-/// Entries of a a^T in the layout of the mass matrix, for a moment (dof, arm); see [`crate::actuation::forces`] for moments across
-/// branches.
-fn entries(moment: &[(usize, f64)], scene: Scene<'_>) -> Vec<(usize, f64)> {
+/// Entries of a a^T in the layout of the mass matrix for a moment (dof, arm), of pairs on one branch; and where some pair is on two
+/// branches, the entries of a diagonal matrix that is not smaller (see [`crate::actuation::forces`]).
+fn entries(moment: &[(usize, f64)], scene: Scene<'_>) -> [Vec<(usize, f64)>; 2] {
     let mut arms: Vec<(usize, f64)> = Vec::new();
     for &(dof, arm) in moment {
         match arms.iter_mut().find(|(d, _)| *d == dof) {
@@ -255,24 +264,26 @@ fn entries(moment: &[(usize, f64)], scene: Scene<'_>) -> Vec<(usize, f64)> {
     }
     // The deepest first: its chain holds all the others, or the moment goes across branches.
     arms.sort_by_key(|&(dof, _)| std::cmp::Reverse(scene.dofs[dof].depth));
-    let pairs = arms.iter().enumerate().flat_map(|(k, &below)| arms[k..].iter().map(move |&above| (below, above)));
-    let product = |((i, a), (j, b)): ((usize, f64), (usize, f64))| entry(scene, i, j).map(|entry| (entry, a * b));
-    pairs.map(product).collect::<Option<Vec<_>>>().unwrap_or_else(|| {
-        let total: f64 = arms.iter().map(|(_, arm)| arm.abs()).sum();
-        arms.iter().map(|&(dof, arm)| (scene.dofs[dof].chain, arm.abs() * total)).collect()
-    })
+    let pairs: Vec<_> = arms.iter().enumerate().flat_map(|(k, &below)| arms[k..].iter().map(move |&above| (below, above))).collect();
+    let product = |&((i, a), (j, b)): &((usize, f64), (usize, f64))| entry(scene, i, j).map(|entry| (entry, a * b));
+    let within: Vec<_> = pairs.iter().filter_map(product).collect();
+    if within.len() == pairs.len() {
+        return [within, vec![]];
+    }
+    let total: f64 = arms.iter().map(|(_, arm)| arm.abs()).sum();
+    let bound = arms.iter().map(|&(dof, arm)| (scene.dofs[dof].chain, arm.abs() * total)).collect();
+    [within, bound]
 }
 
 type Products = (Vec<(usize, [usize; 2])>, Vec<(usize, usize)>);
 
-/// The same for a wrench, whose arms change: entries with the arms whose product they get, or, across branches, diagonal entries.
+/// The same for a wrench, whose arms change: entries with the arms whose product they get, and, across branches, diagonal entries.
 fn products<S: Scalar>(wrench: &CompiledWrench<S>, scene: Scene<'_>) -> Products {
     let mut dofs: Vec<(usize, usize)> = wrench.dofs.iter().enumerate().map(|(k, &(dof, _))| (dof, wrench.arms + k)).collect();
     dofs.sort_by_key(|&(dof, _)| std::cmp::Reverse(scene.dofs[dof].depth));
-    let pairs = dofs.iter().enumerate().flat_map(|(k, &below)| dofs[k..].iter().map(move |&above| (below, above)));
-    let product = |((i, a), (j, b)): ((usize, usize), (usize, usize))| entry(scene, i, j).map(|entry| (entry, [a, b]));
-    match pairs.map(product).collect::<Option<Vec<_>>>() {
-        Some(products) => (products, vec![]),
-        None => (vec![], dofs.iter().map(|&(dof, arm)| (scene.dofs[dof].chain, arm)).collect()),
-    }
+    let pairs: Vec<_> = dofs.iter().enumerate().flat_map(|(k, &below)| dofs[k..].iter().map(move |&above| (below, above))).collect();
+    let product = |&((i, a), (j, b)): &((usize, usize), (usize, usize))| entry(scene, i, j).map(|entry| (entry, [a, b]));
+    let within: Vec<_> = pairs.iter().filter_map(product).collect();
+    let spread = if within.len() == pairs.len() { vec![] } else { dofs.iter().map(|&(dof, arm)| (scene.dofs[dof].chain, arm)).collect() };
+    (within, spread)
 }

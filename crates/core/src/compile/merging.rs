@@ -3,6 +3,7 @@
 use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
 use stepper_real::Scalar;
 
+use crate::compile::simple_bodies::simple_bodies;
 use crate::compile::tree::{CompiledBody, CompiledJoint, CompiledMocap, Descendant, Dof, Link, scalars};
 use crate::model::{JointKind, Model};
 
@@ -217,6 +218,8 @@ pub(crate) fn dofs(model: &Model, merged: &Merged) -> (Vec<Dof>, Vec<Descendant>
             under[ancestor as usize].push(Descendant { dof: d as u32, entry: (start + k) as u32 });
         }
     }
+    let simple = simple_bodies(model);
+    let is_simple: Vec<bool> = model.joints.iter().flat_map(|j| std::iter::repeat_n(simple[j.body], j.kind.nv())).collect();
     let mut descendants = vec![];
     let dof = |(d, mut own): (usize, Vec<Descendant>)| {
         let link = merged.dof_link[d];
@@ -224,7 +227,7 @@ pub(crate) fn dofs(model: &Model, merged: &Merged) -> (Vec<Dof>, Vec<Descendant>
         let tree = merged.link_tree[link];
         let from = descendants.len();
         descendants.append(&mut own);
-        Dof { link, tree, chain, depth, descendants: from..descendants.len() }
+        Dof { link, tree, chain, depth, is_simple: is_simple[d], descendants: from..descendants.len() }
     };
     (under.into_iter().enumerate().map(dof).collect(), descendants)
 }

@@ -14,6 +14,7 @@ mod parameters;
 mod passive;
 mod ray_surfaces;
 pub mod sensing;
+mod simple_bodies;
 mod soften;
 mod softness;
 mod tree;

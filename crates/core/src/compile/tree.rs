@@ -61,6 +61,8 @@ pub struct Dof {
     pub chain: usize,
     /// Length of its chain.
     pub depth: usize,
+    /// Whether its body is simple, so that MuJoCo's mass matrix is diagonal there.
+    pub is_simple: bool,
     /// Where its descendants are listed.
     pub descendants: std::ops::Range<usize>,
 }

@@ -75,17 +75,19 @@ impl<R: Real> MassMatrix<R> {
         }
     }
 
-    /// Adds what servos add: their weights along their moments.
+    /// Adds the weights of servos along their moments; for a moment across branches a diagonal matrix that is not smaller.
     #[inline(always)]
     pub fn add_servos(&mut self, compiled: &LaneModel<R>, weights: &[R], arms: &[R]) {
         for (servo, &weight) in compiled.servos.iter().zip(weights) {
-            for &(entry, coefficient) in &servo.entries {
+            let entries = if servo.bound.is_empty() { &servo.entries } else { &servo.bound };
+            for &(entry, coefficient) in entries {
                 self.entries[entry] += R::splat(coefficient) * weight;
             }
-            for &(entry, [a, b]) in &servo.products {
-                self.entries[entry] += arms[a] * arms[b] * weight;
-            }
-            if !servo.spread.is_empty() {
+            if servo.spread.is_empty() {
+                for &(entry, [a, b]) in &servo.products {
+                    self.entries[entry] += arms[a] * arms[b] * weight;
+                }
+            } else {
                 let total = servo.spread.iter().fold(
                     R::zero(),
                     #[inline(always)]
@@ -94,6 +96,19 @@ impl<R: Real> MassMatrix<R> {
                 for &(entry, arm) in &servo.spread {
                     self.entries[entry] += arms[arm].abs() * total * weight;
                 }
+            }
+        }
+    }
+
+    /// Adds the weights of servos along their moments, between dofs on one branch alone.
+    #[inline(always)]
+    pub fn add_servos_within_branches(&mut self, compiled: &LaneModel<R>, weights: &[R], arms: &[R]) {
+        for (servo, &weight) in compiled.servos.iter().zip(weights) {
+            for &(entry, coefficient) in &servo.entries {
+                self.entries[entry] += R::splat(coefficient) * weight;
+            }
+            for &(entry, [a, b]) in &servo.products {
+                self.entries[entry] += arms[a] * arms[b] * weight;
             }
         }
     }

@@ -82,28 +82,22 @@ pub fn actuate<R: Real>(
     )
 }
 
-/// What every servo adds to the mass matrix along its moment when its damping is implicit, `h` times it, and nothing of its stiffness; none
-/// for a servo at a bound of its force.
+/// Weight of every servo along its moment when its damping is implicit and its stiffness is not: `h` times its damping, of either sign. Zero
+/// where its force is at a bound. [`actuate`] must have been called, with all taken explicitly.
 pub(crate) fn servo_damping<R: Real>(compiled: &LaneModel<R>, at: &ForceState<'_, R>, h: R, forces: &mut ActuatorForces<R>) {
     R::vectorize(
         #[inline(always)]
         || {
-            for (i, (actuator, &u)) in compiled.actuators.iter().zip(at.ctrl).enumerate() {
-                let Some(k) = actuator.servo else { continue };
-                let input = match actuator.act {
-                    Some(a) => at.act[a],
-                    None => control(u, actuator.ctrl_range),
-                };
-                let ActuatorParams { gain, bias } = compiled.params.actuator(i);
-                let rate = gain[2] * input + bias[2];
-                forces.weight[k] = R::select(forces.beyond[i], R::zero(), -(h * rate));
+            for (k, servo) in compiled.servos.iter().enumerate() {
+                let [_, rate] = slopes(compiled, at, servo.actuator, forces);
+                forces.weight[k] = -(h * rate);
             }
         },
     )
 }
 
-/// Stiffness and damping of a servo where they pull it back and nothing cuts its force or that of its joint; else 0. [`actuate`] must have
-/// been called, with all taken explicitly.
+/// Stiffness and damping of a servo where they oppose its motion and its force is at no bound; else 0. [`actuate`] must have been called,
+/// with all taken explicitly.
 #[inline(always)]
 pub(crate) fn servo_slopes<R: Real>(
     compiled: &LaneModel<R>,
@@ -111,13 +105,22 @@ pub(crate) fn servo_slopes<R: Real>(
     actuator: usize,
     forces: &ActuatorForces<R>,
 ) -> [R; 2] {
+    slopes(compiled, at, actuator, forces).map(
+        #[inline(always)]
+        |x| (-x).max(R::zero()),
+    )
+}
+
+/// Derivatives of an actuator's force by its length and its velocity; zero where the force is at a bound.
+#[inline(always)]
+fn slopes<R: Real>(compiled: &LaneModel<R>, at: &ForceState<'_, R>, actuator: usize, forces: &ActuatorForces<R>) -> [R; 2] {
     let own = &compiled.actuators[actuator];
     let input = match own.act {
         Some(a) => at.act[a],
         None => control(at.ctrl[actuator], own.ctrl_range),
     };
     let AffineForce { level, slope, rate } = law(own, compiled.params.actuator(actuator), at, input);
-    let mut cut = forces.is_cut(compiled, actuator);
+    let mut cut = forces.is_at_bound(compiled, actuator);
     if let Some(dynamics) = &own.dynamics {
         let velocity = forces.along(own, at.v);
         let asked = AffineForce { level, slope, rate }.force(&forces.motion(own, at.q, at.v, at.v));
@@ -125,7 +128,7 @@ pub(crate) fn servo_slopes<R: Real>(
     }
     [slope, rate].map(
         #[inline(always)]
-        |x| R::select(cut, R::zero(), (-x).max(R::zero())),
+        |x| R::select(cut, R::zero(), x),
     )
 }
 

@@ -149,12 +149,12 @@ impl<R: Real> Smooth<R> {
         self.mass.solve(compiled, &mut self.acc);
     }
 
-    /// Adds to the entries of the mass matrix what servos with these weights and arms add, and `h` times the drag of the medium.
+    /// Adds to the entries of the mass matrix the weights of servos within branches, and `h` times the drag of the medium.
     pub fn damp(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, [weights, arms]: [&[R]; 2], v: &[R], h: R) {
         R::vectorize(
             #[inline(always)]
             || {
-                self.mass.add_servos(compiled, weights, arms);
+                self.mass.add_servos_within_branches(compiled, weights, arms);
                 if !compiled.fluid.is_empty() {
                     self.fluid.linearise(compiled, kinematics, v, h, &mut self.mass.entries);
                     self.fluid.forget();

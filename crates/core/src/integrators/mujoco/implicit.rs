@@ -15,6 +15,9 @@ use crate::stages::s01_actuate::servo_damping;
 /// v+ = v + h (M + h D)^-1 M a. D is with Euler's rule the damping of the joints, with the others also that of tendons, actuators and the
 /// medium. Besides, implicitfast has the derivative of the gyroscopic force of a body alone on a free joint, in a system of its own, and
 /// implicit the derivative of all Coriolis forces.
+///
+/// D has the sparsity of MuJoCo's: of tendons and actuators the products of dofs on one branch, and with implicitfast nothing between the
+/// dofs of a simple body, since MuJoCo's mass matrix has no entries there.
 pub(super) fn integrate_velocity<R: Real>(compiled: &LaneModel<R>, h: R, integrator: Integrator, s: &mut Workspace<R>) {
     let all = integrator != Integrator::Euler;
     let Some(system) = &mut s.constraints.soft else { return };
@@ -59,6 +62,12 @@ pub(super) fn integrate_velocity<R: Real>(compiled: &LaneModel<R>, h: R, integra
                     for spinner in compiled.spinners.iter().filter(|spinner| spinner.kind == JointKind::Free) {
                         let mat = &s.evaluation.kinematics.mat[spinner.link + 1];
                         solve_alone(compiled, [&system.mass, &smooth.mass.entries], mat, v, h, spinner.dof, &mut s.work.impulse);
+                    }
+                }
+                if all {
+                    for dof in compiled.dofs.iter().filter(|dof| dof.is_simple) {
+                        let others = dof.chain + 1..dof.chain + dof.depth;
+                        smooth.mass.entries[others.clone()].copy_from_slice(&system.mass[others]);
                     }
                 }
                 smooth.mass.factor(compiled);

@@ -49,6 +49,7 @@ STATE = [
     "iterations",
     "depth",
     "limit_overshoot",
+    "max_equality_violation",
     "observation",
     "sensor_truth",
 ]

@@ -37,8 +37,8 @@ _REMEDIES = {
     "seed": "sim.reset(seed=...) takes another",
     **dict.fromkeys(
         (
-            "status", "residual", "iterations", "sweeps", "newton_steps", "depth", "limit_overshoot", "observation", "sensor_truth",
-            "sensor_faults", "actuator_saturation", "qacc",
+            "status", "residual", "iterations", "sweeps", "newton_steps", "depth", "limit_overshoot", "max_equality_violation",
+            "observation", "sensor_truth", "sensor_faults", "actuator_saturation", "qacc",
         ),
         _NOTHING,
     ),

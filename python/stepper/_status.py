@@ -37,3 +37,8 @@ class Status(IntFlag):
     OVER_LIMIT = 128
     """A joint or tendon was beyond its range by more than 0.01 rad (0.6 degrees; of slides and tendons 0.01 m) after a step: more than a
     hard stop gives. `Stepper.limit_overshoot` says by how much."""
+    EQUALITY_VIOLATED = 256
+    """The position error of an equality was above 1 mm or 1 mrad after a step: a loop has opened, a weld has turned or a coupling has
+    slipped. `Stepper.max_equality_violation` gives the error. Causes: a loop that turns by a tenth of a radian and more in a step, a state
+    that does not meet the equality, an equality out of reach (INFEASIBLE), stabilization="none". With MuJoCo's contact law equalities are
+    soft, and a load of their size sets the flag, as a soft contact sets DEEP."""

@@ -777,6 +777,10 @@ class Stepper:
     limit_overshoot: Final[Any]
     """Farthest that a joint or tendon was beyond its range after a step of the last call of `step`, in rad or m: (num_envs,)
     float64. Above 0.01 `status` says OVER_LIMIT."""
+    max_equality_violation: Final[Any]
+    """Largest position error of an equality (connect, weld, joint, tendon) after a step of the last call of `step`, in m or rad:
+    (num_envs,) float64. Above 0.001 `status` says EQUALITY_VIOLATED. It is 0 without equalities. Equalities with a finite
+    stiffness are springs and do not count, except with MuJoCo's contact law, by which all equalities are soft and all count."""
     recorder: Any
     """Whom `step`, `reset` and `set_state` tell what they did (see `stepper.Recorder`); None is nobody."""
     sensors: Final[SensorModel | None]

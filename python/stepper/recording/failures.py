@@ -26,6 +26,7 @@ CAUSES = {
     ("physics", "infeasible"): "what constraints demand cannot be met, and impulses prove it",
     ("physics", "deep"): "geoms overlap by more than 1 mm",
     ("physics", "over limit"): "a joint or tendon is beyond its range by more than 0.01 rad or m",
+    ("physics", "equality violated"): "the position error of an equality is above 1 mm or 1 mrad",
     ("sensing", "saturation"): "a reading was clipped to the limits of its sensor",
     ("sensing", "dropout"): "a sample of a sensor was lost, and the one before stayed held",
 }
@@ -91,6 +92,7 @@ class Failures:
             ("physics", "infeasible"): says(Status.INFEASIBLE),
             ("physics", "deep"): says(Status.DEEP),
             ("physics", "over limit"): says(Status.OVER_LIMIT),
+            ("physics", "equality violated"): says(Status.EQUALITY_VIOLATED),
             **{cause: np.any(counts, axis=1) for cause, counts in counted.items()},
         }
         for cause, where in found.items():

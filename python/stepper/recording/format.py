@@ -28,8 +28,8 @@ import numpy as np
 Arrays = dict[str, np.ndarray[Any, Any]]
 Header = dict[str, Any]
 
-FORMAT = 4
-"""4: run.json lists the files, and it and they have checksums."""
+FORMAT = 5
+"""5: rows of steps have `max_equality_violation`."""
 HEADER, MODEL = "run.json", "model.stepper"
 KINDS = ("start", "step", "reset", "set_state", "applied", "randomize")
 """What a row can be. "applied" stands before a step whose applied forces or mocap poses are other than those of the step before."""
@@ -46,6 +46,7 @@ FIELDS = {
     "status": "flags, stepper.Status",
     "depth": "m",
     "limit_overshoot": "rad or m",
+    "max_equality_violation": "m or rad",
 }
 COMPARED = tuple(name for name in FIELDS if name not in ("ctrl", "nstep"))
 """Fields that a replay has to reproduce, bit for bit."""

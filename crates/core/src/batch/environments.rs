@@ -34,6 +34,8 @@ pub struct Outcome {
     pub depth: f64,
     /// Farthest that a joint or tendon was beyond its range, rad or m.
     pub overshoot: f64,
+    /// Largest position error of an equality, m or rad.
+    pub equality_violation: f64,
 }
 
 /// The state of one environment of a batch, to be read and written.
@@ -208,6 +210,7 @@ impl<S: LaneScalar> Environments for Batch<S> {
             newton_steps: group.newton_steps[lane].to_f64(),
             depth: group.depth[lane].to_f64(),
             overshoot: group.overshoot[lane].to_f64(),
+            equality_violation: group.equality_violation[lane].to_f64(),
         }
     }
 

@@ -18,9 +18,9 @@ use crate::math::precision::Precision;
 const MAGIC: [u8; 8] = *b"stepper\xfe";
 
 /// Version of the format of saved states; changes whenever what survives a step does.
-pub const FORMAT_VERSION: u32 = 5;
-/// The oldest that is read: it had room for contacts that there were not, filled with zeros.
-const OLDEST_VERSION: u32 = 4;
+pub const FORMAT_VERSION: u32 = 6;
+/// The oldest that is read: before it, states had no position error of equalities.
+const OLDEST_VERSION: u32 = 6;
 
 /// Where the digest of the model begins.
 const MODEL: usize = 13;

@@ -68,6 +68,8 @@ pub struct Group<S> {
     pub depth: Vec<S>,
     /// Farthest that a joint or tendon was beyond its range after a step of the last call, rad or m, per lane.
     pub overshoot: Vec<S>,
+    /// Largest position error of an equality after a step of the last call, m or rad, per lane.
+    pub equality_violation: Vec<S>,
     /// What sensors remember.
     pub sensing: Memory<S>,
     /// What actuator dynamics remember.
@@ -101,6 +103,7 @@ impl<S: Scalar> Group<S> {
             worst: vec![0; lanes],
             depth: zeros(1),
             overshoot: zeros(1),
+            equality_violation: zeros(1),
             sensing: Memory::new(compiled, lanes, first),
             actuation: actuation::memory::Memory::default(),
         }
@@ -118,7 +121,8 @@ impl<S: Scalar> Group<S> {
         self.status[lane] = Status::OK.bits();
         self.worst[lane] = 0;
         self.saturated.iter_mut().skip(lane).step_by(lanes).for_each(|n| *n = 0);
-        for number in [&mut self.residual, &mut self.sweeps, &mut self.newton_steps, &mut self.depth, &mut self.overshoot] {
+        let Self { residual, sweeps, newton_steps, depth, overshoot, equality_violation, .. } = self;
+        for number in [residual, sweeps, newton_steps, depth, overshoot, equality_violation] {
             number[lane] = S::default();
         }
         self.sensing.forget(lane);
@@ -128,7 +132,7 @@ impl<S: Scalar> Group<S> {
     /// Memory that it holds, bytes.
     pub fn bytes(&self) -> usize {
         let impulses = [&self.scalar_impulse, &self.impulse, &self.mocap, &self.contact_data, &self.contact_torque];
-        let record = [&self.residual, &self.sweeps, &self.newton_steps, &self.depth, &self.overshoot];
+        let record = [&self.residual, &self.sweeps, &self.newton_steps, &self.depth, &self.overshoot, &self.equality_violation];
         let numbers = [&self.q, &self.v, &self.act].into_iter().chain(record).chain(impulses);
         let scalars: usize = numbers.map(|x| size_of_val(&x[..])).sum();
         let counts = [&self.contact_count, &self.status, &self.saturated].into_iter().map(|x| size_of_val(&x[..])).sum::<usize>();
@@ -147,7 +151,7 @@ impl<S: Scalar> Group<S> {
     pub fn fits(&self, other: &Self) -> bool {
         let sizes = |g: &Self| {
             let impulses = [&g.scalar_impulse, &g.impulse, &g.mocap].map(Vec::len);
-            let record = [&g.residual, &g.sweeps, &g.newton_steps, &g.depth, &g.overshoot].map(Vec::len);
+            let record = [&g.residual, &g.sweeps, &g.newton_steps, &g.depth, &g.overshoot, &g.equality_violation].map(Vec::len);
             let numbers = ([&g.q, &g.v, &g.act].map(Vec::len), record, impulses);
             (g.lanes, numbers, [&g.contact_count, &g.status, &g.saturated].map(Vec::len), g.worst.len(), g.time.len())
         };
@@ -224,6 +228,7 @@ impl<S: Scalar> Group<S> {
             worst: columns(&self.worst, lanes, first, n),
             depth: numbers(&self.depth),
             overshoot: numbers(&self.overshoot),
+            equality_violation: numbers(&self.equality_violation),
             sensing: self.sensing.part(first, n),
             actuation: self.actuation.part(lanes, first, n),
         }
@@ -247,6 +252,7 @@ impl<S: Scalar> Group<S> {
             (&mut self.newton_steps, &part.newton_steps),
             (&mut self.depth, &part.depth),
             (&mut self.overshoot, &part.overshoot),
+            (&mut self.equality_violation, &part.equality_violation),
         ] {
             set_columns(to, lanes, target, n, from);
         }

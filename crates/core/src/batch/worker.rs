@@ -394,6 +394,7 @@ impl<R: Real, P: Probe> LaneWorker<R, P> {
         let Self { workspace: s, compiled, flags, probe, .. } = self;
         let (flags, probe) = (&mut flags[..R::LANES], *probe);
         let (mut depth, mut overshoot) = (R::load(&group.depth), R::load(&group.overshoot));
+        let mut violation = R::load(&group.equality_violation);
         for i in 0..steps {
             let Group { actuation, sensing, .. } = group;
             let mut devices = Devices {
@@ -409,6 +410,7 @@ impl<R: Real, P: Probe> LaneWorker<R, P> {
                 }
                 residual = residual.max(record.residual);
                 (depth, overshoot) = (depth.max(record.depth), overshoot.max(record.overshoot));
+                violation = violation.max(record.equality_violation);
                 record.residual.store(&mut group.residual);
                 record.sweeps.store(&mut group.sweeps);
                 record.newton_steps.store(&mut group.newton_steps);
@@ -419,6 +421,7 @@ impl<R: Real, P: Probe> LaneWorker<R, P> {
         }
         depth.store(&mut group.depth);
         overshoot.store(&mut group.overshoot);
+        violation.store(&mut group.equality_violation);
         for (all, one) in group.status[..R::LANES].iter_mut().zip(flags) {
             *all |= *one;
         }
@@ -444,6 +447,7 @@ fn clear_call_totals<R: Real>(group: &mut Group<R::Scalar>) {
     group.worst[..R::LANES].fill(0);
     group.depth[..R::LANES].fill(R::Scalar::default());
     group.overshoot[..R::LANES].fill(R::Scalar::default());
+    group.equality_violation[..R::LANES].fill(R::Scalar::default());
     // An empty array takes the C library's masked stores a hundred times as long as a short one.
     if !group.saturated.is_empty() {
         group.saturated.fill(0);

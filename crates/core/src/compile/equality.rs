@@ -38,6 +38,15 @@ impl<S: Scalar> Combination<S> {
     }
 }
 
+/// Links between a frame and the nearest frame that it has in common with another one.
+#[derive(Clone, Debug, Default)]
+pub struct FramePath {
+    /// Index of the mocap body that the path begins at; `None` where it begins at the world or at the common frame.
+    pub mocap: Option<usize>,
+    /// Links from there to the frame.
+    pub links: Vec<u32>,
+}
+
 /// What an equality's rows are made from.
 #[derive(Clone, Debug)]
 pub enum EqualityRows<S> {
@@ -49,6 +58,8 @@ pub enum EqualityRows<S> {
         anchors: [[S; 3]; 2],
         /// The orientations in them that agree, and the weight of a radian, m.
         turn: Option<([[S; 9]; 2], S)>,
+        /// The links that the relative pose of the two frames depends on.
+        paths: [FramePath; 2],
     },
     /// `x - ref = polynomial(other - ref)`.
     Coupling {
@@ -173,7 +184,30 @@ impl Compiler<'_> {
         let frames = bodies.map(|b| self.merged.frame[b]);
         let moved_dofs = frames.into_iter().filter_map(|f| self.merged.last_dof(f));
         let support = self.with_ancestors(moved_dofs);
-        (EqualityRows::Points { frames, anchors: [place(a, anchors[0]), place(b, anchors[1])], turn }, support)
+        let paths = self.paths(frames);
+        (EqualityRows::Points { frames, anchors: [place(a, anchors[0]), place(b, anchors[1])], turn, paths }, support)
+    }
+
+    /// Paths from the nearest common frame of two frames to each of them.
+    fn paths(&self, frames: [usize; 2]) -> [FramePath; 2] {
+        let nlink = self.merged.leaders.len();
+        let mut paths = frames.map(|mut frame| {
+            let mut links = vec![];
+            while (1..=nlink).contains(&frame) {
+                links.push(frame as u32 - 1);
+                frame = self.merged.parent_frame(self.model, frame - 1);
+            }
+            links.reverse();
+            FramePath { mocap: frame.checked_sub(nlink + 1), links }
+        });
+        let [first, second] = &mut paths;
+        if first.mocap == second.mocap {
+            (first.mocap, second.mocap) = (None, None);
+            let shared = first.links.iter().zip(&second.links).take_while(|(a, b)| a == b).count();
+            first.links.drain(..shared);
+            second.links.drain(..shared);
+        }
+        paths
     }
 
     fn coupling<S: Scalar>(

@@ -81,7 +81,7 @@ impl Merged {
     }
 
     /// The frame that a link hangs from.
-    fn parent_frame(&self, model: &Model, link: usize) -> usize {
+    pub(crate) fn parent_frame(&self, model: &Model, link: usize) -> usize {
         self.frame[model.bodies[self.leaders[link]].parent]
     }
 

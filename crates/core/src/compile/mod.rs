@@ -23,7 +23,7 @@ pub use crate::model::Kernel;
 pub use actuators::{CompiledActuator, CompiledActuatorDynamics, CompiledWrench, Spot};
 pub use collision::{CompiledPair, Crowd, NO_PATCH};
 pub use compiled_model::{CompiledModel, ModelStructure};
-pub use equality::{Combination, CompiledEquality, CompiledTendon, EqualityBlock, EqualityRows, Spring};
+pub use equality::{Combination, CompiledEquality, CompiledTendon, EqualityBlock, EqualityRows, FramePath, Spring};
 pub use lane_model::LaneModel;
 pub use parameters::{ActuatorParams, CompensationParams, DofParams, FluidParams, Inertial, Params};
 pub use passive::{CompiledEllipsoid, FluidShape};

@@ -111,7 +111,7 @@ impl<R: Real> Constraints<R> {
     #[inline(always)]
     fn add_equality(&mut self, input: RowInput<'_, R>, block: &EqualityBlock<R::Scalar>, equality: &CompiledEquality<R::Scalar>) {
         match &equality.rows {
-            EqualityRows::Points { frames, anchors, turn } => {
+            EqualityRows::Points { frames, anchors, turn, .. } => {
                 self.use_own_support(equality);
                 let rows = self.connect_points(input, *frames, *anchors);
                 self.push_rows::<3>(input, block, equality, 0, &rows);

@@ -10,6 +10,7 @@ pub mod demands;
 pub mod dry_friction;
 pub mod elimination;
 pub mod equality;
+pub mod equality_violation;
 pub mod hyperstatic;
 pub mod impact_time;
 pub mod islands;

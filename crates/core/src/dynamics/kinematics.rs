@@ -179,7 +179,7 @@ fn hinges<S: Scalar>(compiled: &ModelStructure<S>) -> impl Iterator<Item = &Comp
 
 /// The joint's axis in the world, and the frame turned about it.
 #[inline(always)]
-fn turn<R: Real>(mat: &M3<R>, joint: &CompiledJoint<R::Scalar>, sin: R, cos: R) -> (V3<R>, M3<R>) {
+pub(super) fn turn<R: Real>(mat: &M3<R>, joint: &CompiledJoint<R::Scalar>, sin: R, cos: R) -> (V3<R>, M3<R>) {
     let Some((k, backwards)) = joint.principal else {
         let axis = splat(joint.axis);
         return (rotate(mat, axis), mat_mul(mat, &axis_rotation(axis, sin, cos)));

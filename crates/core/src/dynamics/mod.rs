@@ -2,6 +2,7 @@
 //! moves.
 
 pub mod fluid;
+pub mod frame_path;
 pub mod gyroscopic;
 pub mod implicit_weights;
 pub mod inertia;

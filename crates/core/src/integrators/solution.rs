@@ -5,6 +5,7 @@ use stepper_solve::Outcome;
 
 use crate::collision::tunnelling::may_have_passed;
 use crate::compile::LaneModel;
+use crate::constraints::equality_violation::max_equality_violation;
 use crate::integrators::acceptance::{keep_impulse, undecided};
 use crate::integrators::impact;
 use crate::integrators::scheme::Scheme;
@@ -18,7 +19,7 @@ use crate::stages::s05_solve::solve;
 use crate::stages::s06_integrate_velocity::integrate_velocity;
 use crate::stages::s07_integrate_position::integrate_position;
 use crate::stages::s08_stabilise::{Solved, limit_baumgarte, stabilise};
-use crate::stages::s10_record::{DEEP, OVER_LIMIT, Record, depth, limit_overshoot};
+use crate::stages::s10_record::{DEEP, EQUALITY_VIOLATED, OVER_LIMIT, Record, depth, limit_overshoot};
 
 /// What a step knows of its solution.
 #[derive(Clone, Copy, Debug)]
@@ -181,6 +182,7 @@ pub(crate) fn record<R: Real>(
     [finite, tunnelled]: [R::Mask; 2],
 ) -> Record<R> {
     let (depth, overshoot) = (depth(&s.constraints, &s.state.contacts, finite), limit_overshoot(compiled, &s.state.q));
+    let violation = R::select(finite, max_equality_violation(compiled, &s.state.q, &s.mocap_trajectories, s.elapsed), R::zero());
     // A step that was not taken has no residual: what its numbers say depends on which of them are no numbers.
     let residual = R::select(finite, solution.outcome.residual, R::zero());
     let unsolved = solution.undecided.or(s.alive.and_not(residual.le(R::of(options.tolerance))));
@@ -190,8 +192,10 @@ pub(crate) fn record<R: Real>(
         newton_steps: solution.outcome.newton_steps,
         depth,
         overshoot,
+        equality_violation: violation,
         deep: s.alive.and(depth.gt(R::of(DEEP))),
         over_limit: s.alive.and(overshoot.gt(R::of(OVER_LIMIT))),
+        equality_violated: s.alive.and(violation.gt(R::of(EQUALITY_VIOLATED))),
         not_converged: unsolved.and(finite),
         infeasible: s.alive.and(finite).and(solution.infeasible),
         non_finite: s.alive.and_not(finite),

@@ -59,6 +59,14 @@ impl Stepper {
         self.per_env(py, "limit_overshoot", |env| self.simulation.limit_overshoot(env))
     }
 
+    /// Largest position error of an equality (connect, weld, joint, tendon) after a step of the last call of `step`, in m or rad:
+    /// (num_envs,) float64. Above 0.001 `status` says EQUALITY_VIOLATED. It is 0 without equalities. Equalities with a finite
+    /// stiffness are springs and do not count, except with MuJoCo's contact law, by which all equalities are soft and all count.
+    #[getter]
+    fn max_equality_violation<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        self.per_env(py, "max_equality_violation", |env| self.simulation.max_equality_violation(env))
+    }
+
     /// Steps of the last call of `step` in which the effort of each actuator was cut to its bounds: its `forcerange`, its joint's
     /// `actuatorfrcrange`, or the limits and torque-speed curve of its drive: (num_envs, nu) uint32.
     #[getter]

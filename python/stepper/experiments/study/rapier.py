@@ -184,6 +184,7 @@ class RapierWorld(MujocoWorld):
             "residual": nothing,
             "depth": self._depth,
             "limit_overshoot": nothing,
+            "max_equality_violation": nothing,
         }
 
     def settings(self) -> dict[str, Any]:

@@ -228,7 +228,7 @@ class StepperWorld(World):
         if own:
             self.sim.randomize(**own)
         self.timestep = float(self.sim.timestep)
-        names = ("residual", "depth", "limit_overshoot")
+        names = ("residual", "depth", "limit_overshoot", "max_equality_violation")
         self._worst: dict[str, NDArray[Any]] = {"status": np.zeros(num_envs, np.int64)} | {name: np.zeros(num_envs) for name in names}
 
     @property
@@ -304,7 +304,7 @@ class StepperWorld(World):
         worst = self._worst
         worst["status"] = worst["status"] | np.asarray(self.sim.status, np.int64)
         worst["status"][self._beyond()] |= Status.NON_FINITE
-        for name in ("residual", "depth", "limit_overshoot"):
+        for name in ("residual", "depth", "limit_overshoot", "max_equality_violation"):
             worst[name] = np.maximum(worst[name], np.asarray(getattr(self.sim, name), float))
 
     def step(self, ctrl: Any, nstep: int) -> None:
@@ -317,7 +317,8 @@ class StepperWorld(World):
         self.time += nstep * self.timestep
 
     def certificate(self) -> dict[str, NDArray[Any]]:
-        """See `World.certificate`: flags of `Status`, residual (of the last step of every control), depth, limit_overshoot."""
+        """See `World.certificate`: flags of `Status`, residual (of the last step of every control), depth, limit_overshoot,
+        max_equality_violation."""
         return self._worst
 
     def settings(self) -> dict[str, Any]:
@@ -520,9 +521,9 @@ class MujocoWorld(World):
         return self._applied
 
     def certificate(self) -> dict[str, NDArray[Any]]:
-        """See `World.certificate`. MuJoCo has no residual in m/s and no overshoot; depth is that of the last step of a control."""
-        nothing = np.full(self.num_envs, np.nan)
-        return {"status": self._status, "residual": nothing, "depth": self._depth, "limit_overshoot": nothing}
+        """See `World.certificate`. MuJoCo has no residual in m/s, no overshoot and no violation; depth is that of the last step of a control."""
+        nothing = dict.fromkeys(("residual", "limit_overshoot", "max_equality_violation"), np.full(self.num_envs, np.nan))
+        return {"status": self._status, "depth": self._depth, **nothing}
 
     def settings(self) -> dict[str, Any]:
         """See `World.settings`."""

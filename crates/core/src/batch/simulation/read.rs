@@ -137,6 +137,16 @@ impl Simulation {
         self.engine.outcome(env).overshoot
     }
 
+    /// Largest position error of an equality after a step of the last call, m or rad; 0 without equalities.
+    ///
+    /// # Panics
+    /// When there is no such environment.
+    #[track_caller]
+    pub fn max_equality_violation(&self, env: usize) -> f64 {
+        self.assert_env(env);
+        self.engine.outcome(env).equality_violation
+    }
+
     /// Readings that were clipped and samples that were lost in the last call, for every sensor of the model.
     ///
     /// # Panics

@@ -30,7 +30,7 @@ impl<R: Real> Constraints<R> {
     fn add_soft_equality(&mut self, input: SoftInput<'_, R>, equality: &CompiledEquality<R::Scalar>, system: &mut SoftSystem<R>) {
         let [law, rotation_law] = &input.softness.equalities[equality.index];
         match &equality.rows {
-            EqualityRows::Points { frames, anchors, turn } => {
+            EqualityRows::Points { frames, anchors, turn, .. } => {
                 let turned = turn.as_ref().map(|(mats, weight)| (Turn::of(input, *frames, mats), R::splat(*weight)));
                 self.use_own_support(equality);
                 let points = self.connect_points(input.row, *frames, *anchors);

@@ -70,6 +70,16 @@ pub struct Constraints<R: Real> {
     pub rolling_slots: Vec<(usize, R::Mask, V3<R>)>,
     /// Squared lengths of the numbers that the rows of a block of equalities are differences of.
     pub(crate) sizes: Vec<R>,
+    /// Squared scales of the entries of those rows: sums of the squares of their terms.
+    pub(crate) entry_scales: Vec<R>,
+    /// Squared scales of the velocities that rows of hard equalities demand, in the order of these rows, (m/s)^2.
+    pub(crate) velocity_scales: Vec<R>,
+    /// Squared scales of a column, entry by entry.
+    pub(crate) scales: Vec<V3<R>>,
+    /// Squared scales of what the elimination of equalities takes from a column, entry by entry.
+    pub(crate) taken_scales: Vec<V3<R>>,
+    /// Coefficients of the projections that the last elimination has taken from a column, for every tied row.
+    pub(crate) shares: Vec<V3<R>>,
     /// Of those rows: h/2 J' v, J v before the step, and the bias that corrects the error (minus a velocity).
     pub(crate) demands: Vec<[R; 3]>,
     pub(crate) column: Vec<V3<R>>,
@@ -169,6 +179,7 @@ impl<R: Real> Constraints<R> {
     /// Room for a compiled model.
     pub fn new(compiled: &ModelStructure<R::Scalar>, max_contacts: usize) -> Self {
         let block = compiled.equalities.iter().map(|b| b.rows).max().unwrap_or(0);
+        let rows = compiled.equalities.iter().map(|b| b.rows).sum();
         // With MuJoCo's law a slot is a contact for the lanes that touch the same trees: where there are several, at the most one for each
         // lane, of that lane's own coordinates.
         let parts = if compiled.softness.is_some() && compiled.ntree > 1 { R::LANES } else { 1 };
@@ -197,6 +208,11 @@ impl<R: Real> Constraints<R> {
             slots: Vec::with_capacity(soft_contacts),
             rolling_slots: Vec::with_capacity(if compiled.has_rolling_friction { soft_contacts } else { 0 }),
             sizes: Vec::with_capacity(block),
+            entry_scales: Vec::with_capacity(compiled.equalities.iter().map(|b| b.rows * b.support.len()).max().unwrap_or(0)),
+            velocity_scales: Vec::with_capacity(rows),
+            scales: vec![zero(); compiled.nv],
+            taken_scales: vec![zero(); compiled.nv],
+            shares: Vec::with_capacity(rows),
             demands: Vec::with_capacity(block),
             column: vec![zero(); compiled.nv],
             linear: vec![zero(); if compiled.has_rolling_friction { compiled.nv } else { 0 }],

@@ -42,6 +42,7 @@ pub fn assemble<R: Real>(
             constraints.problem.clear();
             constraints.iterate.clear();
             constraints.owners.clear();
+            constraints.velocity_scales.clear();
             constraints.slots.clear();
             constraints.rolling_slots.clear();
             constraints.constrained = R::Mask::splat(false);

@@ -3,7 +3,7 @@
 use crate::common::cases;
 use proptest::prelude::*;
 use stepper_solve::gauss_seidel::{SweepSettings, solve};
-use stepper_solve::{Iterate, Problem, residual};
+use stepper_solve::{Iterate, Problem, RowScales, residual};
 
 const FREE: [f64; 2] = [f64::NEG_INFINITY, f64::INFINITY];
 
@@ -39,7 +39,9 @@ proptest! {
         }
         let sizes: Vec<f64> = y.iter().map(|y| dot(y, y)).collect();
         let mut also: Vec<[f64; 2]> = g.iter().map(|&g| [g, -g]).collect();
-        problem.scalars.orthogonalise(0..rows, &sizes, &mut also, |_, _| {});
+        let mut entries: Vec<f64> = y.iter().flatten().map(|y| y * y).collect();
+        let scales = RowScales { lengths: &sizes, entries: &mut entries, velocities: &mut vec![1.0; rows] };
+        problem.scalars.orthogonalise(0..rows, scales, &mut also, |_, _| {});
         iterate.compute_w(&problem);
         let outcome = solve(&problem, &mut iterate, SweepSettings { sweeps: 1, tolerance: 1e-9 }, true);
         let kept = problem.scalars.iter().filter(|r| r.active).count();
@@ -65,7 +67,9 @@ proptest! {
             for (y, &g) in y.iter().zip(&g) {
                 problem.scalars.push(&support, |i| y[i], 1.0, true, g, FREE);
             }
-            problem.scalars.orthogonalise::<1>(0..rows, &sizes, &mut vec![[0.0]; rows], |_, _| {});
+            let mut entries: Vec<f64> = y.iter().flatten().map(|y| y * y).collect();
+            let scales = RowScales { lengths: &sizes, entries: &mut entries, velocities: &mut vec![1.0; rows] };
+            problem.scalars.orthogonalise::<1>(0..rows, scales, &mut vec![[0.0]; rows], |_, _| {});
             problem
         });
         together.scalars.push(&support, |i| limit[i], 1.0, true, free, limits);

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from stepper import Options, Status
 
 PRECISIONS = pytest.mark.parametrize("precision", ["f64", "f32"])
+SEEDS = st.integers(0, 2**32 - 1)
 GHOST = 'contype="0" conaffinity="0"'
 
 
@@ -124,45 +125,43 @@ def test_a_light_foot_carries_the_body_that_is_welded_to_it(height, half, up, fo
     assert sim.qpos[2] == pytest.approx(up, abs=2e-4)  # the slop, twice
 
 
-@st.composite
-def feasible(draw) -> str:
+def feasible(seed: int, precision: str) -> str:
     """A scene whose demands can be met: its equalities are met at the start, and what stands on the floor may stand there."""
-    ratio = 10.0 ** draw(st.floats(0, 9))
-    scale = 10.0 ** draw(st.floats(-3, 1))
-    tilt = " ".join(f"{draw(st.integers(-60, 60))}" for _ in range(3))
-    kind = draw(st.sampled_from(["slides", "cable", "weld", "pulley", "foot"]))
+    rng = np.random.default_rng(seed)
+    ratio, scale = 10.0 ** rng.uniform([0, -3], [9, 1])
+    tilt = " ".join(f"{angle}" for angle in rng.uniform(-60, 60, 3))
+    kind = rng.choice(["slides", "cable", "weld", "pulley", "foot"])
     if kind == "slides":
-        return tied_slides(scale, scale * ratio, radius=draw(st.floats(0.01, 0.2)))
+        return tied_slides(scale, scale * ratio, radius=rng.uniform(0.01, 0.2))
     if kind == "cable":
-        rods = draw(st.sampled_from([3, 5, 9, 20, 40, 160]))
-        joint = draw(st.sampled_from(['type="ball"', 'axis="0 1 0"']))
-        return cable(rods, length=2.0 / rods, mass=scale / rods, joint=joint, curl=draw(st.floats(90, 250)) / rods, tilt=tilt)
+        joint = rng.choice(['type="ball"', 'axis="0 1 0"'])
+        rods = rng.choice([3, 5, 9, 20, 40, 80, 160])
+        if precision == "f32":
+            # Longer ones do not move as they should in 32 bits when nothing is connected either: the inertia of a joint is rounding beside
+            # that of the chain, the turn of a rod of 1 mm about itself 1e-7 of it from some ten on.
+            rods = min(rods, 40 if "axis" in joint else 5)
+        return cable(rods, length=2.0 / rods, mass=scale / rods, joint=joint, curl=rng.uniform(90, 250) / rods, tilt=tilt)
     if kind == "weld":
         return welded_through(scale, scale * ratio, tilt=tilt)
     if kind == "pulley":
         return pulley(scale / ratio, scale)
-    return welded_foot(scale / ratio, scale, height=draw(st.floats(0.01, 0.05)), half=f"{draw(st.floats(0.03, 0.1))} .04")
+    return welded_foot(scale / ratio, scale, height=rng.uniform(0.01, 0.05), half=f"{rng.uniform(0.03, 0.1)} .04")
 
 
 @PRECISIONS
-@given(xml=feasible())
-def test_what_can_be_met_is_never_called_infeasible(precision, xml):
-    sim = simulation(xml, precision)
-    said = flags(sim, 40)
-    assert not said & Status.INFEASIBLE
-    assert not said & Status.NON_FINITE
-    assert np.isfinite(sim.qvel).all()
+@given(seed=SEEDS)
+def test_what_can_be_met_is_never_called_infeasible(precision, seed):
+    sim = simulation(feasible(seed, precision), precision)
+    assert not flags(sim, 40) & (Status.INFEASIBLE | Status.NON_FINITE | Status.UNRESOLVED)
 
 
-@st.composite
-def infeasible(draw) -> str:
+def infeasible(seed: int) -> str:
     """A scene that demands what no motion gives: 1 mm to 1 m too far, or two things at once."""
-    ratio = 10.0 ** draw(st.floats(0, 9))
-    scale = 10.0 ** draw(st.floats(-3, 1))
-    gap = 10.0 ** draw(st.floats(-3, 0))
-    kind = draw(st.sampled_from(["reach", "slides", "welds", "locked limit", "slot", "plane"]))
+    rng = np.random.default_rng(seed)
+    ratio, scale, gap = 10.0 ** rng.uniform([0, -3, -3], [9, 1, 0])
+    kind = rng.choice(["reach", "slides", "welds", "locked limit", "slot", "plane"])
     if kind == "reach":
-        rods = draw(st.integers(1, 5))
+        rods = int(rng.integers(1, 6))
         body = "".join(
             f'<body pos="{0.2 if i else 0} 0 0"><joint axis="0 1 0"/><geom type="capsule" size=".01" fromto="0 0 0 .2 0 0" mass="{scale}" {GHOST}/>'
             for i in range(rods)
@@ -195,11 +194,11 @@ def infeasible(draw) -> str:
 
 
 @PRECISIONS
-@given(xml=infeasible())
-def test_what_cannot_be_met_is_said(precision, xml):
+@given(seed=SEEDS)
+def test_what_cannot_be_met_is_said(precision, seed):
     # Positions give way where they can before what is left of the demand is proven to be out of reach: 0.4 s, some twenty times the time
     # in which a correction halves an error.
-    sim = simulation(xml, precision)
+    sim = simulation(infeasible(seed), precision)
     sim.step(nstep=200)
     assert sim.status & Status.INFEASIBLE
 
@@ -243,20 +242,28 @@ def test_a_second_weld_of_the_same_bodies_changes_nothing(tilt, precision):
     assert np.abs(sims[0].qpos - sims[1].qpos).max() < (1e-5 if precision == "f32" else 1e-12)
 
 
-@PRECISIONS
-def test_a_velocity_that_a_dependent_row_demands_is_part_of_the_residual(precision):
-    """Two couplings with one Jacobian, of which the second demands another acceleration."""
-    xml = f"""<mujoco><option gravity="0 0 0" timestep=".01"/><worldbody>
-    <body><joint name="a" type="slide" axis="0 0 1"/><geom size=".05" mass="1" {GHOST}/></body>
-    <body><joint name="b" type="slide" axis="0 0 1"/><geom size=".05" mass="1" {GHOST}/></body></worldbody>
-    <equality><joint joint1="a" joint2="b" polycoef="0 1 0 0 0"/><joint joint1="a" joint2="b" polycoef="0 1 1 0 0"/></equality></mujoco>"""
-    sim = simulation(xml, precision, integrator="euler")
-    sim.set_state(qvel=[1.0, 1.0])
+def test_a_speed_that_nothing_can_stop_is_part_of_the_residual():
+    """A rod on a hinge touches a sphere with a lever arm of 5e-6 of its length: no impulse is asked for that, but the spheres approach."""
+    tilt, speed = 5e-6, 50.0
+    xml = f"""<mujoco><option gravity="0 0 0" timestep="1e-5"/><worldbody><geom size=".02" pos=".34 0 {-0.04 * tilt}"/>
+    <body><joint axis="0 1 0"/><geom size=".02" pos=".3 0 0" mass="1"/></body></worldbody></mujoco>"""
+    sim = simulation(xml, "f64", integrator="euler")
+    sim.set_state(qvel=[speed])
     sim.step()
-    # -(h/2) kappa of the second row, kappa = -2 v^2, of which its velocity before the step, 0, leaves nothing: the rows agree.
-    assert sim.status == Status.OK
-    sim.set_state(qpos=[0, 0], qvel=[2.0, 1.0])
-    sim.step()
-    # Now both take 1 m/s away, and the second demands h v^2 = 0.01 m/s more, within the 1 m/s that it had.
-    assert sim.residual == pytest.approx(0.01, rel=1e-3)
+    # The normal passes the hinge at the height 0.3 tilt.
+    assert sim.residual == pytest.approx(0.3 * tilt * speed, rel=1e-3)
     assert sim.status == Status.NOT_CONVERGED
+
+
+def test_a_loop_off_its_plane_and_a_held_joint_beyond_its_range_are_said():
+    """Their rows have no entries at all: nothing moves along them."""
+    off = """<mujoco><option gravity="0 0 0"/><worldbody><site name="far" pos=".3 .01 0"/>
+    <body><joint axis="0 1 0"/><geom type="capsule" size=".01" fromto="0 0 0 .2 0 0"/>
+    <body pos=".2 0 0" euler="0 40 0"><joint axis="0 1 0"/><geom type="capsule" size=".01" fromto="0 0 0 .2 0 0" contype="0"/>
+    <site name="tip" pos=".2 0 0"/></body></body></worldbody><equality><connect site1="tip" site2="far"/></equality></mujoco>"""
+    beyond = f"""<mujoco><worldbody><body><joint name="l" type="slide" axis="0 0 1" range=".005 1"/><geom size=".05" {GHOST}/></body>
+    </worldbody><equality><joint joint1="l"/></equality></mujoco>"""
+    for xml in (off, beyond):
+        sim = stepper.Stepper(stepper.load(xml))
+        sim.step(nstep=100)
+        assert sim.status == Status.INFEASIBLE

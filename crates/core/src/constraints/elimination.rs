@@ -190,7 +190,7 @@ impl<R: Real> Constraints<R> {
                         let (x, scale, y) = (&mut column[d as usize], &mut taken_scales[d as usize], y * mass.sqrt_d[d as usize]);
                         for n in 0..N {
                             let again = along[n] * y;
-                            x[n] -= again;
+                            x[n] = R::select(short[n], x[n] - again, x[n]);
                             scale[n] += (share[n] * y).square() + again.square() * rounding;
                         }
                     }

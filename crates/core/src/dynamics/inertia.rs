@@ -1,6 +1,6 @@
 //! Recursive Newton-Euler, composite inertias, and the sparse factorisation of the mass matrix.
 
-use stepper_real::{Real, Scalar};
+use stepper_real::Real;
 
 use crate::compile::{Descendant, Dof, DofParams, LaneModel, ModelStructure};
 use crate::dynamics::implicit_weights::ImplicitWeights;
@@ -101,27 +101,21 @@ impl<R: Real> MassMatrix<R> {
     /// Replaces M by its factors.
     ///
     /// From the leaves, a row at a time and up to eight columns of it: what all rows below it subtract from them is summed where it stays
-    /// in registers. What is left of an inertia is at least the rounding of what it is left of: in 32 bits, the turn of a thin rod about
-    /// itself is less than that at the root of a chain of twenty.
+    /// in registers.
     #[inline(always)]
     pub fn factor(&mut self, compiled: &LaneModel<R>) {
         let Self { entries, inv_d, .. } = self;
-        let rounding = R::of(<R::Scalar as Scalar>::EPSILON.to_f64());
         for i in (0..compiled.nv).rev() {
             let (dof, below) = (&compiled.dofs[i], compiled.descendants(i));
-            let least = entries[dof.chain] * rounding;
             subtract_columns(entries, inv_d, dof, 0, below);
             for k in (8..dof.depth).step_by(8) {
                 subtract_columns(entries, inv_d, dof, k, below);
             }
-            // In this order a NaN stays.
-            let left = least.max(entries[dof.chain]);
-            let inv = R::one() / left;
+            let inv = R::one() / entries[dof.chain];
             let root = inv.sqrt();
-            entries[dof.chain] = left;
             inv_d[i] = inv;
             self.sqrt_inv_d[i] = root;
-            self.sqrt_d[i] = left * root;
+            self.sqrt_d[i] = entries[dof.chain] * root;
         }
     }
 

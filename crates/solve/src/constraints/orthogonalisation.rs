@@ -162,9 +162,13 @@ impl<R: Real> ScalarRows<R> {
         let mut coefficient = self.rows.items[j].projection(along);
         if let Some(lanes) = lanes {
             coefficient = masked(lanes, coefficient);
-        }
-        for (&a, b) in before.iter().zip(row) {
-            *b -= coefficient * a;
+            for (&a, b) in before.iter().zip(row) {
+                *b = R::select(lanes, *b - coefficient * a, *b);
+            }
+        } else {
+            for (&a, b) in before.iter().zip(row) {
+                *b -= coefficient * a;
+            }
         }
         let g = self.rows.items[j].g;
         self.rows.items[k].g -= coefficient * g;

@@ -2,6 +2,7 @@
 
 use crate::common::cases;
 use proptest::prelude::*;
+use stepper_real::{F32Lanes, Mask, Real};
 use stepper_solve::gauss_seidel::{SweepSettings, solve};
 use stepper_solve::{Iterate, Problem, RowScales, residual};
 
@@ -18,6 +19,24 @@ fn equalities() -> impl Strategy<Value = (usize, Vec<Vec<f64>>, Vec<f64>)> {
             (n, y, g)
         })
     })
+}
+
+/// Whether each of the rows is left after they are made orthogonal, when coordinate i has a mass of `10^decades[i]`.
+fn independent<R: Real>(jacobian: &[Vec<f64>], decades: &[f64]) -> Vec<bool> {
+    let (rows, n) = (jacobian.len(), jacobian[0].len());
+    let mut problem = Problem::<R>::with_capacity(n, rows, 0);
+    let support: Vec<u32> = (0..n as u32).collect();
+    let entry = |x: f64, i: usize| R::of(x) * R::of(10f64.powf(-0.5 * decades[i]));
+    let (mut lengths, mut entries) = (Vec::new(), Vec::new());
+    for y in jacobian {
+        problem.scalars.push(&support, |i| entry(y[i], i), R::one(), R::Mask::splat(true), R::zero(), FREE.map(R::of));
+        let squares: Vec<R> = (0..n).map(|i| entry(y[i], i).square()).collect();
+        lengths.push(squares.iter().fold(R::zero(), |sum, &x| sum + x));
+        entries.extend(squares);
+    }
+    let scales = RowScales { lengths: &lengths, entries: &mut entries, velocities: &mut vec![R::one(); rows] };
+    problem.scalars.orthogonalise::<1>(0..rows, scales, &mut vec![[R::zero()]; rows], |_, _| {});
+    problem.scalars.iter().map(|row| row.active.bits() & 1 == 1).collect()
 }
 
 fn dot(a: &[f64], b: &[f64]) -> f64 {
@@ -54,6 +73,26 @@ proptest! {
         for (row, also) in problem.scalars.iter().zip(&also) {
             prop_assert_eq!([row.g, -row.g], *also);
         }
+    }
+
+    /// Rows of J in the metric of masses up to 1e9 apart: those that are sums of others drop out, and no others, in both precisions.
+    #[test]
+    fn masses_make_no_row_dependent(
+        (n, y, _) in equalities(),
+        decades in prop::collection::vec(0.0..9.0f64, 9),
+        signs in prop::collection::vec(prop_oneof![Just(0.0), Just(1.0)], 9 * 6),
+    ) {
+        // Sparse rows, as of bodies in a chain, each with a coordinate of its own, so that all but the last are independent.
+        let rows = y.len() - 1;
+        let mut jacobian: Vec<Vec<f64>> = (0..rows).map(|k| (0..n).map(|i| y[k][i] * signs[k * 9 + i]).collect()).collect();
+        for (k, row) in jacobian.iter_mut().enumerate() {
+            for (i, x) in row.iter_mut().enumerate().take(rows) {
+                *x = if i == k { 1.0 + x.abs() } else if i > k { 0.0 } else { *x };
+            }
+        }
+        jacobian.push((0..n).map(|i| jacobian.iter().map(|r| r[i]).sum()).collect());
+        prop_assert_eq!(independent::<f64>(&jacobian, &decades), vec![true; rows].into_iter().chain([false]).collect::<Vec<_>>());
+        prop_assert_eq!(independent::<F32Lanes>(&jacobian, &decades), vec![true; rows].into_iter().chain([false]).collect::<Vec<_>>());
     }
 
     #[test]

@@ -74,11 +74,13 @@ pub struct Constraints<R: Real> {
     pub(crate) entry_scales: Vec<R>,
     /// Squared scales of the velocities that rows of hard equalities demand, in the order of these rows, (m/s)^2.
     pub(crate) velocity_scales: Vec<R>,
+    /// Squared scales of the coefficients of projections, of any row of a block.
+    pub(crate) coefficient_scales: Vec<R>,
     /// Squared scales of a column, entry by entry.
     pub(crate) scales: Vec<V3<R>>,
     /// Squared scales of what the elimination of equalities takes from a column, entry by entry.
     pub(crate) taken_scales: Vec<V3<R>>,
-    /// Coefficients of the projections that the last elimination has taken from a column, for every tied row.
+    /// Coefficients of the projections that the last elimination has taken from a column, for every tied row, or their scales.
     pub(crate) shares: Vec<V3<R>>,
     /// Of those rows: h/2 J' v, J v before the step, and the bias that corrects the error (minus a velocity).
     pub(crate) demands: Vec<[R; 3]>,
@@ -210,6 +212,7 @@ impl<R: Real> Constraints<R> {
             sizes: Vec::with_capacity(block),
             entry_scales: Vec::with_capacity(compiled.equalities.iter().map(|b| b.rows * b.support.len()).max().unwrap_or(0)),
             velocity_scales: Vec::with_capacity(rows),
+            coefficient_scales: vec![R::zero(); block],
             scales: vec![zero(); compiled.nv],
             taken_scales: vec![zero(); compiled.nv],
             shares: Vec::with_capacity(rows),

@@ -195,6 +195,30 @@ impl<R: Real> Constraints<R> {
                         }
                     }
                 }
+                // What the rounding of a coefficient makes of an entry: terms may have no part in it.
+                for (k, share) in tied.iter().flat_map(Range::clone).zip(&mut *shares) {
+                    let row = &problem.scalars[k];
+                    let (support, entries) = problem.scalars.entries(row);
+                    let mut square = [R::zero(); N];
+                    for (&d, &y) in support.iter().zip(entries) {
+                        let (x, taken, y) = (&column[d as usize], &taken_scales[d as usize], y * mass.sqrt_inv_d[d as usize]);
+                        for n in 0..N {
+                            square[n] += (x[n].square() + taken[n]) * y.square();
+                        }
+                    }
+                    for n in 0..N {
+                        share[n] = row.projection(square[n].sqrt());
+                    }
+                }
+                for (k, share) in tied.iter().flat_map(Range::clone).zip(&*shares) {
+                    let (support, entries) = problem.scalars.entries(&problem.scalars[k]);
+                    for (&d, &y) in support.iter().zip(entries) {
+                        let (scale, y) = (&mut taken_scales[d as usize], y * mass.sqrt_d[d as usize]);
+                        for n in 0..N {
+                            scale[n] += (share[n] * y).square();
+                        }
+                    }
+                }
                 for n in 0..N {
                     let (mut rest, mut independent) = (R::zero(), R::Mask::splat(false));
                     for &d in &*support {
@@ -218,10 +242,19 @@ impl<R: Real> Constraints<R> {
         )
     }
 
-    /// Adds the squares of what the last elimination has taken from the first component of `column` to the scales.
+    /// Adds to the scales of the first component of `column` those of what the last elimination has taken from it.
     #[inline(always)]
     pub(crate) fn add_taken_scales(&mut self, mass: &MassMatrix<R>) {
         let Self { problem, tied, shares, scales, .. } = self;
+        for (k, share) in tied.iter().flat_map(Range::clone).zip(&mut *shares) {
+            let row = &problem.scalars[k];
+            let (support, entries) = problem.scalars.entries(row);
+            let mut square = R::zero();
+            for (&d, &y) in support.iter().zip(entries) {
+                square += scales[d as usize][0] * (y * mass.sqrt_inv_d[d as usize]).square();
+            }
+            share[0] = row.projection(square.sqrt()).max(share[0].abs());
+        }
         for (k, &share) in tied.iter().flat_map(Range::clone).zip(&*shares) {
             let (support, entries) = problem.scalars.entries(&problem.scalars[k]);
             for (&d, &y) in support.iter().zip(entries) {

@@ -77,7 +77,12 @@ impl<R: Real> Constraints<R> {
             let damping = if split { R::of(DAMPING) + way * R::of(1.0 / ARM) } else { R::zero() };
             self.problem.scalars.orthogonalise(
                 start..start + block.rows,
-                RowScales { lengths: &self.sizes, entries: &mut self.entry_scales, velocities: &mut self.velocity_scales[scales..] },
+                RowScales {
+                    lengths: &self.sizes,
+                    entries: &mut self.entry_scales,
+                    velocities: &mut self.velocity_scales[scales..],
+                    coefficients: &mut self.coefficient_scales,
+                },
                 &mut self.demands,
                 #[inline(always)]
                 |row, [_, _, correction]| {

@@ -8,8 +8,9 @@
 //! The length of what is left of a row cannot tell a dependent row from one that joins a light body to a heavy one: entries of a body go
 //! with 1 / sqrt(mass). So a row that comes out short is projected a second time, after which it is orthogonal to the others relative to
 //! its own length ("twice is enough"; Parlett 1998, section 6.9), and is then judged entry by entry: it is independent if any entry is more
-//! than the rounding of the terms that it is the sum of. Each entry has a scale for that, the root of the sum of the squares of its terms.
-//! Masses and units do not matter, since an entry and its scale have the same.
+//! than the rounding of the terms that it is the sum of. Each entry has a scale for that, the root of the sum of the squares of its terms,
+//! and of what the rounding of coefficients brings from other entries. Masses and units do not matter, since an entry and its scale have
+//! the same.
 
 use std::ops::Range;
 
@@ -47,6 +48,8 @@ pub struct RowScales<'a, R> {
     pub entries: &'a mut [R],
     /// Squared scale of the velocity that each row demands, (m/s)^2.
     pub velocities: &'a mut [R],
+    /// Workspace: a number for each row.
+    pub coefficients: &'a mut [R],
 }
 
 impl<R: Real> ScalarRows<R> {
@@ -66,7 +69,7 @@ impl<R: Real> ScalarRows<R> {
         mut decide: impl FnMut(&mut ScalarRow<R>, &mut [R; N]),
     ) {
         let tolerance = R::of(dependence_threshold::<R>());
-        let RowScales { lengths, entries, velocities } = scales;
+        let RowScales { lengths, entries, velocities, coefficients } = scales;
         let mut start = 0;
         for (k, &length) in rows.clone().zip(lengths) {
             let at = self.rows.items[k].y;
@@ -87,7 +90,7 @@ impl<R: Real> ScalarRows<R> {
             let short = self.rows.items[k].active.and_not(rest.gt(tolerance * length));
             let mut independent = short.not();
             if short.any() {
-                independent = independent.or(self.project_again(rows.start..k, k, short, own, also));
+                independent = independent.or(self.project_again(rows.start..k, k, short, [&mut *own, &mut *coefficients], also));
                 rest = R::select(short, self.squared_length(at, n), rest);
             }
             start += n;
@@ -106,7 +109,7 @@ impl<R: Real> ScalarRows<R> {
     }
 
     /// Removes from row `k` its projections on the rows `others` once more, in the lanes `lanes`, in which it is short. Returns those in
-    /// which it does not depend on them. `scales` are the squared scales of its entries.
+    /// which it does not depend on them. The squared scales of its entries take in what the rounding of coefficients makes of them.
     #[cold]
     #[inline(never)]
     fn project_again<const N: usize>(
@@ -114,7 +117,7 @@ impl<R: Real> ScalarRows<R> {
         others: Range<usize>,
         k: usize,
         lanes: R::Mask,
-        scales: &mut [R],
+        [scales, coefficients]: [&mut [R]; 2],
         also: &mut [[R; N]],
     ) -> R::Mask {
         R::vectorize(
@@ -123,11 +126,20 @@ impl<R: Real> ScalarRows<R> {
                 let threshold = R::of(entry_threshold::<R>());
                 let rounding = R::of(ROUNDING_RATIO / entry_threshold::<R>());
                 let n = scales.len();
-                for j in others.clone() {
+                for (j, coefficient) in others.clone().zip(&mut *coefficients) {
+                    let row = &self.rows.items[j];
+                    let mut square = R::zero();
+                    for (&scale, &y) in scales.iter().zip(self.y.row(row.y, n)) {
+                        square += scale * y.square();
+                    }
+                    *coefficient = square * row.inv_diagonal.square();
+                }
+                for (j, &error) in others.clone().zip(&*coefficients) {
                     let coefficient = self.remove_projection(k, j, Some(lanes));
+                    let square = error + rounding * coefficient.square();
                     combine(also, k - others.start, j - others.start, coefficient);
                     for (x, &y) in scales.iter_mut().zip(self.y.row(self.rows.items[j].y, n)) {
-                        *x += rounding * (coefficient * y).square();
+                        *x += square * y.square();
                     }
                 }
                 let mut independent = R::Mask::splat(false);

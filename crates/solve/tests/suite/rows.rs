@@ -34,7 +34,7 @@ fn independent<R: Real>(jacobian: &[Vec<f64>], decades: &[f64]) -> Vec<bool> {
         lengths.push(squares.iter().fold(R::zero(), |sum, &x| sum + x));
         entries.extend(squares);
     }
-    let scales = RowScales { lengths: &lengths, entries: &mut entries, velocities: &mut vec![R::one(); rows] };
+    let scales = RowScales { lengths: &lengths, entries: &mut entries, velocities: &mut vec![R::one(); rows], coefficients: &mut vec![R::zero(); rows] };
     problem.scalars.orthogonalise::<1>(0..rows, scales, &mut vec![[R::zero()]; rows], |_, _| {});
     problem.scalars.iter().map(|row| row.active.bits() & 1 == 1).collect()
 }
@@ -59,7 +59,7 @@ proptest! {
         let sizes: Vec<f64> = y.iter().map(|y| dot(y, y)).collect();
         let mut also: Vec<[f64; 2]> = g.iter().map(|&g| [g, -g]).collect();
         let mut entries: Vec<f64> = y.iter().flatten().map(|y| y * y).collect();
-        let scales = RowScales { lengths: &sizes, entries: &mut entries, velocities: &mut vec![1.0; rows] };
+        let scales = RowScales { lengths: &sizes, entries: &mut entries, velocities: &mut vec![1.0; rows], coefficients: &mut vec![0.0; rows] };
         problem.scalars.orthogonalise(0..rows, scales, &mut also, |_, _| {});
         iterate.compute_w(&problem);
         let outcome = solve(&problem, &mut iterate, SweepSettings { sweeps: 1, tolerance: 1e-9 }, true);
@@ -81,7 +81,9 @@ proptest! {
         (n, y, _) in equalities(),
         decades in prop::collection::vec(0.0..9.0f64, 9),
         signs in prop::collection::vec(prop_oneof![Just(0.0), Just(1.0)], 9 * 6),
+        others in prop::collection::vec(any::<bool>(), 5),
     ) {
+        let some: Vec<bool> = std::iter::once(true).chain(others).collect();
         // Sparse rows, as of bodies in a chain, each with a coordinate of its own, so that all but the last are independent.
         let rows = y.len() - 1;
         let mut jacobian: Vec<Vec<f64>> = (0..rows).map(|k| (0..n).map(|i| y[k][i] * signs[k * 9 + i]).collect()).collect();
@@ -90,7 +92,8 @@ proptest! {
                 *x = if i == k { 1.0 + x.abs() } else if i > k { 0.0 } else { *x };
             }
         }
-        jacobian.push((0..n).map(|i| jacobian.iter().map(|r| r[i]).sum()).collect());
+        // The last is the sum of the first and some others: the rest have no part in it.
+        jacobian.push((0..n).map(|i| jacobian.iter().zip(&some).filter(|(_, some)| **some).map(|(r, _)| r[i]).sum()).collect());
         prop_assert_eq!(independent::<f64>(&jacobian, &decades), vec![true; rows].into_iter().chain([false]).collect::<Vec<_>>());
         prop_assert_eq!(independent::<F32Lanes>(&jacobian, &decades), vec![true; rows].into_iter().chain([false]).collect::<Vec<_>>());
     }
@@ -107,7 +110,7 @@ proptest! {
                 problem.scalars.push(&support, |i| y[i], 1.0, true, g, FREE);
             }
             let mut entries: Vec<f64> = y.iter().flatten().map(|y| y * y).collect();
-            let scales = RowScales { lengths: &sizes, entries: &mut entries, velocities: &mut vec![1.0; rows] };
+            let scales = RowScales { lengths: &sizes, entries: &mut entries, velocities: &mut vec![1.0; rows], coefficients: &mut vec![0.0; rows] };
             problem.scalars.orthogonalise::<1>(0..rows, scales, &mut vec![[0.0]; rows], |_, _| {});
             problem
         });

@@ -23,12 +23,16 @@ def tied_slides(light: float, heavy: float, *, radius: float = 0.05) -> str:
     <equality><joint joint1="l" joint2="h"/></equality></mujoco>"""
 
 
-def cable(rods: int, *, length: float = 0.05, mass: float = 0.01, joint: str = 'type="ball"', curl: float = 0.0, tilt: str = "0 0 0") -> str:
+def cable(
+    rods: int, *, length: float = 0.05, mass: float = 0.01, joint: str = 'type="ball"', curl: float = 0.0, tilt: str = "0 0 0"
+) -> str:
     """Rods in a chain, turned by `curl` degrees from one to the next, whose far end is connected to where it begins."""
     body, end = "", "</body>" * rods
     for i in range(rods):
         place = f'pos="{length} 0 0" euler="0 {curl} 0"' if i else f'pos="0 0 1" euler="{tilt}"'
-        body += f'<body name="{i}" {place}><joint {joint}/><geom type="capsule" size=".001" fromto="0 0 0 {length} 0 0" mass="{mass}" {GHOST}/>'
+        body += (
+            f'<body name="{i}" {place}><joint {joint}/><geom type="capsule" size=".001" fromto="0 0 0 {length} 0 0" mass="{mass}" {GHOST}/>'
+        )
     return f"""<mujoco><worldbody>{body}{end}</worldbody>
     <equality><connect body1="{rods - 1}" body2="world" anchor="{length} 0 0"/></equality></mujoco>"""
 
@@ -162,10 +166,8 @@ def infeasible(seed: int) -> str:
     kind = rng.choice(["reach", "slides", "welds", "locked limit", "slot", "plane"])
     if kind == "reach":
         rods = int(rng.integers(1, 6))
-        body = "".join(
-            f'<body pos="{0.2 if i else 0} 0 0"><joint axis="0 1 0"/><geom type="capsule" size=".01" fromto="0 0 0 .2 0 0" mass="{scale}" {GHOST}/>'
-            for i in range(rods)
-        )
+        geom = f'<geom type="capsule" size=".01" fromto="0 0 0 .2 0 0" mass="{scale}" {GHOST}/>'
+        body = "".join(f'<body pos="{0.2 if i else 0} 0 0"><joint axis="0 1 0"/>{geom}' for i in range(rods))
         tip, end = '<site name="tip" pos=".2 0 0"/>', "</body>" * rods
         return f"""<mujoco><option gravity="0 0 0"/><worldbody><site name="far" pos="{0.2 * rods + gap} 0 0"/>{body}{tip}{end}</worldbody>
         <equality><connect site1="tip" site2="far"/></equality></mujoco>"""
@@ -233,7 +235,9 @@ def test_redundant_rows_drop_out_wherever_the_plane_of_a_loop_lies(times, rods, 
 @PRECISIONS
 @pytest.mark.parametrize("tilt", ["0 0 0", "17 31 43"])
 def test_a_second_weld_of_the_same_bodies_changes_nothing(tilt, precision):
-    once, twice = (welded_through(1.0, 1.0, tilt=tilt).replace("</equality>", more + "</equality>") for more in ("", '<weld body1="b" body2="a"/>'))
+    once, twice = (
+        welded_through(1.0, 1.0, tilt=tilt).replace("</equality>", more + "</equality>") for more in ("", '<weld body1="b" body2="a"/>')
+    )
     sims = [simulation(xml, precision) for xml in (once, twice)]
     for sim in sims:
         sim.set_state(qvel=np.linspace(-1, 1, 12))

@@ -43,6 +43,8 @@ pub struct Constraints<R: Real> {
     pub needs_position_solve: R::Mask,
     /// Lanes in which the bias of an overlap is part of the velocities.
     pub biased: R::Mask,
+    /// Whether there may be rows along which nothing can move.
+    pub(crate) may_be_held: bool,
     /// Lanes in which a contact bounces: positions and velocities differ there by any speed.
     pub rebounding: R::Mask,
     /// Worst rows of lanes that stage 5, or what restrains Baumgarte's method, has left unsolved.
@@ -80,7 +82,8 @@ pub struct Constraints<R: Real> {
     pub(crate) scales: Vec<V3<R>>,
     /// Squared scales of what the elimination of equalities takes from a column, entry by entry.
     pub(crate) taken_scales: Vec<V3<R>>,
-    /// Coefficients of the projections that the last elimination has taken from a column, for every tied row, or their scales.
+    /// Coefficients of the projections that the last elimination has taken from a column, for every tied row by its index, or their
+    /// scales.
     pub(crate) shares: Vec<V3<R>>,
     /// Of those rows: h/2 J' v, J v before the step, and the bias that corrects the error (minus a velocity).
     pub(crate) demands: Vec<[R; 3]>,
@@ -196,6 +199,7 @@ impl<R: Real> Constraints<R> {
             constrained: R::Mask::splat(false),
             needs_position_solve: R::Mask::splat(false),
             biased: R::Mask::splat(false),
+            may_be_held: false,
             rebounding: R::Mask::splat(false),
             worst: WorstRows::new(),
             capture: Capture::default(),
@@ -215,7 +219,7 @@ impl<R: Real> Constraints<R> {
             coefficient_scales: vec![R::zero(); block],
             scales: vec![zero(); compiled.nv],
             taken_scales: vec![zero(); compiled.nv],
-            shares: Vec::with_capacity(rows),
+            shares: vec![zero(); rows],
             demands: Vec::with_capacity(block),
             column: vec![zero(); compiled.nv],
             linear: vec![zero(); if compiled.has_rolling_friction { compiled.nv } else { 0 }],

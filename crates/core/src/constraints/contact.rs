@@ -71,6 +71,7 @@ impl<R: Real> Constraints<R> {
     #[inline(never)]
     pub(crate) fn reconsider(&mut self, input: RowInput<'_, R>, contacts: &Contacts<R>, k: usize, lanes: u32) -> (R::Mask, R) {
         let RowInput { compiled, kinematics, mass, assembly, .. } = input;
+        self.may_be_held = true;
         R::vectorize(
             #[inline(always)]
             || {
@@ -86,7 +87,7 @@ impl<R: Real> Constraints<R> {
                     speed += square * assembly.v_free[d].square();
                 }
                 self.half_solve::<3>(compiled, mass);
-                self.add_fill_scales(compiled, mass);
+                self.add_fill_scales::<1>(compiled, mass);
                 if self.eliminate(mass, &mut [[R::zero(); 2]; 3]).is_some() {
                     self.add_taken_scales(mass);
                 }

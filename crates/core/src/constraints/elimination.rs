@@ -121,7 +121,6 @@ impl<R: Real> Constraints<R> {
             }
         }
         let mut rest = whole;
-        self.shares.clear();
         for block in 0..self.tied.len() {
             let rows = self.tied[block].clone();
             for first in rows.clone().step_by(4) {
@@ -167,8 +166,8 @@ impl<R: Real> Constraints<R> {
                     taken_scales[d as usize] = zero();
                 }
                 let mut speed = [[R::zero(); 2]; N];
-                for (k, &share) in tied.iter().flat_map(Range::clone).zip(&*shares) {
-                    let row = &problem.scalars[k];
+                for k in tied.iter().flat_map(Range::clone) {
+                    let (row, share) = (&problem.scalars[k], shares[k]);
                     let (support, entries) = problem.scalars.entries(row);
                     let mut along = [R::zero(); N];
                     for (&d, &y) in support.iter().zip(entries) {
@@ -196,8 +195,8 @@ impl<R: Real> Constraints<R> {
                     }
                 }
                 // What the rounding of a coefficient makes of an entry: terms may have no part in it.
-                for (k, share) in tied.iter().flat_map(Range::clone).zip(&mut *shares) {
-                    let row = &problem.scalars[k];
+                for k in tied.iter().flat_map(Range::clone) {
+                    let (row, share) = (&problem.scalars[k], &mut shares[k]);
                     let (support, entries) = problem.scalars.entries(row);
                     let mut square = [R::zero(); N];
                     for (&d, &y) in support.iter().zip(entries) {
@@ -210,7 +209,8 @@ impl<R: Real> Constraints<R> {
                         share[n] = row.projection(square[n].sqrt());
                     }
                 }
-                for (k, share) in tied.iter().flat_map(Range::clone).zip(&*shares) {
+                for k in tied.iter().flat_map(Range::clone) {
+                    let share = shares[k];
                     let (support, entries) = problem.scalars.entries(&problem.scalars[k]);
                     for (&d, &y) in support.iter().zip(entries) {
                         let (scale, y) = (&mut taken_scales[d as usize], y * mass.sqrt_d[d as usize]);
@@ -246,8 +246,8 @@ impl<R: Real> Constraints<R> {
     #[inline(always)]
     pub(crate) fn add_taken_scales(&mut self, mass: &MassMatrix<R>) {
         let Self { problem, tied, shares, scales, .. } = self;
-        for (k, share) in tied.iter().flat_map(Range::clone).zip(&mut *shares) {
-            let row = &problem.scalars[k];
+        for k in tied.iter().flat_map(Range::clone) {
+            let (row, share) = (&problem.scalars[k], &mut shares[k]);
             let (support, entries) = problem.scalars.entries(row);
             let mut square = R::zero();
             for (&d, &y) in support.iter().zip(entries) {
@@ -255,7 +255,8 @@ impl<R: Real> Constraints<R> {
             }
             share[0] = row.projection(square.sqrt()).max(share[0].abs());
         }
-        for (k, &share) in tied.iter().flat_map(Range::clone).zip(&*shares) {
+        for k in tied.iter().flat_map(Range::clone) {
+            let share = shares[k];
             let (support, entries) = problem.scalars.entries(&problem.scalars[k]);
             for (&d, &y) in support.iter().zip(entries) {
                 scales[d as usize][0] += (share[0] * y * mass.sqrt_d[d as usize]).square();
@@ -286,7 +287,7 @@ impl<R: Real> Constraints<R> {
         }
         for k in 0..K {
             let g = [rows[k].g, rows[k].position_g];
-            let mut kept = zero();
+            let kept = &mut shares[first + k];
             for n in 0..N {
                 let share = rows[k].projection(along[n][k]);
                 kept[n] = share;
@@ -294,7 +295,6 @@ impl<R: Real> Constraints<R> {
                 demands[n] = sub(demands[n], scale(g, share));
                 along[n][k] = share;
             }
-            shares.push(kept);
         }
         for (&d, y) in support.iter().zip(taken) {
             let x = &mut column[d as usize];

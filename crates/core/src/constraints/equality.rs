@@ -274,15 +274,15 @@ impl<R: Real> Constraints<R> {
         }
     }
 
-    /// Adds the squares of what half a solve has subtracted from `column` on `support` to the scales.
+    /// Adds the squares of what half a solve has subtracted from the first `N` components of `column` on `support` to the scales.
     #[inline(always)]
-    pub(crate) fn add_fill_scales(&mut self, compiled: &LaneModel<R>, mass: &MassMatrix<R>) {
+    pub(crate) fn add_fill_scales<const N: usize>(&mut self, compiled: &LaneModel<R>, mass: &MassMatrix<R>) {
         let Self { support, column, scales, .. } = self;
         for &d in &*support {
             let ((row, chain), x) = (mass.row(compiled, d as usize), column[d as usize]);
             for (&l, &a) in row[1..].iter().zip(&chain[1..]) {
                 let scale = &mut scales[a as usize];
-                for k in 0..3 {
+                for k in 0..N {
                     scale[k] += (x[k] * l).square();
                 }
             }
@@ -309,7 +309,7 @@ impl<R: Real> Constraints<R> {
         }
         self.half_solve::<N>(input.compiled, input.mass);
         if block.hard {
-            self.add_fill_scales(input.compiled, input.mass);
+            self.add_fill_scales::<N>(input.compiled, input.mass);
         }
         self.use_block_support(block, equality);
         self.tie(input.compiled);

@@ -170,6 +170,9 @@ pub(crate) fn guard_energy<R: Real>(compiled: &LaneModel<R>, s: &mut Workspace<R
 /// solver does not see them.
 #[inline(always)]
 fn with_unmet<R: Real>(s: &Workspace<R>, residual: R) -> R {
+    if !s.constraints.may_be_held {
+        return residual;
+    }
     R::vectorize(
         #[inline(always)]
         || {

@@ -34,7 +34,12 @@ fn independent<R: Real>(jacobian: &[Vec<f64>], decades: &[f64]) -> Vec<bool> {
         lengths.push(squares.iter().fold(R::zero(), |sum, &x| sum + x));
         entries.extend(squares);
     }
-    let scales = RowScales { lengths: &lengths, entries: &mut entries, velocities: &mut vec![R::one(); rows], coefficients: &mut vec![R::zero(); rows] };
+    let scales = RowScales {
+        lengths: &lengths,
+        entries: &mut entries,
+        velocities: &mut vec![R::one(); rows],
+        coefficients: &mut vec![R::zero(); rows],
+    };
     problem.scalars.orthogonalise::<1>(0..rows, scales, &mut vec![[R::zero()]; rows], |_, _| {});
     problem.scalars.iter().map(|row| row.active.bits() & 1 == 1).collect()
 }

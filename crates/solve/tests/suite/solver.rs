@@ -3,8 +3,8 @@
 use crate::common::{Share, cases};
 use nalgebra::{DMatrix, DVector};
 use proptest::prelude::*;
-use stepper_solve::gauss_seidel::{SweepSettings, solve};
 use stepper_real::{F32Lanes, Mask, Real};
+use stepper_solve::gauss_seidel::{SweepSettings, solve};
 use stepper_solve::newton::Newton;
 use stepper_solve::{Iterate, LoadedProblem, Problem, Snapshot, cone, residual};
 

@@ -115,6 +115,15 @@ impl<R: Real> System<'_, R> {
         most
     }
 
+    /// Largest velocity that rows and contacts demand of the velocities, without any correction of positions, where nothing can move, m/s
+    /// or rad/s: a part of the residual that no impulse can change. Of a problem, not of its position rows.
+    #[inline(always)]
+    pub fn unmet_velocity(&self) -> R {
+        let mut most = R::zero();
+        each_kind!([set: &self.problem] [rows: self] => most = set.unmet_velocity(rows, most));
+        most
+    }
+
     /// Witness of infeasibility: the impulses z that were added to those of the reference. Leaves the scaled J^T z in the reference's
     /// momentum, and returns -z . u (J), the work that they say the rows lack at its motion. Friction and springs have no part in it, nor
     /// have contacts and limits that push less than before.

@@ -43,6 +43,8 @@ pub struct Constraints<R: Real> {
     pub needs_position_solve: R::Mask,
     /// Lanes in which the bias of an overlap is part of the velocities.
     pub biased: R::Mask,
+    /// Whether there may be rows along which nothing can move.
+    pub(crate) may_be_held: bool,
     /// Lanes in which a contact bounces: positions and velocities differ there by any speed.
     pub rebounding: R::Mask,
     /// Worst rows of lanes that stage 5, or what restrains Baumgarte's method, has left unsolved.
@@ -70,6 +72,19 @@ pub struct Constraints<R: Real> {
     pub rolling_slots: Vec<(usize, R::Mask, V3<R>)>,
     /// Squared lengths of the numbers that the rows of a block of equalities are differences of.
     pub(crate) sizes: Vec<R>,
+    /// Squared scales of the entries of those rows: sums of the squares of their terms.
+    pub(crate) entry_scales: Vec<R>,
+    /// Squared scales of the velocities that rows of hard equalities demand, in the order of these rows, (m/s)^2.
+    pub(crate) velocity_scales: Vec<R>,
+    /// Squared scales of the coefficients of projections, of any row of a block.
+    pub(crate) coefficient_scales: Vec<R>,
+    /// Squared scales of a column, entry by entry.
+    pub(crate) scales: Vec<V3<R>>,
+    /// Squared scales of what the elimination of equalities takes from a column, entry by entry.
+    pub(crate) taken_scales: Vec<V3<R>>,
+    /// Coefficients of the projections that the last elimination has taken from a column, for every tied row by its index, or their
+    /// scales.
+    pub(crate) shares: Vec<V3<R>>,
     /// Of those rows: h/2 J' v, J v before the step, and the bias that corrects the error (minus a velocity).
     pub(crate) demands: Vec<[R; 3]>,
     pub(crate) column: Vec<V3<R>>,
@@ -194,6 +209,7 @@ impl<R: Real> Constraints<R> {
     /// Room for a compiled model.
     pub fn new(compiled: &ModelStructure<R::Scalar>, max_contacts: usize) -> Self {
         let block = compiled.equalities.iter().map(|b| b.rows).max().unwrap_or(0);
+        let rows = compiled.equalities.iter().map(|b| b.rows).sum();
         // With MuJoCo's law a slot is a contact for the lanes that touch the same trees: where there are several, at the most one for each
         // lane, of that lane's own coordinates.
         let parts = if compiled.softness.is_some() && compiled.ntree > 1 { R::LANES } else { 1 };
@@ -209,6 +225,7 @@ impl<R: Real> Constraints<R> {
             constrained: R::Mask::splat(false),
             needs_position_solve: R::Mask::splat(false),
             biased: R::Mask::splat(false),
+            may_be_held: false,
             rebounding: R::Mask::splat(false),
             worst: WorstRows::new(),
             capture: Capture::default(),
@@ -223,6 +240,12 @@ impl<R: Real> Constraints<R> {
             slots: Vec::with_capacity(soft_contacts),
             rolling_slots: Vec::with_capacity(if compiled.has_rolling_friction { soft_contacts } else { 0 }),
             sizes: Vec::with_capacity(block),
+            entry_scales: Vec::with_capacity(compiled.equalities.iter().map(|b| b.rows * b.support.len()).max().unwrap_or(0)),
+            velocity_scales: Vec::with_capacity(rows),
+            coefficient_scales: vec![R::zero(); block],
+            scales: vec![zero(); compiled.nv],
+            taken_scales: vec![zero(); compiled.nv],
+            shares: vec![zero(); rows],
             demands: Vec::with_capacity(block),
             column: vec![zero(); compiled.nv],
             linear: vec![zero(); if compiled.has_rolling_friction { compiled.nv } else { 0 }],

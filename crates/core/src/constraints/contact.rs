@@ -1,6 +1,7 @@
 //! Contacts with sliding friction: three rows each.
 
 use stepper_real::{Mask, Real, Scalar};
+use stepper_solve::velocity_rounding;
 
 use crate::collision::contact_set::Contacts;
 use crate::constraints::constraint_set::{Approaching, Constraints};
@@ -12,6 +13,12 @@ use crate::math::spatial::*;
 /// moves along the normal is rounding: less than 1e-7 of its length in 64 bits, 3e-5 in 32.
 pub(crate) fn least_mobility<R: Real>() -> f64 {
     1e-14_f64.max((256.0 * <R::Scalar as Scalar>::EPSILON.to_f64()).powi(2))
+}
+
+/// Least lever arm of a degree of freedom along a contact's normal, as a part of the arms that it is the difference of. Holding a body by
+/// less takes 1e5 times the force that turns it, or rounding decides.
+fn least_lever<R: Real>() -> f64 {
+    f64::max(1e-5, 1e3 * <R::Scalar as Scalar>::EPSILON.to_f64())
 }
 
 /// Rows of a slot along the normal and the tangents; their columns are in [`Constraints::column`].
@@ -43,6 +50,11 @@ impl<R: Real> Constraints<R> {
             slot.mu,
             [g[0][0], g[1][0], g[2][0]],
         );
+        if self.problem.contacts.held().any() {
+            let (released, rounding) = self.reconsider(input, contacts, k, lanes);
+            self.problem.contacts.release(released);
+            self.problem.contacts.forgive(rounding);
+        }
         if let Some(lengths) = lengths {
             self.problem.contacts.set_trace_ratio(lengths.times());
         }
@@ -60,6 +72,42 @@ impl<R: Real> Constraints<R> {
         self.iterate.contacts.push(select(solved, slot.impulse, zero()));
         self.slots.push((k, R::Mask::from_bits(lanes)));
         self.constrained = self.constrained.or(solved);
+    }
+
+    /// Lanes in which slot `k` can move along its normal though it moves far less than along its tangents, or than a body of all moving
+    /// mass would: some degree of freedom has a lever arm. With the rounding of its normal velocity, m/s. Uses `column` up.
+    #[cold]
+    #[inline(never)]
+    pub(crate) fn reconsider(&mut self, input: RowInput<'_, R>, contacts: &Contacts<R>, k: usize, lanes: u32) -> (R::Mask, R) {
+        let RowInput { compiled, kinematics, mass, assembly, .. } = input;
+        self.may_be_held = true;
+        R::vectorize(
+            #[inline(always)]
+            || {
+                let mut speed = R::zero();
+                self.contact_columns(input, contacts, k, lanes);
+                for i in 0..self.support.len() {
+                    let d = self.support[i] as usize;
+                    let (axis, sign) = (&kinematics.axes[d], self.sign_of(d));
+                    let arm = sub(contacts.data[k].point.pos, kinematics.origin[compiled.dofs[d].tree]);
+                    let motion = velocity_at(axis, arm);
+                    let square = (dot(motion, motion) + dot(angular(axis), angular(axis)) * dot(arm, arm)) * sign.square();
+                    self.scales[d] = [square; 3];
+                    speed += square * assembly.v_free[d].square();
+                }
+                self.half_solve::<3>(compiled, mass);
+                self.add_fill_scales::<1>(compiled, mass);
+                if self.eliminate(mass, &mut [[R::zero(); 2]; 3]).is_some() {
+                    self.add_taken_scales(mass);
+                }
+                let (least, mut movable) = (R::of(least_lever::<R>().powi(2)), R::Mask::splat(false));
+                for &d in &self.support {
+                    let (x, scale) = (self.column[d as usize][0], self.scales[d as usize][0]);
+                    movable = movable.or(x.square().gt(scale * least));
+                }
+                (movable, speed.sqrt() * R::of(velocity_rounding::<R>()))
+            },
+        )
     }
 
     /// The rows of slot `k` in the lanes `lanes` along its normal and its tangents; `support` is gathered.

@@ -10,8 +10,10 @@
 //! of G; Golub & Van Loan 2013, section 3.2). So they are solved once, exactly, and impulses of the other rows are what they were. Sweeps
 //! that go back and forth between a leg's coupling and the contact of its foot need two to five times as many.
 
-use stepper_real::{Mask, Real};
-use stepper_solve::{ScalarRow, dependence_threshold};
+use std::ops::Range;
+
+use stepper_real::{Mask, Real, Scalar};
+use stepper_solve::{ROUNDING_RATIO, ScalarRow, dependence_threshold, velocity_rounding};
 
 use crate::compile::LaneModel;
 use crate::constraints::constraint_set::Constraints;
@@ -130,23 +132,143 @@ impl<R: Real> Constraints<R> {
                 }
             }
         }
+        let mut lengths = Lengths { whole, rest };
+        let mut short = [R::Mask::splat(false); N];
+        let mut any = short[0];
         for n in 0..N {
-            let depends = rest[n].lt(whole[n] * R::of(dependence_threshold::<R>().max(MIN_REMAINING_LENGTH)));
-            if depends.any() {
-                for &d in &self.support {
-                    let x = &mut self.column[d as usize][n];
-                    *x = R::select(depends, R::zero(), *x);
+            short[n] = rest[n].lt(whole[n] * R::of(inexact_part::<R>()));
+            any = any.or(short[n]);
+        }
+        if any.any() {
+            self.eliminate_again(mass, demands, &mut lengths, short);
+        }
+        lengths
+    }
+
+    /// Projects what is left of rows a second time, in the lanes `short`, in which it is short: it is then orthogonal to the equalities
+    /// relative to its own length, and that is summed from what is left instead of by subtraction. Of a row of which no entry is more than
+    /// a thousandth of the terms that it is the sum of, nothing is left, nor of what it demands if that is rounding.
+    #[cold]
+    #[inline(never)]
+    fn eliminate_again<const N: usize>(
+        &mut self,
+        mass: &MassMatrix<R>,
+        demands: &mut [[R; 2]; N],
+        lengths: &mut Lengths<R, N>,
+        short: [R::Mask; N],
+    ) {
+        R::vectorize(
+            #[inline(always)]
+            || {
+                let rounding = R::of(ROUNDING_RATIO / MIN_REMAINING_LENGTH);
+                let Self { problem, column, tied, shares, taken_scales, velocity_scales, support, .. } = self;
+                for &d in &*support {
+                    taken_scales[d as usize] = zero();
                 }
+                let mut speed = [[R::zero(); 2]; N];
+                for k in tied.iter().flat_map(Range::clone) {
+                    let (row, share) = (&problem.scalars[k], shares[k]);
+                    let (support, entries) = problem.scalars.entries(row);
+                    let mut along = [R::zero(); N];
+                    for (&d, &y) in support.iter().zip(entries) {
+                        let (x, weight) = (&column[d as usize], mass.sqrt_inv_d[d as usize]);
+                        for n in 0..N {
+                            along[n] += x[n] * weight * y;
+                        }
+                    }
+                    for n in 0..N {
+                        along[n] = R::select(short[n], row.projection(along[n]), R::zero());
+                        let g = [row.g, row.position_g];
+                        demands[n] = sub(demands[n], scale(g, along[n]));
+                        let other = share[n].square() * velocity_scales[k];
+                        for (speed, g) in speed[n].iter_mut().zip(g) {
+                            *speed += (share[n] * g).square() + other;
+                        }
+                    }
+                    for (&d, &y) in support.iter().zip(entries) {
+                        let (x, scale, y) = (&mut column[d as usize], &mut taken_scales[d as usize], y * mass.sqrt_d[d as usize]);
+                        for n in 0..N {
+                            let again = along[n] * y;
+                            x[n] = R::select(short[n], x[n] - again, x[n]);
+                            scale[n] += (share[n] * y).square() + again.square() * rounding;
+                        }
+                    }
+                }
+                // What the rounding of a coefficient makes of an entry: terms may have no part in it.
+                for k in tied.iter().flat_map(Range::clone) {
+                    let (row, share) = (&problem.scalars[k], &mut shares[k]);
+                    let (support, entries) = problem.scalars.entries(row);
+                    let mut square = [R::zero(); N];
+                    for (&d, &y) in support.iter().zip(entries) {
+                        let (x, taken, y) = (&column[d as usize], &taken_scales[d as usize], y * mass.sqrt_inv_d[d as usize]);
+                        for n in 0..N {
+                            square[n] += (x[n].square() + taken[n]) * y.square();
+                        }
+                    }
+                    for n in 0..N {
+                        share[n] = row.projection(square[n].sqrt());
+                    }
+                }
+                for k in tied.iter().flat_map(Range::clone) {
+                    let share = shares[k];
+                    let (support, entries) = problem.scalars.entries(&problem.scalars[k]);
+                    for (&d, &y) in support.iter().zip(entries) {
+                        let (scale, y) = (&mut taken_scales[d as usize], y * mass.sqrt_d[d as usize]);
+                        for n in 0..N {
+                            scale[n] += (share[n] * y).square();
+                        }
+                    }
+                }
+                for n in 0..N {
+                    let (mut rest, mut independent) = (R::zero(), R::Mask::splat(false));
+                    for &d in &*support {
+                        let (x, scale) = (column[d as usize][n], taken_scales[d as usize][n]);
+                        rest += (x * mass.sqrt_inv_d[d as usize]).square();
+                        independent = independent.or(x.square().gt(scale * R::of(MIN_REMAINING_LENGTH)));
+                    }
+                    let threshold = dependence_threshold::<R>().max(MIN_REMAINING_LENGTH);
+                    let depends = short[n].and(lengths.rest[n].lt(lengths.whole[n] * R::of(threshold))).and_not(independent);
+                    for &d in &*support {
+                        let x = &mut column[d as usize][n];
+                        *x = R::select(depends, R::zero(), *x);
+                    }
+                    lengths.rest[n] = R::select(short[n], R::select(depends, R::zero(), rest), lengths.rest[n]);
+                    for (g, speed) in demands[n].iter_mut().zip(speed[n]) {
+                        let none = depends.and(g.square().le(speed * R::of(velocity_rounding::<R>().powi(2))));
+                        *g = R::select(none, R::zero(), *g);
+                    }
+                }
+            },
+        )
+    }
+
+    /// Adds to the scales of the first component of `column` those of what the last elimination has taken from it.
+    #[inline(always)]
+    pub(crate) fn add_taken_scales(&mut self, mass: &MassMatrix<R>) {
+        let Self { problem, tied, shares, scales, .. } = self;
+        for k in tied.iter().flat_map(Range::clone) {
+            let (row, share) = (&problem.scalars[k], &mut shares[k]);
+            let (support, entries) = problem.scalars.entries(row);
+            let mut square = R::zero();
+            for (&d, &y) in support.iter().zip(entries) {
+                square += scales[d as usize][0] * (y * mass.sqrt_inv_d[d as usize]).square();
+            }
+            share[0] = row.projection(square.sqrt()).max(share[0].abs());
+        }
+        for k in tied.iter().flat_map(Range::clone) {
+            let share = shares[k];
+            let (support, entries) = problem.scalars.entries(&problem.scalars[k]);
+            for (&d, &y) in support.iter().zip(entries) {
+                scales[d as usize][0] += (share[0] * y * mass.sqrt_d[d as usize]).square();
             }
         }
-        Lengths { whole, rest }
     }
 
     /// The same of `K` rows from `first` on, which have one support: what they hold is found in one pass over it, and taken away in
     /// another. What does not touch them keeps its bits. `rest` are the squared lengths of what is left.
     #[inline(always)]
     fn eliminate_rows<const N: usize, const K: usize>(&mut self, first: usize, demands: &mut [[R; 2]; N], rest: &mut [R; N]) {
-        let Self { problem, column, separate, .. } = self;
+        let Self { problem, column, separate, shares, .. } = self;
         let rows: &[ScalarRow<R>; K] = problem.scalars[first..].first_chunk().expect("a block has its rows");
         let (support, _) = problem.scalars.entries(&rows[0]);
         let at = rows[0].entries().start;
@@ -165,8 +287,10 @@ impl<R: Real> Constraints<R> {
         }
         for k in 0..K {
             let g = [rows[k].g, rows[k].position_g];
+            let kept = &mut shares[first + k];
             for n in 0..N {
                 let share = rows[k].projection(along[n][k]);
+                kept[n] = share;
                 rest[n] -= share * along[n][k];
                 demands[n] = sub(demands[n], scale(g, share));
                 along[n][k] = share;
@@ -183,9 +307,16 @@ impl<R: Real> Constraints<R> {
     }
 }
 
-/// Part of the squared length of a row that equalities leave, below which they prevent it: a contact whose normal they let move by a
+/// Part of the squared length of a row that equalities leave, below which they may prevent it: a contact whose normal they let move by a
 /// thousandth of what the bodies could has impulses a million times as large as it should, and nothing but rounding decides between them.
+/// That a light body is tied to a heavy one leaves as little, so the same part of the square of every entry decides.
 const MIN_REMAINING_LENGTH: f64 = 1e-6;
+
+/// Part of the squared length of a row that equalities leave, below which it is projected twice: in 32 bits one projection leaves a part
+/// of 1e-6 along the equalities there, and moves a light body that much more than the heavy one that it is tied to.
+fn inexact_part<R: Real>() -> f64 {
+    if <R::Scalar as Scalar>::EPSILON.to_f64() > 1e-12 { 1e-2 } else { MIN_REMAINING_LENGTH }
+}
 
 /// Squared lengths of rows in the metric of G.
 #[derive(Clone, Copy)]

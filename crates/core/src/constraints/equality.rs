@@ -12,6 +12,7 @@
 //! keeps its energy. Without kappa every step would take the energy of the velocity that the curvature turns away, (h kappa)^2 / 2 G.
 
 use stepper_real::{Mask, Real, Scalar};
+use stepper_solve::{RowScales, velocity_rounding};
 
 use crate::compile::{Combination, CompiledEquality, EqualityBlock, EqualityRows, LaneModel, ModelStructure, Spring};
 use crate::constraints::constraint_set::{ARM, AssemblyInput, Constraints, DAMPING};
@@ -62,7 +63,9 @@ impl<R: Real> Constraints<R> {
     fn add_block(&mut self, input: RowInput<'_, R>, block: &EqualityBlock<R::Scalar>) {
         let start = self.problem.scalars.len();
         self.sizes.clear();
+        self.entry_scales.clear();
         self.demands.clear();
+        let scales = self.velocity_scales.len();
         for equality in &block.equalities {
             self.add_equality(input, block, equality);
         }
@@ -74,7 +77,12 @@ impl<R: Real> Constraints<R> {
             let damping = if split { R::of(DAMPING) + way * R::of(1.0 / ARM) } else { R::zero() };
             self.problem.scalars.orthogonalise(
                 start..start + block.rows,
-                &self.sizes,
+                RowScales {
+                    lengths: &self.sizes,
+                    entries: &mut self.entry_scales,
+                    velocities: &mut self.velocity_scales[scales..],
+                    coefficients: &mut self.coefficient_scales,
+                },
                 &mut self.demands,
                 #[inline(always)]
                 |row, [_, _, correction]| {
@@ -82,20 +90,24 @@ impl<R: Real> Constraints<R> {
                     *correction = row.damp_correction(damping, *correction);
                 },
             );
-            self.set_equality_targets(input.options, start);
+            self.set_equality_targets(input.options, start, scales);
         }
     }
 
     /// Gives the orthogonal rows from `start` on what they demand besides J v_free.
     ///
     /// The work of such a row's impulse is (t^2 - (J v)^2) / 2 G when it asks for J v+ = t: asking for no more than there was, nothing is
-    /// gained, not even where a loop straightens and the curvature knows no bounds.
+    /// gained, not even where a loop straightens and the curvature knows no bounds. A dependent row keeps what it demands beyond the
+    /// rounding of its velocity, for the residual: nothing meets it. `scales` is the index of the first row's scale of its velocity.
     #[inline(always)]
-    fn set_equality_targets(&mut self, options: &StepSettings, start: usize) {
+    fn set_equality_targets(&mut self, options: &StepSettings, start: usize, scales: usize) {
+        let rounding = R::of(velocity_rounding::<R>().powi(2));
         for (k, &[curve, before, correction]) in self.demands.iter().enumerate() {
             let row = &mut self.problem.scalars[start + k];
             let most = before.abs();
             let kept = row.g + curve.clamp(-most, most);
+            let none = row.immovable().and(kept.square().le(rounding * self.velocity_scales[scales + k]));
+            let kept = R::select(none, R::zero(), kept);
             let corrected = kept + correction;
             let (velocity, position) = match options.stabilization {
                 Stabilization::Baumgarte => (corrected, kept),
@@ -143,6 +155,7 @@ impl<R: Real> Constraints<R> {
         for &d in &block.support {
             if own.next_if_eq(&&d).is_none() {
                 self.column[d as usize] = zero();
+                self.scales[d as usize] = zero();
             }
         }
         self.support.clear();
@@ -163,17 +176,20 @@ impl<R: Real> Constraints<R> {
         for &d in &self.support {
             let d = d as usize;
             let (origin, axis) = (kinematics.origin[compiled.dofs[d].tree], &kinematics.axes[d]);
-            let mut j = zero();
+            let (mut j, mut scale) = (zero(), R::zero());
             for side in 0..2 {
                 if moves(compiled, frames[side], d) {
                     let arm = sub(points[side], origin);
                     let motion = velocity_at(axis, arm);
                     j = if side == 0 { add(j, motion) } else { sub(j, motion) };
                     let (w, v) = (angular(axis), linear(axis));
-                    size += (dot(v, v) + dot(w, w) * dot(arm, arm)) * input.mass.inv_d[d];
+                    let square = dot(v, v) + dot(w, w) * dot(arm, arm);
+                    size += square * input.mass.inv_d[d];
+                    scale += square;
                 }
             }
             self.column[d] = j;
+            self.scales[d] = [scale; 3];
         }
         let kappa = sub(acceleration(input, frames[0], points[0]), acceleration(input, frames[1], points[1]));
         let bodies = compiled.mobility(frames[0]) + compiled.mobility(frames[1]);
@@ -188,15 +204,18 @@ impl<R: Real> Constraints<R> {
         let mut size = R::zero();
         for &d in &self.support {
             let d = d as usize;
-            let mut j = zero();
+            let (mut j, mut square) = (zero(), R::zero());
             let axis = angular(&kinematics.axes[d]);
             for side in 0..2 {
                 if moves(compiled, frames[side], d) {
                     j = if side == 0 { add(j, axis) } else { sub(j, axis) };
-                    size += dot(axis, axis) * input.mass.inv_d[d];
+                    let own = dot(axis, axis);
+                    size += own * input.mass.inv_d[d];
+                    square += own;
                 }
             }
             self.column[d] = scale(j, weight);
+            self.scales[d] = [square * weight * weight; 3];
         }
         let first = mat_mul(&kinematics.mat[frames[0]], &splat(mats[0]));
         let second = mat_mul(&kinematics.mat[frames[1]], &splat(mats[1]));
@@ -217,8 +236,10 @@ impl<R: Real> Constraints<R> {
         let assembly = input.assembly;
         for &d in &self.support {
             self.column[d as usize] = zero();
+            self.scales[d as usize] = zero();
         }
         let mut size = self.add_terms(input, first, R::one());
+        self.add_term_scales(first, R::one());
         let (mut error, mut kappa) = (first.value(assembly.q) - R::splat(first.reference) - c[0], R::zero());
         if let Some(second) = second {
             let x = second.value(assembly.q) - R::splat(second.reference);
@@ -228,6 +249,7 @@ impl<R: Real> Constraints<R> {
             error -= x * (c[1] + x * (c[2] + x * (c[3] + x * c[4])));
             kappa = -(bend * second.rate(assembly.v).square());
             size += self.add_terms(input, second, -slope);
+            self.add_term_scales(second, slope);
         }
         EqualityJacobian { error: [error, R::zero(), R::zero()], kappa: [kappa, R::zero(), R::zero()], size, bodies: R::zero() }
     }
@@ -244,6 +266,29 @@ impl<R: Real> Constraints<R> {
         size
     }
 
+    /// Adds the squares of a combination's terms, times `factor`, to the scales of the first row.
+    #[inline(always)]
+    fn add_term_scales(&mut self, combination: &Combination<R::Scalar>, factor: R) {
+        for &(_, dof, coefficient) in &combination.terms {
+            self.scales[dof][0] += (R::splat(coefficient) * factor).square();
+        }
+    }
+
+    /// Adds the squares of what half a solve has subtracted from the first `N` components of `column` on `support` to the scales.
+    #[inline(always)]
+    pub(crate) fn add_fill_scales<const N: usize>(&mut self, compiled: &LaneModel<R>, mass: &MassMatrix<R>) {
+        let Self { support, column, scales, .. } = self;
+        for &d in &*support {
+            let ((row, chain), x) = (mass.row(compiled, d as usize), column[d as usize]);
+            for (&l, &a) in row[1..].iter().zip(&chain[1..]) {
+                let scale = &mut scales[a as usize];
+                for k in 0..N {
+                    scale[k] += (x[k] * l).square();
+                }
+            }
+        }
+    }
+
     /// Turns the first `N` components of `column` on `support` into rows of an equality on the support of its block.
     #[inline(always)]
     fn push_rows<const N: usize>(
@@ -255,13 +300,17 @@ impl<R: Real> Constraints<R> {
         rows: &EqualityJacobian<R>,
     ) {
         let AssemblyInput { v_free, v, h, alive, .. } = *input.assembly;
-        let (mut free, mut before) = ([R::zero(); 3], [R::zero(); 3]);
+        let (mut free, mut before, mut speed) = ([R::zero(); 3], [R::zero(); 3], [R::zero(); 3]);
         for &d in &self.support {
             let d = d as usize;
             free = add_scaled(free, self.column[d], v_free[d]);
             before = add_scaled(before, self.column[d], v[d]);
+            speed = add_scaled(speed, self.scales[d], v_free[d].square());
         }
         self.half_solve::<N>(input.compiled, input.mass);
+        if block.hard {
+            self.add_fill_scales::<N>(input.compiled, input.mass);
+        }
         self.use_block_support(block, equality);
         self.tie(input.compiled);
         let correction = self.correct(input, rows, h, alive);
@@ -294,6 +343,14 @@ impl<R: Real> Constraints<R> {
                 self.problem.scalars.set_position_demand(g[k][1]);
             }
             self.sizes.push(rows.size);
+            if block.hard {
+                let (scales, inv_d) = (&self.scales, &input.mass.inv_d);
+                self.entry_scales.extend(block.support.iter().map(
+                    #[inline(always)]
+                    |&d| scales[d as usize][k] * inv_d[d as usize],
+                ));
+                self.velocity_scales.push(speed[k]);
+            }
             self.demands.push([rows.kappa[k] * h * R::of(0.5), before[k], correction[k]]);
         }
     }

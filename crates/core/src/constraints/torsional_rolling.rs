@@ -56,6 +56,11 @@ impl<R: Real> Constraints<R> {
             friction.mu,
             [slides[0][0], slides[1][0], slides[2][0], turns[0][0], turns[1][0], turns[2][0]],
         );
+        if self.problem.rolling_contacts.held().any() {
+            let (released, rounding) = self.reconsider(input, contacts, k, lanes);
+            self.problem.rolling_contacts.release(released);
+            self.problem.rolling_contacts.forgive(rounding);
+        }
         if let (Some(sliding), Some(turned)) = (sliding, turned) {
             let (whole, rest) = ([scale_tangents(sliding.whole, rub), turned.whole], [scale_tangents(sliding.rest, rub), turned.rest]);
             self.problem.rolling_contacts.set_trace_ratio(times(whole.as_flattened(), rest.as_flattened()));

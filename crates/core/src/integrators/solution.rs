@@ -1,7 +1,7 @@
 //! The solution of a step: velocities, positions, and what it says of itself.
 
 use stepper_real::{Mask, Real, Scalar};
-use stepper_solve::Outcome;
+use stepper_solve::{Outcome, System};
 
 use crate::collision::tunnelling::may_have_passed;
 use crate::compile::LaneModel;
@@ -172,6 +172,22 @@ pub(crate) fn guard_energy<R: Real>(compiled: &LaneModel<R>, s: &mut Workspace<R
     }
 }
 
+/// The residual with what is demanded where nothing can move: rows that depend on others or that no body follows have no impulse, and the
+/// solver does not see them.
+#[inline(always)]
+fn with_unmet<R: Real>(s: &Workspace<R>, residual: R) -> R {
+    if !s.constraints.may_be_held {
+        return residual;
+    }
+    R::vectorize(
+        #[inline(always)]
+        || {
+            let unmet = System::from(&s.constraints.problem).unmet_velocity();
+            R::select(unmet.gt(residual), unmet, residual)
+        },
+    )
+}
+
 /// Stage 10: what the step says of itself, once the next state was taken over in the lanes `finite`.
 #[inline(always)]
 pub(crate) fn record<R: Real>(
@@ -184,7 +200,7 @@ pub(crate) fn record<R: Real>(
     let (depth, overshoot) = (depth(&s.constraints, &s.state.contacts, finite), limit_overshoot(compiled, &s.state.q));
     let violation = R::select(finite, max_equality_violation(compiled, &s.state.q, &s.mocap_trajectories, s.elapsed), R::zero());
     // A step that was not taken has no residual: what its numbers say depends on which of them are no numbers.
-    let residual = R::select(finite, solution.outcome.residual, R::zero());
+    let residual = R::select(finite, with_unmet(s, solution.outcome.residual), R::zero());
     let unsolved = solution.undecided.or(s.alive.and_not(residual.le(R::of(options.tolerance))));
     Record {
         residual,

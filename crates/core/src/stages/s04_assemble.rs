@@ -42,6 +42,7 @@ pub fn assemble<R: Real>(
             constraints.problem.clear();
             constraints.iterate.clear();
             constraints.owners.clear();
+            constraints.velocity_scales.clear();
             constraints.slots.clear();
             constraints.rolling_slots.clear();
             constraints.approaching.clear();
@@ -49,6 +50,7 @@ pub fn assemble<R: Real>(
             constraints.constrained = R::Mask::splat(false);
             constraints.needs_position_solve = R::Mask::splat(false);
             constraints.biased = R::Mask::splat(false);
+            constraints.may_be_held = !compiled.equalities.is_empty() || !compiled.tendons.is_empty();
             constraints.rebounding = R::Mask::splat(false);
             constraints.problem.least_mobility = R::of(least_mobility::<R>()) / compiled.moving_mass();
             let input = RowInput { compiled, options, kinematics, mass, assembly };

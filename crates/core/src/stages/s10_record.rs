@@ -75,7 +75,7 @@ impl fmt::Display for Status {
 /// The record of one step, lane by lane.
 #[derive(Clone, Copy, Debug)]
 pub struct Record<R: Real> {
-    /// Residual, m/s; 0 where the step was not finite.
+    /// Residual, m/s, with the largest velocity that is demanded where nothing can move; 0 where the step was not finite.
     pub residual: R,
     /// Sweeps of the solver.
     pub sweeps: R,

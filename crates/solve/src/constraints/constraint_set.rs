@@ -305,6 +305,10 @@ pub trait ConstraintSet<R: Real>: Sized {
     /// The larger of `most` and the largest velocity that is demanded where nothing can move, m/s or rad/s.
     fn immovable_demand(&self, rows: &Rows<Self::Row>, most: R) -> R;
 
+    /// The larger of `most` and the largest velocity that is demanded of the velocities, without any correction of positions, where nothing
+    /// can move, m/s or rad/s.
+    fn unmet_velocity(&self, rows: &Rows<Self::Row>, most: R) -> R;
+
     /// Adds J^T z of a witness of infeasibility to `momentum`, scaled; returns `lack` - z . u, J. See
     /// [`System::witness`](crate::System::witness).
     fn witness(

@@ -238,6 +238,43 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContacts<R, N, L> {
         });
     }
 
+    /// Lanes in which the contact pushed last exists but nothing can move along its normal.
+    #[inline(always)]
+    pub fn held(&self) -> R::Mask {
+        self.rows.items.last().map_or(R::Mask::splat(false), |contact| contact.immovable)
+    }
+
+    /// Makes the contact pushed last movable along its normal in the lanes `lanes`, in which it was not. To be called before its trace
+    /// ratio and its compliance are set.
+    pub fn release(&mut self, lanes: R::Mask) {
+        R::vectorize(
+            #[inline(always)]
+            || {
+                let Some(contact) = self.rows.items.last_mut() else { return };
+                let released = lanes.and(contact.immovable);
+                contact.active = contact.active.or(released);
+                contact.immovable = contact.immovable.and_not(released);
+                let gram = gram(self.y.row(contact.y, contact.coordinates));
+                let (local, trace) = L::new(&gram, contact.active);
+                contact.local = local;
+                contact.step = NaturalStep::of_trace::<N>(trace);
+            },
+        )
+    }
+
+    /// Sets what the normal row of the contact pushed last demands to zero where nothing can move along it and it demands less than
+    /// `rounding`, m/s.
+    pub fn forgive(&mut self, rounding: R) {
+        R::vectorize(
+            #[inline(always)]
+            || {
+                let Some(contact) = self.rows.items.last_mut() else { return };
+                let none = contact.immovable.and((-contact.g[0]).le(rounding));
+                contact.g[0] = R::select(none, contact.g[0].max(R::zero()), contact.g[0]);
+            },
+        )
+    }
+
     /// Sets the trace ratio of the contact pushed last: the ratio of trace(G_ii) before elimination of separate rows to that after it.
     /// Residuals are measured by the former.
     #[inline(always)]
@@ -374,6 +411,20 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContacts<R, N, L> {
         }
         most
     }
+}
+
+/// Upper triangle of the block of G of a contact with these entries.
+#[inline(always)]
+fn gram<R: Real, const N: usize>(entries: &[[R; N]]) -> [[R; N]; N] {
+    let mut gram = [[R::zero(); N]; N];
+    for y in entries {
+        for i in 0..N {
+            for j in i..N {
+                gram[i][j] += y[i] * y[j];
+            }
+        }
+    }
+    gram
 }
 
 /// Length of the tangential part of a velocity, m/s.
@@ -658,6 +709,14 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> ConstraintSet<R> for Frictio
     fn immovable_demand(&self, rows: &Rows<FrictionContact<R, N, L>>, mut most: R) -> R {
         for contact in &rows.items {
             most = most.max(masked(contact.immovable, -contact.g[0]));
+        }
+        most
+    }
+
+    #[inline(always)]
+    fn unmet_velocity(&self, rows: &Rows<FrictionContact<R, N, L>>, mut most: R) -> R {
+        for contact in &rows.items {
+            most = most.max(masked(contact.immovable, -(contact.g[0].max(contact.position_g[0]))));
         }
         most
     }

@@ -56,6 +56,12 @@ impl<R: Real> ScalarRow<R> {
         self.y..self.y + self.coordinates
     }
 
+    /// Lanes in which the row exists but nothing can move along it.
+    #[inline(always)]
+    pub fn immovable(&self) -> R::Mask {
+        self.immovable
+    }
+
     /// Coefficient of the projection of another row on this one, when `along` is the product of the entries of both.
     #[inline(always)]
     pub fn projection(&self, along: R) -> R {
@@ -71,6 +77,15 @@ impl<R: Real> ScalarRow<R> {
         let met = R::select(ratio.gt(R::zero()), met, correction);
         self.damping_deficit = R::select(self.immovable, correction, correction - met);
         met
+    }
+
+    /// Velocity that a row demands where nothing can move, m/s or rad/s: the magnitude of what an equality demands, or what of `g` a limit
+    /// does not admit. Dry friction demands nothing.
+    #[inline(always)]
+    fn unmet(&self, equality: R, g: R) -> R {
+        let infinite = R::of(f64::INFINITY);
+        let either = self.lo.le(-infinite);
+        masked(self.hi.ge(infinite), R::select(either, equality.abs(), -g))
     }
 
     /// A row that exists nowhere, to be overwritten.
@@ -168,7 +183,7 @@ impl<R: Real> ScalarRows<R> {
             trace_ratio: R::one(),
             mobility: diagonal,
             damping_deficit: R::zero(),
-            immovable: R::Mask::splat(false),
+            immovable: active.and_not(movable),
         });
     }
 
@@ -188,6 +203,8 @@ impl<R: Real> ScalarRows<R> {
             row.mobility = R::select(compliance.gt(R::zero()), R::zero(), row.mobility);
             row.diagonal += compliance;
             row.inv_diagonal = R::one() / R::select(row.diagonal.gt(R::zero()), row.diagonal, R::one());
+            // What gives way by its own law is not held.
+            row.immovable = row.immovable.and_not(compliance.gt(R::zero()));
         }
     }
 
@@ -508,7 +525,16 @@ impl<R: Real> ConstraintSet<R> for ScalarRows<R> {
     #[inline(always)]
     fn immovable_demand(&self, rows: &Rows<ScalarRow<R>>, mut most: R) -> R {
         for row in &rows.items {
-            most = most.max(masked(row.immovable, row.damping_deficit.abs()));
+            most = most.max(masked(row.immovable, row.unmet(row.damping_deficit, row.g)));
+        }
+        most
+    }
+
+    #[inline(always)]
+    fn unmet_velocity(&self, rows: &Rows<ScalarRow<R>>, mut most: R) -> R {
+        for row in &rows.items {
+            let [least, larger] = [row.g.abs().min(row.position_g.abs()), row.g.max(row.position_g)];
+            most = most.max(masked(row.immovable, row.unmet(least, larger)));
         }
         most
     }

@@ -173,11 +173,14 @@ impl<R: Real> History<R> {
         let mut c = [R::zero(); N];
         c.copy_from_slice(&change.with_f[..N]);
         gram[0][..N].copy_from_slice(&change.with_newest[..N]);
-        // Elimination, the newest first; a change that is nearly a sum of newer ones is left out: its large c would magnify rounding.
+        // Elimination, the newest first; a change that is nearly a sum of newer ones is left out: its large c would magnify rounding. So is
+        // one whose square underflows (1e-19 in 32 bits), where sweeps stall above the tolerance: its inverse is no number.
         let mut a = *gram;
-        let rounding = R::of(<R::Scalar as Scalar>::EPSILON.to_f64().sqrt());
+        let epsilon = <R::Scalar as Scalar>::EPSILON.to_f64();
+        let least = if epsilon > 1e-12 { f64::from(f32::MIN_POSITIVE) } else { f64::MIN_POSITIVE };
+        let (rounding, least) = (R::of(epsilon.sqrt()), R::of(least));
         for i in 0..N {
-            let good = known[i].and(a[i][i].gt(rounding * gram[i][i]));
+            let good = known[i].and(a[i][i].gt((rounding * gram[i][i]).max(least)));
             let inverse = one / R::select(good, a[i][i], one);
             c[i] = masked(good, c[i]);
             for j in i + 1..N {

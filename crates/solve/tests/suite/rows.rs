@@ -2,8 +2,9 @@
 
 use crate::common::cases;
 use proptest::prelude::*;
+use stepper_real::{F32Lanes, Mask, Real};
 use stepper_solve::gauss_seidel::{SweepSettings, solve};
-use stepper_solve::{Iterate, Problem, residual};
+use stepper_solve::{Iterate, Problem, RowScales, residual};
 
 const FREE: [f64; 2] = [f64::NEG_INFINITY, f64::INFINITY];
 
@@ -18,6 +19,29 @@ fn equalities() -> impl Strategy<Value = (usize, Vec<Vec<f64>>, Vec<f64>)> {
             (n, y, g)
         })
     })
+}
+
+/// Whether each of the rows is left after they are made orthogonal, when coordinate i has a mass of `10^decades[i]`.
+fn independent<R: Real>(jacobian: &[Vec<f64>], decades: &[f64]) -> Vec<bool> {
+    let (rows, n) = (jacobian.len(), jacobian[0].len());
+    let mut problem = Problem::<R>::with_capacity(n, rows, 0);
+    let support: Vec<u32> = (0..n as u32).collect();
+    let entry = |x: f64, i: usize| R::of(x) * R::of(10f64.powf(-0.5 * decades[i]));
+    let (mut lengths, mut entries) = (Vec::new(), Vec::new());
+    for y in jacobian {
+        problem.scalars.push(&support, |i| entry(y[i], i), R::one(), R::Mask::splat(true), R::zero(), FREE.map(R::of));
+        let squares: Vec<R> = (0..n).map(|i| entry(y[i], i).square()).collect();
+        lengths.push(squares.iter().fold(R::zero(), |sum, &x| sum + x));
+        entries.extend(squares);
+    }
+    let scales = RowScales {
+        lengths: &lengths,
+        entries: &mut entries,
+        velocities: &mut vec![R::one(); rows],
+        coefficients: &mut vec![R::zero(); rows],
+    };
+    problem.scalars.orthogonalise::<1>(0..rows, scales, &mut vec![[R::zero()]; rows], |_, _| {});
+    problem.scalars.iter().map(|row| row.active.bits() & 1 == 1).collect()
 }
 
 fn dot(a: &[f64], b: &[f64]) -> f64 {
@@ -39,7 +63,9 @@ proptest! {
         }
         let sizes: Vec<f64> = y.iter().map(|y| dot(y, y)).collect();
         let mut also: Vec<[f64; 2]> = g.iter().map(|&g| [g, -g]).collect();
-        problem.scalars.orthogonalise(0..rows, &sizes, &mut also, |_, _| {});
+        let mut entries: Vec<f64> = y.iter().flatten().map(|y| y * y).collect();
+        let scales = RowScales { lengths: &sizes, entries: &mut entries, velocities: &mut vec![1.0; rows], coefficients: &mut vec![0.0; rows] };
+        problem.scalars.orthogonalise(0..rows, scales, &mut also, |_, _| {});
         iterate.compute_w(&problem);
         let outcome = solve(&problem, &mut iterate, SweepSettings { sweeps: 1, tolerance: 1e-9 }, true);
         let kept = problem.scalars.iter().filter(|r| r.active).count();
@@ -54,6 +80,29 @@ proptest! {
         }
     }
 
+    /// Rows of J in the metric of masses up to 1e9 apart: those that are sums of others drop out, and no others, in both precisions.
+    #[test]
+    fn masses_make_no_row_dependent(
+        (n, y, _) in equalities(),
+        decades in prop::collection::vec(0.0..9.0f64, 9),
+        signs in prop::collection::vec(prop_oneof![Just(0.0), Just(1.0)], 9 * 6),
+        others in prop::collection::vec(any::<bool>(), 5),
+    ) {
+        let some: Vec<bool> = std::iter::once(true).chain(others).collect();
+        // Sparse rows, as of bodies in a chain, each with a coordinate of its own, so that all but the last are independent.
+        let rows = y.len() - 1;
+        let mut jacobian: Vec<Vec<f64>> = (0..rows).map(|k| (0..n).map(|i| y[k][i] * signs[k * 9 + i]).collect()).collect();
+        for (k, row) in jacobian.iter_mut().enumerate() {
+            for (i, x) in row.iter_mut().enumerate().take(rows) {
+                *x = if i == k { 1.0 + x.abs() } else if i > k { 0.0 } else { *x };
+            }
+        }
+        // The last is the sum of the first and some others: the rest have no part in it.
+        jacobian.push((0..n).map(|i| jacobian.iter().zip(&some).filter(|(_, some)| **some).map(|(r, _)| r[i]).sum()).collect());
+        prop_assert_eq!(independent::<f64>(&jacobian, &decades), vec![true; rows].into_iter().chain([false]).collect::<Vec<_>>());
+        prop_assert_eq!(independent::<F32Lanes>(&jacobian, &decades), vec![true; rows].into_iter().chain([false]).collect::<Vec<_>>());
+    }
+
     #[test]
     fn what_separate_rows_hold_is_taken_out_of_a_limit_once_for_all((n, y, g) in equalities(), limit in prop::collection::vec(-1.0..1.0f64, 9), free in -2.0..2.0f64) {
         let rows = y.len();
@@ -65,7 +114,9 @@ proptest! {
             for (y, &g) in y.iter().zip(&g) {
                 problem.scalars.push(&support, |i| y[i], 1.0, true, g, FREE);
             }
-            problem.scalars.orthogonalise::<1>(0..rows, &sizes, &mut vec![[0.0]; rows], |_, _| {});
+            let mut entries: Vec<f64> = y.iter().flatten().map(|y| y * y).collect();
+            let scales = RowScales { lengths: &sizes, entries: &mut entries, velocities: &mut vec![1.0; rows], coefficients: &mut vec![0.0; rows] };
+            problem.scalars.orthogonalise::<1>(0..rows, scales, &mut vec![[0.0]; rows], |_, _| {});
             problem
         });
         together.scalars.push(&support, |i| limit[i], 1.0, true, free, limits);

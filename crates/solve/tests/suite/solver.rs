@@ -3,8 +3,10 @@
 use crate::common::{Share, cases};
 use nalgebra::{DMatrix, DVector};
 use proptest::prelude::*;
+use stepper_real::{F32Lanes, Mask, Real};
 use stepper_solve::gauss_seidel::{SweepSettings, solve};
-use stepper_solve::{Iterate, Problem, Snapshot, cone, residual};
+use stepper_solve::newton::Newton;
+use stepper_solve::{Iterate, LoadedProblem, Problem, Snapshot, cone, residual};
 
 /// Rows of a random problem with `contacts` contacts and a limit in `n` coordinates.
 #[derive(Clone, Debug)]
@@ -191,4 +193,15 @@ fn without_friction_the_cone_is_a_half_line() {
     assert_eq!(cone::project([-1.0, 0.0, 0.0], 0.0), [0.0; 3]);
     assert_eq!(cone::project([2.0, 0.0, 0.0], 0.0), [2.0, 0.0, 0.0]);
     assert_eq!(cone::project([2.0, 3.0, -1.0], 0.0), [2.0, 0.0, 0.0]);
+}
+
+/// A body of 1 kg welded to a foot of 1 g: sweeps stall just above the tolerance, where the squares of their changes underflow.
+#[test]
+fn sweeps_that_stall_in_32_bits_stay_finite() {
+    let file = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/problems_32_bits/light_welded_foot.problem");
+    let LoadedProblem { problem, mut iterate, settings } = Problem::<F32Lanes>::load(file).unwrap();
+    let outcome = stepper_solve::solve(&problem, &mut iterate, settings, Mask::splat(true), &mut Newton::default());
+    // 2e-6 m/s: twice the tolerance, at which 32 bits stall.
+    assert!(outcome.residual.le(F32Lanes::of(2e-6)).all(), "residual {:?}", outcome.residual);
+    assert!(iterate.w.iter().all(|w| w.is_finite().all()));
 }

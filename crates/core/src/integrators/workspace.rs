@@ -153,6 +153,8 @@ pub struct Workspace<R: Real> {
     pub(crate) elapsed: f64,
     /// Poses of the geoms, and what collision detection remembers.
     pub(crate) poses: GeomPoses<R>,
+    /// Poses at a corrected configuration.
+    pub(crate) corrected_kinematics: Kinematics<R>,
     /// Impacts of the step.
     pub(crate) impacts: Impacts<R>,
     /// Room of the guard of the energy.
@@ -228,6 +230,7 @@ impl<R: Real> Workspace<R> {
             mocap_trajectories: compiled.mocap.iter().map(|m| MocapTrajectory::at(splat(m.pos), splat(m.quat))).collect(),
             elapsed: 0.0,
             poses: GeomPoses::new(compiled),
+            corrected_kinematics: Kinematics::new(compiled),
             impacts: Impacts::new(compiled),
             step_resolution: StepResolution::new(compiled),
             rk4: (options.integrator == Integrator::Rk4 && hard).then(|| Rk4::new(compiled)),

@@ -81,6 +81,14 @@ impl<R: Real> Snapshot<R> {
     }
 }
 
+impl<R: Real> Snapshot<R> {
+    /// Moves the impulses of a lane back towards those of the snapshot: `part` of their difference is left, of the first coordinate that
+    /// each constraint touches. The w of `iterate` stays.
+    pub fn blend(&self, system: System<'_, R>, iterate: &mut Iterate<R>, lane: usize, part: &mut impl FnMut(u32) -> f64) {
+        each_kind!([own: &self] [set: &system.problem] [rows: system] [impulses: &mut iterate] => set.blend(rows, impulses, own, lane, part));
+    }
+}
+
 /// Part of an energy that decides nothing: it is that of an error of a thousandth.
 const NEGLIGIBLE_ENERGY: f64 = 1e-6;
 

@@ -127,7 +127,12 @@ fn solve_system<R: Real>(
     newton.solve(system, iterate, search(Terms::HeldThenExact), left, [&mut outcome.residual, &mut outcome.newton_steps]);
     // Sweeps would undo an even distribution.
     left = left.and_not(hyperstatic);
-    let passes = if newton_steps < LEAST_EXACT { PASSES - 1 } else { PASSES };
+    let passes = match newton_steps {
+        LEAST_EXACT.. => PASSES,
+        // What one pass leaves of a correction, the next step sees.
+        _ if !system.certified => 1,
+        _ => PASSES - 1,
+    };
     for pass in 1..passes {
         left = left.and(outcome.residual.gt(newton_threshold));
         if left.none() {

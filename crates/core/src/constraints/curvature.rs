@@ -21,6 +21,13 @@ use crate::constraints::constraint_set::{AssemblyInput, Constraints};
 use crate::constraints::equality::RowInput;
 use crate::math::spatial::*;
 
+/// Overlap of a contact beyond which it takes no part, m: that of [`Status::DEEP`](crate::Status::DEEP).
+///
+/// Bodies so deep in one another do not roll, they jam: an impulse along which nothing moves lies within the cone of friction. What friction's
+/// rows demand must then be the motion of some joints, or no impulse meets it, and those of the solver grow without bound. Kappa is not: of
+/// 17 problems of jammed arms that were not solved, the demands of 14 were contradictory by 4e-6 to 1e-2 m/s, and are solved without.
+const DEEP_OVERLAP: f64 = 1e-3;
+
 /// A body's velocity field at a contact.
 #[derive(Clone, Copy)]
 struct Field<R> {
@@ -55,7 +62,8 @@ impl<R: Real> Constraints<R> {
                 let slot = &contacts.data[k];
                 let n = slot.point.normal;
                 let axes = [n, slot.tangent, cross(n, slot.tangent)];
-                let lanes = active.and(R::Mask::from_bits(self.moving));
+                let deep = slot.point.distance.lt(-R::of(DEEP_OVERLAP));
+                let lanes = active.and(R::Mask::from_bits(self.moving)).and_not(deep);
                 let lanes = match self.impacts.last() {
                     Some(impact) => lanes.and_not(impact.lanes),
                     None => lanes,

@@ -5,17 +5,19 @@ use stepper_solve::System;
 
 use crate::compile::ModelStructure;
 
-/// Sets of trees (union-find with path halving; Tarjan & van Leeuwen 1984), and the largest of a number over each set.
+/// Sets of trees (union-find with path halving; Tarjan & van Leeuwen 1984), with the largest of a number and two sums over each set.
 #[derive(Clone, Debug)]
 pub(crate) struct Islands {
     above: Vec<u32>,
     most: Vec<f64>,
+    squares: Vec<[f64; 2]>,
+    exempt: Vec<bool>,
 }
 
 impl Islands {
     /// Room for so many trees.
     pub(crate) fn new(trees: usize) -> Self {
-        Self { above: vec![0; trees], most: vec![0.0; trees] }
+        Self { above: vec![0; trees], most: vec![0.0; trees], squares: vec![[0.0; 2]; trees], exempt: vec![false; trees] }
     }
 
     /// Finds the islands of one lane.
@@ -24,6 +26,8 @@ impl Islands {
             *above = tree as u32;
         }
         self.most.fill(0.0);
+        self.squares.fill([0.0; 2]);
+        self.exempt.fill(false);
         system.for_each_support(lane, |dofs| {
             let mut first = None;
             for d in dofs {
@@ -56,6 +60,26 @@ impl Islands {
     pub(crate) fn most(&mut self, tree: usize) -> f64 {
         let root = self.root(tree);
         self.most[root]
+    }
+
+    /// Adds a square to the sum `which` of the islands of two trees, once where they are one island.
+    pub(crate) fn add_square(&mut self, trees: [Option<usize>; 2], which: usize, square: f64) {
+        let [a, b] = trees.map(|tree| tree.map(|tree| self.root(tree)));
+        for root in [a, if a == b { None } else { b }].into_iter().flatten() {
+            self.squares[root][which] += square;
+        }
+    }
+
+    /// Leaves the tree's island out of [`Islands::squares`].
+    pub(crate) fn exempt(&mut self, tree: usize) {
+        let root = self.root(tree);
+        self.exempt[root] = true;
+    }
+
+    /// Both sums of the tree's island.
+    pub(crate) fn squares(&mut self, tree: usize) -> Option<[f64; 2]> {
+        let root = self.root(tree);
+        (!self.exempt[root]).then_some(self.squares[root])
     }
 
     fn root(&mut self, mut tree: usize) -> usize {

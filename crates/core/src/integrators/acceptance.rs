@@ -1,6 +1,7 @@
 //! What becomes of a solution: whether it decides the energy, and whether the next state is finite and taken over.
 
-use stepper_real::{Mask, Real};
+use stepper_real::{Mask, Real, Scalar};
+use stepper_solve::Outcome;
 
 use crate::compile::LaneModel;
 use crate::constraints::constraint_set::Constraints;
@@ -9,6 +10,8 @@ use crate::integrators::workspace::Workspace;
 use crate::math::lanes::each_of;
 use crate::math::spatial::*;
 use crate::options::StepSettings;
+use crate::stages::s05_solve::solve_to;
+use crate::stages::s06_integrate_velocity::integrate_velocity;
 
 /// Residual from which on impulses may be anything, m/s: energy is kept from growing by them, as in steps that are too long.
 const UNSOLVED: f64 = 1e-2;
@@ -27,7 +30,39 @@ pub(crate) fn undecided<R: Real>(options: &StepSettings, s: &Workspace<R>, resid
     )
 }
 
-/// Keeps the impulse of all constraints on the joints, from the scaled velocity change of stage 5: bounded servos read it, and people.
+/// Part of the residual up to which impulses determine the energy that a second solution goes down to.
+const DECIDED: f64 = 0.1;
+
+/// Solves the lanes again whose impulses meet the tolerance and do not determine the energy: in a jam they cancel, a million times what
+/// they hold, and the residual has to be as much smaller.
+#[inline(always)]
+pub(crate) fn decide<R: Real>(compiled: &LaneModel<R>, options: &StepSettings, s: &mut Workspace<R>, outcome: &mut Outcome<R>) {
+    let lanes = undecided(options, s, outcome.residual).and(outcome.residual.le(R::of(options.tolerance)));
+    if lanes.any() {
+        solve_further(compiled, options, s, lanes, outcome);
+    }
+}
+
+/// Solves the lanes `lanes` to the residual at which impulses determine the energy, as far as rounding lets it.
+#[cold]
+#[inline(never)]
+fn solve_further<R: Real>(compiled: &LaneModel<R>, options: &StepSettings, s: &mut Workspace<R>, lanes: R::Mask, outcome: &mut Outcome<R>) {
+    let tolerance = R::vectorize(
+        #[inline(always)]
+        || {
+            let Constraints { problem, iterate, .. } = &s.constraints;
+            let negligible = s.free_motion.smooth.mass.energy_at(R::of(options.tolerance));
+            let least = R::of(10.0 * <R::Scalar as Scalar>::EPSILON.to_f64());
+            (stepper_solve::decisive_residual(problem, iterate, negligible) * R::of(DECIDED)).max(least).min(R::of(options.tolerance))
+        },
+    );
+    let (rows, mut room) = s.constraints.split();
+    let again = solve_to(options, tolerance, lanes, &rows, &mut room, &mut s.evaluation.contacts);
+    outcome.replace(&again, lanes);
+    integrate_velocity(compiled, &s.free_motion.smooth.mass, &s.free_motion.v, &s.constraints, &mut s.next.v);
+}
+
+/// Keeps the impulse of all constraints on the joints, from the scaled velocity change of the solution: bounded servos read it, and people.
 pub(crate) fn keep_impulse<R: Real>(compiled: &LaneModel<R>, s: &mut Workspace<R>) {
     R::vectorize(
         #[inline(always)]

@@ -13,6 +13,7 @@ pub mod inputs;
 pub mod midpoint;
 pub mod mujoco;
 pub mod observation;
+pub(crate) mod overlap_progress;
 pub(crate) mod renewed;
 pub(crate) mod response;
 pub mod rk4;

@@ -6,8 +6,9 @@ use stepper_solve::{Outcome, System};
 use crate::collision::tunnelling::may_have_passed;
 use crate::compile::LaneModel;
 use crate::constraints::equality_violation::max_equality_violation;
-use crate::integrators::acceptance::{keep_impulse, undecided};
+use crate::integrators::acceptance::{decide, keep_impulse, undecided};
 use crate::integrators::impact;
+use crate::integrators::overlap_progress::take_back;
 use crate::integrators::scheme::Scheme;
 use crate::integrators::step_resolution::{slow_down, thrown};
 use crate::integrators::struck_contacts::solve_strikes;
@@ -15,7 +16,7 @@ use crate::integrators::workspace::{Evaluation, FreeMotion, Workspace};
 use crate::options::StepSettings;
 use crate::probe::{Counter, Probe, Span};
 use crate::stages::s01_actuate::advance_activation;
-use crate::stages::s05_solve::solve;
+use crate::stages::s05_solve::{keep_row_impulses, solve};
 use crate::stages::s06_integrate_velocity::integrate_velocity;
 use crate::stages::s07_integrate_position::integrate_position;
 use crate::stages::s08_stabilise::{Solved, limit_baumgarte, stabilise};
@@ -57,9 +58,9 @@ pub(crate) fn solve_velocities<R: Real>(
         outcome = probe.span(Span::Solve, || solve_strikes(compiled, options, s, outcome));
     }
     s.constraints.activate_unviolated();
+    probe.span(Span::Solve, || decide(compiled, options, s, &mut outcome));
     let pushed = s.constraints.iterate.changes_velocity();
     count_effort(&outcome, probe);
-    probe.span(Span::IntegrateVelocity, || keep_impulse(compiled, s));
     let (rows, mut room) = s.constraints.split();
     let Evaluation { contacts, .. } = &s.evaluation;
     let FreeMotion { smooth, v: v_free, .. } = &s.free_motion;
@@ -67,6 +68,11 @@ pub(crate) fn solve_velocities<R: Real>(
     let infeasible = probe.span(Span::Stabilise, || {
         limit_baumgarte(compiled, options, &solved, &mut room, &mut outcome, &mut s.work.correction, &mut s.next.v)
     });
+    if s.constraints.biased.any() {
+        let (rows, mut room) = s.constraints.split();
+        keep_row_impulses(&rows, &mut room, &mut s.evaluation.contacts);
+    }
+    probe.span(Span::IntegrateVelocity, || keep_impulse(compiled, s));
     let [undecided, guarded] = probe.span(Span::GuardEnergy, || guard_speed(compiled, options, scheme, s, outcome.residual));
     Solution { outcome, pushed, undecided, guarded, infeasible }
 }
@@ -147,11 +153,29 @@ pub(crate) fn correct_positions<R: Real>(
 #[inline(always)]
 fn stabilise_positions<R: Real>(compiled: &LaneModel<R>, options: &StepSettings, scheme: &Scheme<R>, s: &mut Workspace<R>) -> R::Mask {
     let impacts = impact::prepare_position_solve(compiled, scheme, s);
+    if s.constraints.needs_position_solve.none() {
+        return s.constraints.needs_position_solve;
+    }
     let v_free = if impacts.any() { &s.work.v_positions } else { &s.free_motion.v };
     let work = [&mut s.work.correction[..], &mut s.work.q_corrected[..]];
     let (rows, mut room) = s.constraints.split();
     let solved = Solved { rows, mass: &s.free_motion.smooth.mass, contacts: &s.evaluation.contacts, v_free, h: scheme.h };
-    stabilise(compiled, options, &solved, &mut room, &s.next.v, work, &mut s.next.q)
+    let (lanes, rebounding) = (rows.needs_position_solve, rows.rebounding);
+    let [infeasible, lacking] = stabilise(compiled, options, &solved, &mut room, &s.next.v, work, &s.next.q);
+    // What strikes is corrected to where it would have bounced to, too.
+    let stuck = lacking.and_not(impacts).and_not(rebounding);
+    if stuck.any() {
+        take_back(compiled, options, scheme, s, stuck);
+    }
+    R::vectorize(
+        #[inline(always)]
+        || {
+            for (q, &corrected) in s.next.q.iter_mut().zip(&s.work.q_corrected) {
+                *q = R::select(lanes, corrected, *q);
+            }
+        },
+    );
+    infeasible
 }
 
 /// Keeps the energy of guarded lanes from growing.

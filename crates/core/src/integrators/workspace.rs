@@ -156,6 +156,8 @@ pub struct Workspace<R: Real> {
     pub(crate) elapsed: f64,
     /// Poses of the geoms, and what collision detection remembers.
     pub(crate) poses: GeomPoses<R>,
+    /// Poses at a corrected configuration.
+    pub(crate) corrected_kinematics: Kinematics<R>,
     /// Impacts of the step.
     pub(crate) impacts: Impacts<R>,
     /// Search for the contacts that the solved motion closes.
@@ -234,6 +236,7 @@ impl<R: Real> Workspace<R> {
             mocap_trajectories: compiled.mocap.iter().map(|m| MocapTrajectory::at(splat(m.pos), splat(m.quat))).collect(),
             elapsed: 0.0,
             poses: GeomPoses::new(compiled),
+            corrected_kinematics: Kinematics::new(compiled),
             impacts: Impacts::new(compiled),
             strikes: StrikeSearch::new(compiled, max_contacts),
             step_resolution: StepResolution::new(compiled),

@@ -22,10 +22,23 @@ pub fn solve<R: Real>(
     room: &mut SolverWorkspace<'_, R>,
     contacts: &mut Contacts<R>,
 ) -> Outcome<R> {
-    let [sweeps, newton] = options.effort();
     let tolerance = tolerance(options, v, room.patches.lanes());
+    solve_to(options, tolerance, lanes, rows, room, contacts)
+}
+
+/// Solves the lanes `lanes` to a residual of `tolerance`, m/s.
+#[inline(always)]
+pub fn solve_to<R: Real>(
+    options: &StepSettings,
+    tolerance: R,
+    lanes: R::Mask,
+    rows: &AssembledRows<'_, R>,
+    room: &mut SolverWorkspace<'_, R>,
+    contacts: &mut Contacts<R>,
+) -> Outcome<R> {
+    let [sweeps, newton] = options.effort();
     let settings = Settings { sweeps, newton_steps: newton, tolerance, newton_threshold: tolerance };
-    let AssembledRows { problem, owners, slots, rolling_slots, .. } = *rows;
+    let problem = rows.problem;
     let SolverWorkspace { iterate, newton, capture, .. } = room;
     if let Some(lane) = capture.lane.take() {
         capture.bytes = System::from(problem).to_bytes(iterate, &settings, lane);
@@ -33,9 +46,18 @@ pub fn solve<R: Real>(
     let mut outcome = stepper_solve::solve(problem, iterate, settings, lanes, newton);
     let enough = R::of(options.tolerance);
     share_loads(rows, settings, room, lanes.and(outcome.residual.le(enough)), &mut outcome);
-    let SolverWorkspace { iterate, scalar_impulse, worst, .. } = room;
+    let SolverWorkspace { iterate, worst, .. } = room;
     let unsolved = lanes.and_not(outcome.residual.le(enough));
     worst.renew(rows, problem.into(), iterate, contacts, [lanes, unsolved]);
+    keep_row_impulses(rows, room, contacts);
+    outcome
+}
+
+/// Keeps the impulses of all rows: the next step starts from them, and people read them.
+#[inline(always)]
+pub fn keep_row_impulses<R: Real>(rows: &AssembledRows<'_, R>, room: &mut SolverWorkspace<'_, R>, contacts: &mut Contacts<R>) {
+    let AssembledRows { owners, slots, rolling_slots, .. } = *rows;
+    let SolverWorkspace { iterate, scalar_impulse, .. } = room;
     R::vectorize(
         #[inline(always)]
         || {
@@ -51,7 +73,6 @@ pub fn solve<R: Real>(
             }
         },
     );
-    outcome
 }
 
 /// Shares the loads of hyperstatic patches that slip in the lanes `solved` (see [`crate::constraints::hyperstatic`]). Lanes that it

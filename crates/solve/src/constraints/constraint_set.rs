@@ -270,6 +270,16 @@ pub trait ConstraintSet<R: Real>: Sized {
     /// Appends a constraint that was saved, in every lane.
     fn load(&mut self, saved: &SavedConstraint);
 
+    /// Moves the impulses of a lane back towards those of `from`; see [`Snapshot::blend`](crate::Snapshot::blend).
+    fn blend(
+        &self,
+        rows: &Rows<Self::Row>,
+        impulses: &mut [Self::Impulse],
+        from: &[Self::Impulse],
+        lane: usize,
+        part: &mut impl FnMut(u32) -> f64,
+    );
+
     /// w += Y lambda.
     fn add_impulses(&self, impulses: &[Self::Impulse], w: &mut [R]);
 
@@ -333,6 +343,14 @@ pub(crate) fn is_nonzero<R: Real>(d: R) -> bool {
 #[inline(always)]
 pub(crate) fn worse<R: Real>(a: R, b: R) -> R {
     R::select(b.le(a), a, b)
+}
+
+/// Moves the numbers of a lane back towards those of `from`: so much of their difference is left.
+pub(crate) fn blend_lane<R: Real>(numbers: &mut [R], from: &[R], lane: usize, part: f64) {
+    for (number, from) in numbers.iter_mut().zip(from) {
+        let [now, from] = [*number, *from].map(|x| number_of(x, lane));
+        number.set_lane(lane, Scalar::from_f64(from + part * (now - from)));
+    }
 }
 
 /// Number of one lane.

@@ -9,8 +9,8 @@ use crate::admissible_set::AdmissibleSet;
 use crate::capacity::Capacity;
 use crate::cone::{masked, movable, project};
 use crate::constraints::constraint_set::{
-    ConstraintSet, Damping, LaneConstraint, LaneReceiver, ReferenceRows, Row, Rows, SavedConstraint, SweepLanes, Unknowns, is_nonzero,
-    number_of,
+    ConstraintSet, Damping, LaneConstraint, LaneReceiver, ReferenceRows, Row, Rows, SavedConstraint, SweepLanes, Unknowns, blend_lane,
+    is_nonzero, number_of,
 };
 use crate::entries::Entries;
 use crate::lane_map::LaneMap;
@@ -564,6 +564,23 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> ConstraintSet<R> for Frictio
         self.set_trace_ratio(R::of(saved.trace_ratio));
         if saved.compliance > 0.0 {
             self.set_compliance(R::of(saved.compliance));
+        }
+    }
+
+    fn blend(
+        &self,
+        rows: &Rows<FrictionContact<R, N, L>>,
+        impulses: &mut [[R; N]],
+        from: &[[R; N]],
+        lane: usize,
+        part: &mut impl FnMut(u32) -> f64,
+    ) {
+        for (contact, (impulse, from)) in rows.items.iter().zip(impulses.iter_mut().zip(from)) {
+            let (support, y) = self.entries(contact);
+            let first = support.iter().zip(y).find(|(_, y)| y.iter().any(|&y| number_of(y, lane) != 0.0));
+            if let (Some((&c, _)), true) = (first, contact.active.bits() >> lane & 1 == 1) {
+                blend_lane(impulse, from, lane, part(c));
+            }
         }
     }
 

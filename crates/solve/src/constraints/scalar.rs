@@ -7,8 +7,8 @@ use crate::admissible_set::AdmissibleSet;
 use crate::capacity::Capacity;
 use crate::cone::{clamp, masked};
 use crate::constraints::constraint_set::{
-    ConstraintSet, Damping, LaneConstraint, LaneReceiver, ReferenceRows, Row, Rows, SavedConstraint, SweepLanes, Unknowns, is_nonzero,
-    number_of,
+    ConstraintSet, Damping, LaneConstraint, LaneReceiver, ReferenceRows, Row, Rows, SavedConstraint, SweepLanes, Unknowns, blend_lane,
+    is_nonzero, number_of,
 };
 use crate::entries::Entries;
 use crate::lane_map::LaneMap;
@@ -406,6 +406,16 @@ impl<R: Real> ConstraintSet<R> for ScalarRows<R> {
         if let Some(row) = self.rows.items.last_mut() {
             (row.trace_ratio, row.mobility) = (R::of(saved.trace_ratio), R::of(saved.mobility));
             (row.damping_deficit, row.immovable) = (R::of(saved.damping_deficit), immovable);
+        }
+    }
+
+    fn blend(&self, rows: &Rows<ScalarRow<R>>, impulses: &mut [R], from: &[R], lane: usize, part: &mut impl FnMut(u32) -> f64) {
+        for (row, (impulse, from)) in rows.items.iter().zip(impulses.iter_mut().zip(from)) {
+            let (support, y) = self.entries(row);
+            let first = support.iter().zip(y).find(|(_, y)| number_of(**y, lane) != 0.0);
+            if let (Some((&c, _)), true) = (first, row.active.bits() >> lane & 1 == 1) {
+                blend_lane(std::slice::from_mut(impulse), std::slice::from_ref(from), lane, part(c));
+            }
         }
     }
 

@@ -1,0 +1,169 @@
+"""No impulse acts on bodies that pass each other, nor at the seams of a flat floor; and what does meet is stopped."""
+
+import numpy as np
+import pytest
+import stepper
+from hypothesis import given
+from hypothesis import strategies as st
+from near_misses import MESHES, MOVERS, cuboid, scene
+
+INTEGRATORS = ["midpoint", "euler", "implicit", "rk4"]
+# Rounding of velocities of some m/s over some hundred steps, in 64 bits and in 32.
+KEPT = {"f64": 1e-9, "f32": 1e-5}
+
+OBSTACLES = {
+    "box": '<geom type="box" size=".3 .3 .3" pos=".3 0 -.3"/>',
+    "capsule": '<geom type="capsule" size=".03 .2" pos=".1 0 -.23"/>',
+    "cylinder": '<geom type="cylinder" size=".05 .1" pos=".1 0 -.1"/>',
+    "sphere": '<geom type="sphere" size=".1" pos=".1 0 -.1"/>',
+    "hull": '<geom type="mesh" mesh="brick" pos=".1 0 -.02"/>',
+    "field": '<geom type="hfield" hfield="flat" pos=".1 0 0"/>',
+}
+FIELD = '<hfield name="flat" nrow="3" ncol="3" size=".05 1 .1 .05" elevation="0 0 0 0 0 0 0 0 0"/>'
+TILE = f'<mesh name="tile" vertex="{cuboid(0.05, 1, 0.05)}"/>'
+ASSETS = MESHES + FIELD + TILE
+
+movers = st.sampled_from(sorted(MOVERS))
+obstacles = st.sampled_from(sorted(OBSTACLES))
+timesteps = st.sampled_from([1e-4, 5e-4, 1e-3, 2e-3, 5e-3, 1e-2, 2e-2])
+settings = st.tuples(st.sampled_from(INTEGRATORS), st.sampled_from(["f64", "f32"]))
+
+
+def fly(world: str, v: list[float], timestep: float, way: float, integrator: str, precision: str, *, restitution: float = 0.0):
+    """Free bodies over a world that is passed in a straight line: the simulation after the way, and the largest change of velocity."""
+    model = stepper.load(scene(world, timestep=timestep, assets=ASSETS))
+    if restitution:
+        model = model.replace(geom_restitution=np.full(model.ngeom, restitution))
+    sim = stepper.Stepper(model, precision=precision, options=stepper.Options(integrator=integrator))
+    sim.set_state(qvel=v)
+    worst, speed = 0.0, np.abs(v).max()
+    for _ in range(int(np.ceil(way / speed / timestep))):
+        sim.step()
+        worst = max(worst, np.abs(sim.qvel - v).max())
+        assert not sim.status
+    return sim, worst
+
+
+@given(movers, obstacles, timesteps, settings, st.floats(5e-4, 2e-2), st.floats(1.0, 6.0), st.sampled_from([0.0, 0.5, 1.0]))
+def test_a_body_that_passes_above_another_keeps_its_velocity(mover, obstacle, timestep, how, gap, speed, restitution):
+    geom, height = MOVERS[mover]
+    world = OBSTACLES[obstacle] + f'<body pos="-.2 0 {height + gap}"><freejoint/>{geom}</body>'
+    _, worst = fly(world, [speed, 0, 0, 0, 0, 0], timestep, 0.6, *how, restitution=restitution)
+    assert worst < KEPT[how[1]] * speed
+
+
+@given(movers, movers, timesteps, settings, st.floats(5e-4, 2e-2), st.floats(1.0, 6.0))
+def test_two_flying_bodies_pass_each_other(first, second, timestep, how, gap, speed):
+    (geom, height), (other, _) = MOVERS[first], MOVERS[second]
+    # The second is upside down below the first, so that their lowest points face each other.
+    world = (
+        f'<body pos="-.2 0 {height + gap / 2}"><freejoint/>{geom}</body>'
+        f'<body pos=".2 0 {-MOVERS[second][1] - gap / 2}"><freejoint/><body euler="180 0 0">{other}</body></body>'
+    )
+    v = [speed, 0, 0, 0, 0, 0, -speed, 0, 0, 0, 0, 0]
+    _, worst = fly(world, v, timestep, 0.4, *how)
+    assert worst < KEPT[how[1]] * speed
+
+
+def test_a_ball_keeps_its_speed_a_millimetre_above_a_box():
+    # 2.71 m/s and 0.57 m/s upwards while the row of the nearest edge acted.
+    world = '<geom type="box" size=".5 .5 .5" pos=".5 0 -.5"/><body pos="-.3 0 .021"><freejoint/><geom type="sphere" size=".02" mass="1"/></body>'
+    sim, _ = fly(world, [4, 0, 0, 0, 0, 0], 5e-3, 1.2, "midpoint", "f64")
+    np.testing.assert_allclose(sim.qvel, [4, 0, 0, 0, 0, 0], atol=1e-12)  # Rounding.
+
+
+def test_a_box_does_not_turn_above_a_box():
+    # 2.06 m/s and 72 rad/s while rows of near edges acted.
+    world = '<geom type="box" size=".5 .5 .5" pos=".5 0 -.5"/><body pos="-.3 0 .0215"><freejoint/><geom type="box" size=".02 .02 .02" mass="1"/></body>'
+    sim, _ = fly(world, [4, 0, 0, 0, 0, 0], 1e-3, 1.2, "midpoint", "f64")
+    np.testing.assert_allclose(sim.qvel, [4, 0, 0, 0, 0, 0], atol=1e-12)  # Rounding.
+
+
+def floor_of(kind: str, drop: float = 0.0) -> str:
+    """Tiles of 10 cm; every second one is lower by `drop`."""
+    tiles = {
+        "boxes": '<geom type="box" size=".05 1 .05" pos="{} 0 {}"/>',
+        "meshes": '<geom type="mesh" mesh="tile" pos="{} 0 {}"/>',
+        "fields": '<geom type="hfield" hfield="flat" pos="{} 0 {}"/>',
+    }
+    kinds = list(tiles) if kind == "mixed" else [kind]
+    chosen = [kinds[k % len(kinds)] for k in range(28)]
+    below = {"boxes": 0.05, "meshes": 0.05, "fields": 0.0}
+    return "".join(tiles[name].format(0.1 * (k - 4), -below[name] - drop * (k % 2)) for k, name in enumerate(chosen))
+
+
+SLIDERS = [name for name in MOVERS if name not in ("upright capsule", "ellipsoid")]
+"""Movers that do not tip over."""
+
+
+def slide(kind: str, mover: str, speed: float, timestep: float, how: tuple[str, str], start: float = 0.0):
+    """Part of the speed that is left after 1.2 m over a floor of tiles, and the largest distance from the floor, m."""
+    geom, height = MOVERS[mover]
+    world = floor_of(kind) + f'<body pos="{start} 0 {height}"><freejoint/>{geom}</body>'
+    model = stepper.load(scene(world, timestep=timestep, gravity=9.81, assets=ASSETS))
+    sim = stepper.Stepper(model, precision=how[1], options=stepper.Options(integrator=how[0]))
+    sim.step(nstep=round(0.1 / timestep))
+    sim.set_state(qvel=[speed, 0, 0, 0, 0, 0])
+    away = 0.0
+    for _ in range(round(1.2 / speed / timestep)):
+        sim.step()
+        away = max(away, abs(sim.qpos[2] - height))
+        assert not sim.status
+    return sim.qvel[0] / speed, away
+
+
+@pytest.mark.parametrize("mover", SLIDERS)
+@pytest.mark.parametrize("kind", ["boxes", "meshes", "fields", "mixed"])
+@pytest.mark.parametrize("timestep", [1e-3, 5e-3])
+@pytest.mark.parametrize("speed", [1.0, 2.0])
+def test_a_body_slides_over_the_seams_of_tiles(mover, kind, timestep, speed):
+    # An upright cylinder kept 4 % and rose by 5.6 mm while rows of the tile ahead acted. The bounds are those of scene 21.
+    kept, away = slide(kind, mover, speed, timestep, ("midpoint", "f64"))
+    assert abs(kept - 1) < 1e-3
+    assert away < 1e-5
+
+
+@given(st.sampled_from(SLIDERS), st.sampled_from(["boxes", "meshes", "fields", "mixed"]), st.floats(0.5, 3.0), st.floats(-0.05, 0.05))
+def test_a_body_slides_over_the_seams_from_anywhere(mover, kind, speed, start):
+    kept, away = slide(kind, mover, speed, 5e-3, ("midpoint", "f64"), start)
+    assert abs(kept - 1) < 1e-3
+    assert away < 1e-5
+
+
+@pytest.mark.parametrize("precision", ["f64", "f32"])
+@pytest.mark.parametrize("mover", ["sphere", "box", "capsule"])
+def test_a_lower_tile_is_a_cliff(mover, precision):
+    """A body flies off the edge as a projectile; its speed along the floor does not change."""
+    geom, height = MOVERS[mover]
+    world = '<geom type="box" size=".5 1 .05" pos="-.5 0 -.05"/><geom type="box" size=".5 1 .05" pos=".5 0 -.55"/>'
+    model = stepper.load(scene(world + f'<body pos="-.2 0 {height}"><freejoint/>{geom}</body>', timestep=1e-3, gravity=9.81))
+    sim = stepper.Stepper(model, precision=precision)
+    sim.set_state(qvel=[2, 0, 0, 0, 0, 0])
+    sim.step(nstep=250)
+    assert not sim.status
+    assert sim.qpos[2] < height - 0.05
+    assert abs(sim.qvel[0] - 2) < 1e-2  # A box turns over the edge and gives a part of its speed to the turn; a ball keeps it.
+
+
+@given(st.sampled_from(["sphere", "box", "capsule", "cylinder", "hull"]), obstacles, timesteps, settings, st.floats(1.0, 6.0))
+def test_what_flies_into_another_body_is_stopped(mover, obstacle, timestep, how, speed):
+    """A dead centre hit: the gap closes within the speed of one step, and no body passes another."""
+    geom, height = MOVERS[mover]
+    world = OBSTACLES[obstacle] + f'<body pos=".1 0 {height + 0.1}"><freejoint/>{geom}</body>'
+    model = stepper.load(scene(world, timestep=timestep, assets=ASSETS))
+    sim = stepper.Stepper(model, precision=how[1], options=stepper.Options(integrator=how[0]))
+    sim.set_state(qvel=[0, 0, -speed, 0, 0, 0])
+    for _ in range(int(np.ceil(0.2 / speed / timestep)) + 2):
+        sim.step()
+        assert sim.depth < 2e-5  # Twice the slop.
+    assert sim.qvel[2] > -1e-3 * speed
+
+
+def test_a_floor_hides_the_step_behind_it():
+    """A ball that lands before a ledge of its own height strikes the floor first, and the ledge not at all."""
+    ledge = '<geom type="box" size=".5 .5 .05" pos="-.5 0 -.05"/><geom type="box" size=".5 .5 .05" pos=".5 0 -.05"/>'
+    world = ledge + '<body pos="-.012 0 .03"><freejoint/><geom type="sphere" size=".02" mass="1"/></body>'
+    sim = stepper.Stepper(stepper.load(scene(world, timestep=5e-3)))
+    sim.set_state(qvel=[2, 0, -4, 0, 0, 0])
+    sim.step(nstep=4)
+    np.testing.assert_allclose(sim.qvel[[0, 2]], [2, 0], atol=1e-9)  # Rounding: both tiles are flush.

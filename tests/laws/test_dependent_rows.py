@@ -138,13 +138,13 @@ def feasible(seed: int, precision: str) -> str:
     if kind == "slides":
         return tied_slides(scale, scale * ratio, radius=rng.uniform(0.01, 0.2))
     if kind == "cable":
-        joint = rng.choice(['type="ball"', 'axis="0 1 0"'])
+        joint, whole = rng.choice(['type="ball"', 'axis="0 1 0"']), 2.0
         rods = rng.choice([3, 5, 9, 20, 40, 80, 160])
         if precision == "f32":
-            # Longer ones do not move as they should in 32 bits when nothing is connected either: the inertia of a joint is rounding beside
-            # that of the chain, the turn of a rod of 1 mm about itself 1e-7 of it from some ten on.
-            rods = min(rods, 40 if "axis" in joint else 5)
-        return cable(rods, length=2.0 / rods, mass=scale / rods, joint=joint, curl=rng.uniform(90, 250) / rods, tilt=tilt)
+            # Beyond, 32 bits do not resolve what a joint turns beside the inertia of the chain, connected or not: of balls the turn of a
+            # rod of 1 mm about itself, 1e-7 of it where five rods are 2 m long.
+            rods, whole = (min(rods, 5), 0.25) if "ball" in joint else (min(rods, 40), whole)
+        return cable(rods, length=whole / rods, mass=scale / rods, joint=joint, curl=rng.uniform(90, 250) / rods, tilt=tilt)
     if kind == "weld":
         return welded_through(scale, scale * ratio, tilt=tilt)
     if kind == "pulley":

@@ -9,10 +9,11 @@
 
 use stepper_real::{Mask, Real, Scalar};
 
-use crate::collision::contact_set::{Contacts, Slot};
+use crate::collision::contact_set::Contacts;
 use crate::constraints::constraint_set::Constraints;
 use crate::constraints::equality::RowInput;
 use crate::math::lanes::each_of;
+use crate::math::spatial::*;
 use crate::options::StepSettings;
 
 /// Approach speed below which a touching contact rests, in tolerances of the solver. The velocity of a contact at rest is within one.
@@ -24,19 +25,52 @@ pub(crate) fn resting_speed(options: &StepSettings) -> f64 {
 }
 
 impl<R: Real> Constraints<R> {
-    /// Lanes in which a contact that the lanes `lanes` have waits: its surfaces approach each other and may pass. `before` and `free` are its
-    /// normal velocities before the step and without constraints, m/s.
+    /// Lanes in which slot `k`, which the lanes `lanes` have, waits: its surfaces approach each other and may pass. `before` is its normal
+    /// velocity before the step, `free` are the velocities of its rows without constraints, m/s.
     #[inline(always)]
-    pub(crate) fn approaching_lanes(&self, input: RowInput<'_, R>, slot: &Slot<R>, lanes: R::Mask, [before, free]: [R; 2]) -> R::Mask {
+    pub(crate) fn approaching_lanes(
+        &self,
+        input: RowInput<'_, R>,
+        contacts: &Contacts<R>,
+        k: usize,
+        lanes: R::Mask,
+        before: R,
+        free: V3<R>,
+    ) -> R::Mask {
         let curved = lanes.and_not(R::Mask::from_bits(self.flat));
         if curved.none() {
             return curved;
         }
         let RowInput { options, assembly, .. } = input;
         let resting_speed = R::of(resting_speed(options));
-        let gap = slot.point.distance;
-        let closes = gap.gt(R::of(options.slop)).and((assembly.gap(gap) + assembly.h * free).lt(R::zero()));
-        curved.and(before.lt(-resting_speed).or(closes))
+        let gap = contacts.data[k].point.distance;
+        let closes = gap.gt(R::of(options.slop)).and((assembly.gap(gap) + assembly.h * free[0]).lt(R::zero()));
+        let waiting = curved.and(before.lt(-resting_speed).or(closes));
+        if waiting.none() { waiting } else { self.not_meeting(input, contacts, k, waiting, free) }
+    }
+
+    /// Lanes of `lanes` but those in which round surfaces meet in the free motion for sure. Spheres and capsules hold the balls about the
+    /// contact's centres of curvature, and those meet.
+    #[inline(never)]
+    fn not_meeting(&self, input: RowInput<'_, R>, contacts: &Contacts<R>, k: usize, lanes: R::Mask, free: V3<R>) -> R::Mask {
+        R::vectorize(
+            #[inline(always)]
+            || {
+                let (compiled, gap) = (input.compiled, contacts.data[k].point.distance);
+                let mut out = lanes;
+                for (pair, same) in contacts.pairs(k, lanes.bits()) {
+                    let [a, b] = compiled.pair_geoms(pair).expect("made from this compiled");
+                    if compiled.geoms[a].is_round && compiled.geoms[b].is_round {
+                        let reach = compiled.params.geom_size(a)[0] + compiled.params.geom_size(b)[0];
+                        let way = scale(free, self.closing_time);
+                        let apart = norm([reach + gap + way[0], way[1], way[2]]);
+                        let meets = apart.lt(reach).and((reach + gap + way[0]).gt(R::zero()));
+                        out = out.and_not(meets.and(R::Mask::from_bits(same)));
+                    }
+                }
+                out
+            },
+        )
     }
 
     /// Lanes of `lanes` in which the rows of any contact wait.

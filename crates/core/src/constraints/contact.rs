@@ -129,14 +129,14 @@ impl<R: Real> Constraints<R> {
         let (bias, mut active) = self.bounce(compiled, options, slot, assembly, active, [free[0], before[0]], bias);
         let mut demands = [[free[0] + bias, free[0] + position], [free[1]; 2], [free[2]; 2]];
         let lengths = self.eliminate(mass, &mut demands);
-        let held = demands[0][0] - bias;
+        let held = [demands[0][0] - bias, demands[1][0], demands[2][0]];
         if self.has_impacts {
             active = self.bounce_within(input, slot, active, [free, change], bias, &mut demands);
         }
         let bounces = self.impacts.last().map_or(R::Mask::splat(false), |impact| impact.lanes);
-        let lanes = self.approaching_lanes(input, slot, active.and(rigid), [before[0], held]);
+        let lanes = self.approaching_lanes(input, contacts, k, active.and(rigid), before[0], held);
         let impulse = [R::zero(); 6];
-        let approaching = Approaching { contact: 0, slot: k, lanes, bounces, bias: demands[0][0] - held, impulse };
+        let approaching = Approaching { contact: 0, slot: k, lanes, bounces, bias: demands[0][0] - held[0], impulse };
         if curves {
             self.add_curve(input, contacts, k, active, [free, change], &mut demands);
         }

@@ -48,8 +48,6 @@ pub(crate) struct Motion<'a, R: Real> {
     pub(crate) kinematics: &'a Kinematics<R>,
     pub(crate) poses: &'a GeomPoses<R>,
     pub(crate) contacts: &'a Contacts<R>,
-    /// Velocity after the step, nv.
-    pub(crate) v: &'a [R],
     /// Normal speed below which a contact rests, m/s.
     pub(crate) resting_speed: f64,
     /// Lanes that are searched.
@@ -71,15 +69,12 @@ impl<R: Real> StrikeSearch<R> {
         }
     }
 
-    /// Finds the pairs that meet first. Returns the lanes in which there are any.
-    pub(crate) fn find(&mut self, motion: &Motion<'_, R>, constraints: &Constraints<R>) -> R::Mask {
-        self.find_linear(motion, constraints);
-        if self.pairs.is_empty() {
-            return R::Mask::splat(false);
-        }
+    /// Finds the pairs that meet first in the motion with the velocity `v` after the step, among those that [`StrikeSearch::find_linear`] has
+    /// listed. Returns the lanes in which there are any.
+    pub(crate) fn find(&mut self, motion: &Motion<'_, R>, v: &[R], constraints: &Constraints<R>) -> R::Mask {
         R::vectorize(
             #[inline(always)]
-            || self.follow_pairs(motion, constraints),
+            || self.follow_pairs(motion, v, constraints),
         );
         if !motion.all {
             self.keep_first(motion, constraints);
@@ -93,8 +88,8 @@ impl<R: Real> StrikeSearch<R> {
         self.pairs.iter().find(|strike| strike.pair == pair).map_or(R::Mask::splat(false), |strike| strike.lanes)
     }
 
-    /// Lists the pairs whose linearised gaps close.
-    fn find_linear(&mut self, motion: &Motion<'_, R>, constraints: &Constraints<R>) {
+    /// Lists the pairs whose linearised gaps close. Returns whether there are any.
+    pub(crate) fn find_linear(&mut self, motion: &Motion<'_, R>, constraints: &Constraints<R>) -> bool {
         self.rates.clear();
         self.pairs.clear();
         let touch = touch(motion, constraints);
@@ -119,12 +114,13 @@ impl<R: Real> StrikeSearch<R> {
                 }
             }
         }
+        !self.pairs.is_empty()
     }
 
     /// Keeps the lanes in which the paths of the pairs let them meet, with the times of their first touches where there are several.
     #[inline(always)]
-    fn follow_pairs(&mut self, motion: &Motion<'_, R>, constraints: &Constraints<R>) {
-        let Motion { compiled, kinematics, poses, v, .. } = *motion;
+    fn follow_pairs(&mut self, motion: &Motion<'_, R>, v: &[R], constraints: &Constraints<R>) {
+        let Motion { compiled, kinematics, poses, .. } = *motion;
         let Self { swept, rates, pairs, .. } = self;
         let time = constraints.closing_time;
         swept.set_velocity(compiled, kinematics, v);

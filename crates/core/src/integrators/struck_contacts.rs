@@ -34,18 +34,6 @@ pub(crate) fn predict_strikes<R: Real>(
     lanes: R::Mask,
 ) {
     for _ in 0..PREDICTED_PASSES {
-        if s.constraints.waits(s.alive).none() {
-            return;
-        }
-        s.constraints.impulse_change(compiled, &s.free_motion.smooth.mass, &mut s.work.v_predicted);
-        R::vectorize(
-            #[inline(always)]
-            || {
-                for (v, &free) in s.work.v_predicted.iter_mut().zip(&s.free_motion.v) {
-                    *v += free;
-                }
-            },
-        );
         let struck = activate(compiled, options, s, true, PREDICTED_MARGIN, false);
         if struck.none() {
             return;
@@ -62,8 +50,7 @@ pub(crate) fn solve_strikes<R: Real>(
     s: &mut Workspace<R>,
     mut outcome: Outcome<R>,
 ) -> Outcome<R> {
-    let mut pass = 0;
-    while s.constraints.waits(s.alive).any() {
+    for pass in 0.. {
         let struck = activate(compiled, options, s, false, 0.0, pass >= ORDERED_PASSES);
         if struck.none() {
             break;
@@ -72,7 +59,6 @@ pub(crate) fn solve_strikes<R: Real>(
         let again = solve(options, &s.state.v, struck, &rows, &mut room, &mut s.evaluation.contacts);
         outcome.replace(&again, struck);
         integrate_velocity(compiled, &s.free_motion.smooth.mass, &s.free_motion.v, &s.constraints, &mut s.next.v);
-        pass += 1;
     }
     outcome
 }
@@ -87,11 +73,30 @@ fn activate<R: Real>(
     margin: f64,
     all: bool,
 ) -> R::Mask {
+    if s.constraints.waits(s.alive).none() {
+        return R::Mask::splat(false);
+    }
     let Evaluation { kinematics, contacts, .. } = &s.evaluation;
-    let v = if predicted { &s.work.v_predicted } else { &s.next.v };
-    let motion =
-        Motion { compiled, kinematics, poses: &s.poses, contacts, v, resting_speed: resting_speed(options), lanes: s.alive, margin, all };
-    let struck = s.strikes.find(&motion, &s.constraints);
+    let resting_speed = resting_speed(options);
+    let motion = Motion { compiled, kinematics, poses: &s.poses, contacts, resting_speed, lanes: s.alive, margin, all };
+    if !s.strikes.find_linear(&motion, &s.constraints) {
+        return R::Mask::splat(false);
+    }
+    let v = if predicted {
+        s.constraints.impulse_change(compiled, &s.free_motion.smooth.mass, &mut s.work.v_predicted);
+        R::vectorize(
+            #[inline(always)]
+            || {
+                for (v, &free) in s.work.v_predicted.iter_mut().zip(&s.free_motion.v) {
+                    *v += free;
+                }
+            },
+        );
+        &s.work.v_predicted
+    } else {
+        &s.next.v
+    };
+    let struck = s.strikes.find(&motion, v, &s.constraints);
     if struck.any() {
         s.constraints.activate(contacts, struck, |pair| s.strikes.lanes_of(pair));
     }

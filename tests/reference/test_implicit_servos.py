@@ -14,17 +14,18 @@ from hypothesis import strategies as st
 from mujoco_law.parity import prepare, states
 from stepper import Options
 
-# Relative to 1 + max |qvel|. Rounding is 1e-16 times what a factored mass matrix loses, 1e-12 in single steps here, and grows over a motion.
+# Relative to 1 + max |qvel|. Rounding is 1e-16 times what a factored mass matrix loses, 1e-12 in single steps here, and grows with motion.
 BOUND = 1e-9
 STEPS = 10
-FASTEST = 30.0  # rad/s or m/s: beyond it a servo that drives itself on has taken over, and grows rounding by a factor in every step.
+FASTEST = 30.0  # rad/s or m/s: beyond it a servo that drives itself on has taken over, and multiplies rounding in every step.
 IMPLICIT = pytest.mark.parametrize("integrator", ["implicitfast", "implicit", "discrete"])
 CHAIN = """<body><joint name="a" axis="0 1 0" {a}/><geom size=".1" pos="0 0 .3"/>
-  <body pos="0 0 .6"><joint name="b" axis="0 1 0" {b}/><geom size=".1" pos=".1 0 .3"/><site name="s" pos=".1 .2 .3"/></body></body>"""
+  <body pos="0 0 .6"><joint name="b" axis="0 1 0" {b}/><geom size=".1" pos=".1 0 .3"/></body></body>"""
 BRANCHES = """<body pos="0 0 1"><joint name="base" axis="1 0 0"/><geom size=".1" pos="0 .1 0"/>
   <body pos="0 .3 0"><joint name="a" axis="0 1 0"/><geom size=".05" pos="0 0 .3"/><site name="left" pos="0 0 .3"/></body>
   <body pos="0 -.3 0"><joint name="b" type="{kind}" axis="0 1 0"/><geom size=".05" pos="0 0 .3"/>
-    <body pos="0 0 .4"><joint name="c" axis="0 1 0"/><geom size=".05" pos=".1 0 0"/><site name="right" pos=".1 0 .2"/></body></body></body>"""
+    <body pos="0 0 .4"><joint name="c" axis="0 1 0"/><geom size=".05" pos=".1 0 0"/><site name="right" pos=".1 0 .2"/></body>
+  </body></body>"""
 POINT = """<body><joint name="a" type="slide" axis="1 0 0"/><joint name="b" type="slide" axis="0 1 0"/>
   <joint name="c" axis="0 0 1"/><geom type="box" size=".1 .2 .1"/><site name="s" pos=".1 .2 0"/></body>"""
 TENDON = '<fixed name="t" {}><joint joint="a" coef="1"/><joint joint="b" coef="2"/></fixed>'
@@ -41,7 +42,12 @@ SCENES = {
     "joint at its bound": (CHAIN.replace("{a}", 'actuatorfrcrange="-5 5"'), "", f'<velocity joint="a" {KV}/>', 3.0),
     "joint just at its bound": (CHAIN.replace("{a}", 'actuatorfrcrange="-6 6"'), "", f'<velocity joint="a" {KV}/>', 2.0),
     "joint within its bound": (CHAIN.replace("{a}", 'actuatorfrcrange="-5 5"'), "", f'<velocity joint="a" {KV}/>', 1.0),
-    "sum at the joint's bound": (CHAIN.replace("{a}", 'actuatorfrcrange="-6 6"'), "", f'<velocity joint="a" {KV}/><motor joint="a" gear="5"/>', 1.0),
+    "sum at the joint's bound": (
+        CHAIN.replace("{a}", 'actuatorfrcrange="-6 6"'),
+        "",
+        f'<velocity joint="a" {KV}/><motor joint="a" gear="5"/>',
+        1.0,
+    ),
     "tendon on a joint at its bound": (CHAIN.replace("{a}", 'actuatorfrcrange="-5 5"'), TENDON, f'<velocity tendon="t" {KV}/>', 3.0),
     "both on a joint at its bound": (
         CHAIN.replace("{a}", 'actuatorfrcrange="-5 5"'),
@@ -52,7 +58,7 @@ SCENES = {
     "force at its bound": (CHAIN, "", f'<velocity joint="a" {KV} forcerange="-5 5"/>', 3.0),
     "force at a bound of zero": (CHAIN, "", f'<velocity joint="a" {KV} forcerange="0 10"/>', 0.0),
     "force within its bounds": (CHAIN, "", f'<velocity joint="a" {KV} forcerange="0 10"/>', 1.0),
-    "gain with a velocity": (CHAIN, "", '<general joint="a" gaintype="affine" gainprm="1 -4 -2" biastype="affine" ctrlrange="-1 1"/>', 5.0),
+    "gain with a velocity": (CHAIN, "", '<general joint="a" gaintype="affine" gainprm="1 -4 -2" ctrlrange="-1 1"/>', 5.0),
     "gain with an activation": (
         CHAIN,
         "",
@@ -65,14 +71,19 @@ SCENES = {
     "simple body": (POINT, TENDON, '<velocity tendon="t" kv="300"/>', 3.0),
     "damper of a simple body": (POINT, TENDON.replace("{}", "damping='300'"), '<motor tendon="t" gear="90"/>', 3.0),
     "site of a simple body": (POINT, "", '<velocity site="s" gear="1 2 0 0 0 .3" kv="100"/>', 3.0),
-    "site of a free body": ("<body><freejoint/><geom type='box' size='.1 .2 .3'/><site name='s' pos='.1 .2 0'/></body>", "",
-                            '<velocity site="s" gear="1 2 3 .1 .2 .3" kv="100"/>', 3.0),
-}  # fmt: skip
+    "site of a free body": (
+        "<body><freejoint/><geom type='box' size='.1 .2 .3'/><site name='s' pos='.1 .2 0'/></body>",
+        "",
+        '<velocity site="s" gear="1 2 3 .1 .2 .3" kv="100"/>',
+        3.0,
+    ),
+}
 
 
 def text(bodies, tendons="", actuators="", timestep=0.01):
     bodies, tendons = bodies.replace("{a}", "").replace("{b}", "").replace("{kind}", "hinge"), tendons.replace("{}", "")
-    return f"""<mujoco><compiler angle="radian"/><option timestep="{timestep}"><flag contact="disable"/></option><worldbody>{bodies}</worldbody>
+    return f"""<mujoco><compiler angle="radian"/><option timestep="{timestep}"><flag contact="disable"/></option>
+      <worldbody>{bodies}</worldbody>
       <tendon>{tendons}</tendon><actuator>{actuators}</actuator></mujoco>"""
 
 
@@ -208,16 +219,21 @@ def test_random_trees_with_random_servos_are_mujocos(integrator, source, seed):
 
 
 FEET = """<mujoco><option cone="elliptic" impratio="100" timestep=".01"/><worldbody>
-  <geom type="plane" size="4 4 .1"/><body name="trunk" pos="0 0 .3"><freejoint/><geom type="box" size=".2 .1 .05" mass="5" contype="0"/>{legs}</body>
+  <geom type="plane" size="4 4 .1"/>
+  <body name="trunk" pos="0 0 .3"><freejoint/><geom type="box" size=".2 .1 .05" mass="5" contype="0"/>{legs}</body>
   </worldbody></mujoco>"""
-LEG = """<body pos="{x} {y} 0"><joint axis="0 1 0" damping="2" armature=".01"/><geom type="capsule" size=".02" fromto="0 0 0 0 0 -.2" mass="1" contype="0"/>
+LEG = """<body pos="{x} {y} 0"><joint axis="0 1 0" damping="2" armature=".01"/>
+  <geom type="capsule" size=".02" fromto="0 0 0 0 0 -.2" mass="1" contype="0"/>
   <body pos="0 0 -.2"><joint axis="0 1 0" damping="2" armature=".01"/>
   <geom size=".023" pos="0 0 -.1" mass=".2" solimp=".015 1 .023" condim="6" friction=".8 .02 .01"/></body></body>"""
 
 
 def test_mujoco_stops_before_its_own_solution_on_feet_of_nearly_rigid_friction():
-    """Feet of solimp 0.015 to 1 with impratio 100 and six rows (Unilab's Go1): MuJoCo stops where the objective, some 1e3, no longer
-    decreases by what its rounding lets it see; stepper's velocity is that of MuJoCo's problem, solved further by Newton's method."""
+    """Feet of solimp 0.015 to 1 with impratio 100 and six rows, as Unilab's Go1 has them.
+
+    MuJoCo stops where the objective, some 1e3, no longer decreases by what its rounding lets it see. Stepper's velocity is that of
+    MuJoCo's problem, solved further by Newton's method.
+    """
     legs = "".join(LEG.format(x=x, y=y) for x in (-0.2, 0.2) for y in (-0.1, 0.1))
     model = mujoco.MjModel.from_xml_string(FEET.format(legs=legs))
     prepare(model)

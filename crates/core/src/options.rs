@@ -92,7 +92,8 @@ pub struct Options {
     /// Sweeps of the solver at the most, and Newton steps at the most for each island of an environment; [`Solver::Auto`] makes no more
     /// than 50 of the former, and in 64 bits no more than 25 before the first Newton step.
     pub iterations: u32,
-    /// Residual at which the solver stops, m/s; `None` is [`Precision::tolerance`].
+    /// Residual at which the solver stops, m/s; `None` is [`Precision::tolerance`], with MuJoCo's law no more than 0.6 % of what gravity
+    /// changes of a velocity in a step.
     pub tolerance: Option<f64>,
     /// Stabilisation.
     pub stabilization: Stabilization,
@@ -117,6 +118,24 @@ const AUTO_SWEEPS: u32 = 50;
 /// Sweeps before [`Solver::Newton`] begins: they find out which contacts hold, for less than a Newton step.
 const NEWTON_SWEEPS: u32 = 2;
 
+/// Share of gravity that the default tolerance may leave as an acceleration: contact forces at rest err by no more, at any time step.
+/// f32 at 0.1 ms: a cube of 98.1 N reads 97.7 to 98.6 N; with the tolerance of a long step 88.9 to 106.7 N.
+const SHARE_OF_GRAVITY: f64 = 6e-3;
+
+/// Gravity of a model without any, and the greatest that counts, m/s^2.
+const USUAL_GRAVITY: f64 = 10.0;
+
+/// Default tolerance, m/s. A velocity that remains in every step of length h is a force of 1 / h times as much, so that short steps are
+/// solved more tightly, though no more so than 64 bits are by default.
+fn default_tolerance(contact: ContactLaw, precision: Precision, timestep: f64, gravity: f64) -> f64 {
+    let usual = precision.tolerance();
+    if contact == ContactLaw::Hard {
+        return usual;
+    }
+    let gravity = if gravity > 0.0 { gravity.min(USUAL_GRAVITY) } else { USUAL_GRAVITY };
+    usual.min((SHARE_OF_GRAVITY * gravity * timestep).max(Precision::F64.tolerance()))
+}
+
 impl Default for Options {
     fn default() -> Self {
         Self {
@@ -137,12 +156,12 @@ impl Default for Options {
 }
 
 impl Options {
-    /// The settings in force for a model whose own time step is `timestep`, s, and whose source asks for the integrator `asked`, if for
-    /// any that there is.
+    /// The settings in force for a model whose own time step is `timestep`, s, and gravity `gravity`, m/s^2, and whose source asks for the
+    /// integrator `asked`, if for any that there is.
     ///
     /// # Errors
     /// [`Error::Option`] for an integrator that the law of contact does not have.
-    pub fn resolve(&self, timestep: f64, asked: Option<Integrator>, precision: Precision) -> Result<StepSettings, Error> {
+    pub fn resolve(&self, timestep: f64, gravity: f64, asked: Option<Integrator>, precision: Precision) -> Result<StepSettings, Error> {
         let integrator = self.integrator.unwrap_or(match self.contact {
             ContactLaw::Hard => Integrator::Midpoint,
             ContactLaw::Mujoco => asked.unwrap_or(Integrator::Euler),
@@ -173,7 +192,7 @@ impl Options {
             integrator,
             solver,
             iterations,
-            tolerance: self.tolerance.unwrap_or(precision.tolerance()),
+            tolerance: self.tolerance.unwrap_or_else(|| default_tolerance(contact, precision, self.timestep.unwrap_or(timestep), gravity)),
             stabilization,
             baumgarte,
             slop,

@@ -130,8 +130,9 @@ impl Simulation {
             return Err(Error::Option { name: "contact", found: format!("mujoco, and tendon {:?} has an armature", tendon.name), must });
         }
         let n = num_envs.unwrap_or(1);
+        let gravity = model.gravity.iter().map(|g| g * g).sum::<f64>().sqrt();
         let asked = model.requested.as_ref().and_then(|asked| asked_integrator(&asked.integrator));
-        let settings = options.resolve(model.timestep, asked, precision)?;
+        let settings = options.resolve(model.timestep, gravity, asked, precision)?;
         let engine = match precision {
             Precision::F64 => engine::<f64>(&model, settings, n, threads, level, check)?,
             Precision::F32 => engine::<f32>(&model, settings, n, threads, level, check)?,
@@ -172,7 +173,8 @@ impl Simulation {
         self.engine.settings().timestep
     }
 
-    /// Residual at which the solver stops, in force, m/s: that of the options, or [`Precision::tolerance`].
+    /// Residual at which the solver stops, in force, m/s: that of the options, or [`Precision::tolerance`],
+    /// with MuJoCo's law no more than 0.6 % of what gravity changes of a velocity in a step.
     pub fn tolerance(&self) -> f64 {
         self.engine.settings().tolerance
     }

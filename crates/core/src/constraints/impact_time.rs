@@ -85,7 +85,7 @@ mod tests {
     use crate::options::Options;
 
     fn predict(gap: f64, before: f64, free: f64, e: f64) -> ImpactPrediction<f64> {
-        let options = Options::default().resolve(0.01, None, Precision::F64).unwrap();
+        let options = Options::default().resolve(0.01, 9.81, None, Precision::F64).unwrap();
         Flight { gap, before, free, time_before: 0.005, h: 0.01 }.predict(&options, 9.81, e, <f64 as Real>::Mask::splat(true))
     }
 
@@ -117,7 +117,7 @@ mod tests {
 
     #[test]
     fn what_strikes_at_the_end_of_a_step_does_so_there() {
-        let options = Options::default().resolve(0.02, None, Precision::F64).unwrap();
+        let options = Options::default().resolve(0.02, 9.81, None, Precision::F64).unwrap();
         for gap in [-1e-17, 0.0, 1e-17, 1e-12] {
             let flight = Flight { gap, before: -0.5, free: -0.5, time_before: 0.02, h: 0.02 };
             let found: ImpactPrediction<f64> = flight.predict(&options, 0.0, 1.0, <f64 as Real>::Mask::splat(true));

@@ -9,6 +9,7 @@ use crate::integrators::free_motion::{find_contacts, free_motion, place_bodies};
 use crate::integrators::impact;
 use crate::integrators::scheme::Scheme;
 use crate::integrators::workspace::Workspace;
+use crate::math::spatial::*;
 use crate::options::StepSettings;
 use crate::probe::{Counter, Probe, Span};
 use crate::stages::s04_assemble::assemble;
@@ -40,6 +41,7 @@ pub(crate) fn evaluate<R: Real>(
     if scheme.in_the_middle {
         impact::place_at_impacts(compiled, options, scheme, s, probe);
     }
+    s.evaluation.contacts.close_rounded_gaps(norm(compiled.params.gravity()) * scheme.h * scheme.h);
     probe.span(Span::WarmStart, || s.evaluation.contacts.prepare(&mut s.state.contacts));
     probe.count(Counter::Contacts, || s.evaluation.contacts.count[..R::LANES].iter().sum::<usize>() as f64);
     too_far

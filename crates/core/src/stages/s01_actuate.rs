@@ -82,8 +82,8 @@ pub fn actuate<R: Real>(
     )
 }
 
-/// Weight of every servo along its moment when its damping is implicit and its stiffness is not: `h` times its damping, of either sign. Zero
-/// where its force is at a bound. [`actuate`] must have been called, with all taken explicitly.
+/// Weight of every servo along its moment when its damping is implicit and its stiffness is not: `h` times its damping, of either sign.
+/// Zero where its force is at a bound. [`actuate`] must have been called, with all taken explicitly.
 pub(crate) fn servo_damping<R: Real>(compiled: &LaneModel<R>, at: &ForceState<'_, R>, h: R, forces: &mut ActuatorForces<R>) {
     R::vectorize(
         #[inline(always)]

@@ -24,7 +24,10 @@ class Status(IntFlag):
     """The time step was too long for the motion: joints that turn by half a radian in a step and more, and forces of inertia that make them
     turn faster still; or impulses that throw a joint by half a turn in the step, as levers in a jam do. Centrifugal and gyroscopic
     forces were left out, the kinetic energy was kept from growing by more than the work done, and no joint left the step with more than a
-    radian a step. Take a shorter step. Not with integrator="euler", which goes on until a step is NON_FINITE."""
+    radian a step. Take a shorter step. Not with integrator="euler", which goes on until a step is NON_FINITE.
+
+    Also a step of integrator="midpoint" whose error made energy: more than a tenth of the kinetic energy in the step, or so much that it
+    would double within 0.1 s (twice that where constraints change the velocity). Its motion is left as it is. Whipping chains are the case."""
     TUNNELLED = 16
     """Something moved so fast that it may have passed through something thin: a smaller time step would tell."""
     INFEASIBLE = 32

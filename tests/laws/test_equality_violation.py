@@ -12,7 +12,9 @@ from models import forward, random_state, simulate, stepper_model
 from laws.test_closed_loops import LOOPS, four_bar, turning
 
 VIOLATED = stepper.Status.EQUALITY_VIOLATED
-SPRING = '<mujoco><worldbody><body name="a"><joint name="j" type="slide" axis="0 0 1"/><geom size=".1" mass="1"/></body></worldbody>{}</mujoco>'
+SPRING = (
+    '<mujoco><worldbody><body name="a"><joint name="j" type="slide" axis="0 0 1"/><geom size=".1" mass="1"/></body></worldbody>{}</mujoco>'
+)
 
 
 def violation(model: mujoco.MjModel, data: mujoco.MjData) -> float:
@@ -143,7 +145,7 @@ def test_reading_it_follows_the_last_call_as_its_siblings_do():
 
 
 def test_springs_do_not_count_with_hard_contact_and_nothing_is_told_without_equalities():
-    """A mass of 1 kg that hangs in an equality of 100 N/m stretches it by a decimetre, as it should; MuJoCo's law counts its own softness."""
+    """A mass of 1 kg stretches an equality of 100 N/m by a decimetre, as it should; MuJoCo's law counts its own softness."""
     model = stepper.load(SPRING.format('<equality><joint joint1="j"/></equality>'))
     soft = model.replace(eq_stiffness=[100.0], eq_damping=[20.0])
     for law, told in (("hard", False), ("mujoco", True)):

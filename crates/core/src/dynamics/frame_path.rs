@@ -8,8 +8,9 @@ use crate::dynamics::mocap::MocapTrajectory;
 use crate::math::spatial::*;
 use crate::model::JointKind;
 
-/// Pose of the frame at the end of a path, relative to the frame that the path begins at: the same as [`Kinematics::update`](crate::dynamics::kinematics::Kinematics::update) finds, without
-/// the rest of the model. `mocap` has the poses of mocap bodies, `elapsed` seconds after the beginning of the call.
+/// Pose of the frame at the end of a path, relative to the frame that the path begins at: what
+/// [`Kinematics::update`](crate::dynamics::kinematics::Kinematics::update) finds, without the rest of the model. `mocap` has the poses of
+/// mocap bodies, `elapsed` seconds after the beginning of the call.
 #[inline(always)]
 pub fn follow_path<R: Real>(
     compiled: &LaneModel<R>,

@@ -107,7 +107,8 @@ pub(crate) fn take_forces_again<R: Real>(compiled: &LaneModel<R>, scheme: &Schem
         );
     }
     advance(&s.work.v_free_again, &s.free_motion.v, -R::one(), &mut s.work.free_change);
-    s.free_motion.unresolved = unresolved(compiled, &s.state.v, &s.work.v_free_again, &s.work.free_change, scheme.h).and(s.alive);
+    let lanes = unresolved(compiled, &s.state.v, &s.work.v_free_again, &s.work.free_change, scheme.h);
+    [s.free_motion.unresolved, s.free_motion.may_gain] = lanes.map(|lanes| lanes.and(s.alive));
     if s.free_motion.unresolved.any() {
         leave_out_inertial_forces(compiled, scheme, s);
     }

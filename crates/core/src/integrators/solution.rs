@@ -6,6 +6,7 @@ use stepper_solve::{Outcome, System};
 use crate::collision::tunnelling::may_have_passed;
 use crate::compile::LaneModel;
 use crate::constraints::equality_violation::max_equality_violation;
+use crate::dynamics::kinematics::{blend, displace};
 use crate::integrators::acceptance::{decide, keep_impulse, undecided};
 use crate::integrators::impact;
 use crate::integrators::overlap_progress::take_back;
@@ -99,6 +100,29 @@ fn guard_speed<R: Real>(
     [undecided, guarded]
 }
 
+/// Finds the lanes in which the error of the midpoint rule makes energy, before positions are corrected. Lanes that the Runge-Kutta scheme
+/// takes over are not among them.
+#[inline(always)]
+fn find_gain<R: Real>(compiled: &LaneModel<R>, scheme: &Scheme<R>, s: &mut Workspace<R>) {
+    s.free_motion.gains = R::Mask::splat(false);
+    if !scheme.corrects || !scheme.in_the_middle {
+        return;
+    }
+    let mut lanes = s.free_motion.may_gain.and_not(s.free_motion.unresolved);
+    if s.rk4.is_some() {
+        lanes = lanes.and(s.constraints.constrained);
+    }
+    // A step that is taken elsewhere than in its middle has an energy error of first order in what turns within it.
+    lanes = lanes.and(scheme.time_before.eq(scheme.time_after));
+    if lanes.any() {
+        displace(compiled, &s.evaluation.q, &s.next.v, scheme.time_after, &mut s.work.q_corrected);
+        blend(&s.state.v, &s.free_motion.v_expected, scheme.velocity_weight, &mut s.work.v_mean);
+        let states = [[&s.state.q[..], &s.state.v[..]], [&s.work.q_corrected[..], &s.next.v[..]]];
+        let made = s.step_resolution.gain(compiled, &s.evaluation.kinematics, states, [&s.free_motion.v, &s.work.v_mean], scheme.h);
+        s.free_motion.gains = lanes.and(made);
+    }
+}
+
 /// Counts the effort of the solver.
 #[inline(always)]
 fn count_effort<R: Real>(outcome: &Outcome<R>, probe: impl Probe) {
@@ -118,6 +142,7 @@ pub(crate) fn integrate_positions<R: Real>(
     probe: impl Probe,
 ) -> R::Mask {
     let free = !solution.pushed && !scheme.corrects;
+    probe.span(Span::GuardEnergy, || find_gain(compiled, scheme, s));
     let tunnelled = probe
         .span(Span::Tunnelling, || may_have_passed(compiled, &s.evaluation.kinematics, &s.next.v, free, scheme.h, s.alive, &mut s.poses));
     probe.span(Span::IntegratePosition, || {
@@ -240,7 +265,7 @@ pub(crate) fn record<R: Real>(
         infeasible: s.alive.and(finite).and(solution.infeasible),
         non_finite: s.alive.and_not(finite),
         contacts_full: s.state.contacts.full,
-        unresolved: s.free_motion.unresolved,
+        unresolved: s.free_motion.unresolved.or(s.free_motion.gains),
         tunnelled,
     }
 }

@@ -70,6 +70,10 @@ pub(crate) struct FreeMotion<R: Real> {
     pub(crate) v_expected: Vec<R>,
     /// Lanes whose motion the time step does not resolve.
     pub(crate) unresolved: R::Mask,
+    /// Lanes whose motion is so fast that the error of the time step may make energy.
+    pub(crate) may_gain: R::Mask,
+    /// Those of them in which it does.
+    pub(crate) gains: R::Mask,
 }
 
 /// State after the step; afterwards room for the one after the next.
@@ -204,6 +208,8 @@ impl<R: Real> Workspace<R> {
                 v: v(),
                 v_expected: v(),
                 unresolved: R::Mask::splat(false),
+                may_gain: R::Mask::splat(false),
+                gains: R::Mask::splat(false),
             },
             constraints: Constraints::new(compiled, max_contacts),
             next: NextState { q: q(), v: v(), act: act() },

@@ -20,8 +20,8 @@ pub const DEEP: f64 = 1e-3;
 /// the distance from which on the limit has a row in every step.
 pub const OVER_LIMIT: f64 = 1e-2;
 
-/// Position error of an equality above which a step is [`Status::EQUALITY_VIOLATED`], m or rad. Linkages whose bodies turn by up to 0.03 rad
-/// a step keep 2e-4, a four-bar that turns by 0.17 rad a step opens by 2.3e-3.
+/// Position error of an equality above which a step is [`Status::EQUALITY_VIOLATED`], m or rad. Linkages whose bodies turn by up to
+/// 0.03 rad a step keep 2e-4, a four-bar that turns by 0.17 rad a step opens by 2.3e-3.
 pub const EQUALITY_VIOLATED: f64 = 1e-3;
 
 bitflags! {
@@ -44,8 +44,9 @@ bitflags! {
         const NON_FINITE = 2;
         /// There were more contacts than room; the ones found last were left out.
         const CONTACTS_FULL = 4;
-        /// The step was too long for the motion, and its velocity-dependent inertial forces were left out; or impulses turned a joint by
-        /// more than half a turn. In both cases speed and kinetic energy were kept from growing.
+        /// The step was too long for the motion. Its velocity-dependent inertial forces were left out, or impulses turned a joint by more
+        /// than half a turn: in both cases speed and kinetic energy were kept from growing. Or the error of the step made so much energy
+        /// that the kinetic energy would double within 0.1 s, and nothing was kept from growing.
         const UNRESOLVED = 8;
         /// Something moved so fast that it may have passed through something thin.
         const TUNNELLED = 16;

@@ -46,7 +46,7 @@ pub(crate) fn solve_step<R: Real>(
             outcome
         }
     };
-    s.free_motion.unresolved = R::Mask::splat(false);
+    [s.free_motion.unresolved, s.free_motion.gains] = [R::Mask::splat(false); 2];
     let tunnelled =
         probe.span(Span::Tunnelling, || may_have_passed(compiled, &s.evaluation.kinematics, &s.next.v, false, h, s.alive, &mut s.poses));
     probe.count(Counter::NewtonSteps, || (0..R::LANES).map(|l| outcome.newton_steps.lane(l).to_f64()).sum());

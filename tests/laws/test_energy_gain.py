@@ -1,0 +1,135 @@
+"""Steps that make energy by their own error say UNRESOLVED, and those that do not are not accused of it."""
+
+import numpy as np
+import pytest
+import stepper
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from models import simulate, stepper_model
+
+UNRESOLVED = stepper.Status.UNRESOLVED
+WINDOW = 0.1
+"""s"""
+
+
+def chain(links: int, length: float, mass: float, weight: float, joint: str = '<joint axis="0 1 0"/>') -> str:
+    """Links in a row that nothing touches, held at one end, with a weight at the other."""
+    ghost = 'contype="0" conaffinity="0"'
+    text = ""
+    for k in range(links):
+        text += f'<body pos="{length if k else 0} 0 0">{joint}'
+        text += f'<geom type="capsule" size=".01" fromto="0 0 0 {length} 0 0" mass="{mass}" {ghost}/>'
+    weight = f'<geom type="sphere" size=".1" pos="{length} 0 0" mass="{weight}" {ghost}/>'
+    return f"<mujoco><worldbody>{text}{weight}{'</body>' * links}</worldbody></mujoco>"
+
+
+def swing(text: str, timestep: float, seconds: float, precision: str = "f64") -> tuple[float, bool]:
+    """Largest growth of the energy of a falling chain within 0.1 s, relative to the largest kinetic energy of that time, and the flag."""
+    sim = simulate(text, precision=precision, timestep=timestep, stabilization="split")
+    energies, kinetic, flagged = [sum(sim.energy())], [0.0], False
+    for _ in range(round(seconds / timestep)):
+        sim.step()
+        potential, moving = sim.energy()
+        energies.append(potential + moving)
+        kinetic.append(moving)
+        flagged |= bool(sim.status & UNRESOLVED)
+    width = round(WINDOW / timestep)
+    grown = [energies[k + width] - energies[k] for k in range(len(energies) - width)]
+    most = [max(kinetic[k : k + width + 1]) for k in range(len(grown))]
+    return max(g / max(m, 1e-3 * max(kinetic)) for g, m in zip(grown, most, strict=True)), flagged
+
+
+@pytest.mark.parametrize("precision", ["f64", "f32"])
+@pytest.mark.parametrize(("links", "length", "mass", "timestep", "seconds"), [
+    (40, 0.05, 0.02, 2e-3, 5.0),
+    (40, 0.05, 0.05, 2e-3, 4.5),
+    (40, 0.025, 0.05, 2e-3, 3.0),
+    (20, 0.05, 0.02, 2e-3, 2.0),
+    (30, 0.05, 0.02, 3e-3, 3.0),
+])  # fmt: skip
+def test_a_whipping_chain_that_gains_energy_says_so(links, length, mass, timestep, seconds, precision):
+    """With 5 kg at its end; before, it gained up to its whole kinetic energy with status 0."""
+    grown, flagged = swing(chain(links, length, mass, 5.0), timestep, seconds, precision)
+    assert grown > 0.1
+    assert flagged
+
+
+@pytest.mark.parametrize(("text", "timestep"), [
+    (chain(3, 0.3, 1.0, 1.0), 2e-3),
+    (chain(40, 0.1, 0.1, 5.0), 2e-3),
+    (chain(40, 0.05, 0.1, 5.0), 5e-4),
+    (chain(2, 0.3, 1.0, 1.0, '<joint type="ball"/>'), 2e-3),
+])  # fmt: skip
+def test_a_chain_whose_energy_is_right_is_not_flagged(text, timestep):
+    """Right: it grows by less than a fiftieth of the kinetic energy within 0.1 s, and by less than that again at a tenth of the step."""
+    grown, flagged = swing(text, timestep, 2.0)
+    assert grown < 0.02
+    assert not flagged
+
+
+@pytest.mark.parametrize("name", [
+    "gymnasium/walker2d", "gymnasium/humanoid", "gymnasium/ant", "dm_control/humanoid", "dm_control/quadruped",
+])  # fmt: skip
+@pytest.mark.parametrize("precision", ["f64", "f32"])
+def test_robots_under_random_control_are_not_flagged(name, precision):
+    """At 2 ms, a tenth of which changes their energy by less than 1 %: walkers that fall, limbs that strike their limits."""
+    model = stepper_model(name)
+    sim = stepper.Stepper(model, 8, precision=precision, options=stepper.Options(timestep=2e-3))
+    rng = np.random.default_rng(2)
+    for _ in range(40):
+        sim.step(rng.uniform(-1, 1, (8, model.nu)), nstep=25)
+        assert not (sim.status & UNRESOLVED).any()
+
+
+SPINNING = """<mujoco><option gravity="0 0 0"/><worldbody><body><freejoint/><geom type="box" size=".1 .2 .05" mass="1"/></body>
+  <body pos="2 0 0"><joint type="ball"/><geom type="box" size=".1 .02 .05" pos=".1 0 .05" mass="1"/></body></worldbody></mujoco>"""
+
+
+@given(st.integers(0, 2**32 - 1), st.sampled_from(["f64", "f32"]))
+def test_bodies_that_tumble_alone_are_not_flagged(seed, precision):
+    """Up to a third of a radian a step: the midpoint rule keeps their energy, which the balance of a corrector would not know."""
+    sim = simulate(SPINNING, precision=precision, timestep=5e-3)
+    rng = np.random.default_rng(seed)
+    sim.set_state(qvel=rng.uniform(-30, 30, sim.model.nv))
+    start = sum(sim.energy())
+    sim.step(nstep=100)
+    assert not sim.status & UNRESOLVED
+    # The rule's energy oscillates by (h omega)^2 / 10.
+    assert sum(sim.energy()) == pytest.approx(start, rel=0.05)
+
+
+@given(st.integers(0, 2**32 - 1))
+@settings(max_examples=10)
+def test_work_that_somebody_does_is_no_gain(seed):
+    """A double pendulum driven by user forces, a motor and a servo, thrown against its limits: energy comes from these alone."""
+    model = stepper.load("""<mujoco><worldbody><body pos="0 0 1"><joint name="a" axis="0 1 0" limited="true" range="-120 120"/>
+      <geom type="capsule" size=".02" fromto="0 0 0 .3 0 0"/><body pos=".3 0 0"><joint name="b" axis="0 1 0" damping=".1"/>
+      <geom type="capsule" size=".02" fromto="0 0 0 .3 0 0"/></body></body></worldbody>
+      <actuator><motor joint="a" gear="3"/><position joint="b" kp="2"/></actuator></mujoco>""")
+    sim, rng = stepper.Stepper(model, options=stepper.Options(timestep=2e-3)), np.random.default_rng(seed)
+    for _ in range(100):
+        sim.qfrc_applied[:] = rng.normal(scale=0.5, size=2)
+        sim.step(rng.uniform(-1, 1, 2), nstep=5)
+        assert not sim.status & UNRESOLVED
+
+
+def test_the_flag_is_that_of_the_state_and_of_no_neighbour():
+    """The same flags and bits whatever the size of the batch and the number of steps of a call."""
+    model = stepper.load(chain(20, 0.05, 0.02, 5.0))
+    options = stepper.Options(timestep=2e-3)
+    many, one = stepper.Stepper(model, 9, options=options), stepper.Stepper(model, options=options)
+    qvel = np.zeros((9, model.nv))
+    qvel[:, 0] = np.linspace(0.0, 0.4, 9)
+    many.set_state(qvel=qvel)
+    one.set_state(qvel=qvel[4])
+    flags = 0
+    for _ in range(200):
+        many.step(nstep=5)
+        own = 0
+        for _ in range(5):
+            one.step()
+            own |= int(one.status)
+        assert own == many.status[4]
+        assert np.array_equal(one.qpos, many.qpos[4])
+        flags |= own
+    assert flags & UNRESOLVED

@@ -10,14 +10,14 @@ use crate::compile::ModelStructure;
 pub(crate) struct Islands {
     above: Vec<u32>,
     most: Vec<f64>,
-    squares: Vec<[f64; 2]>,
+    penalties: Vec<[f64; 2]>,
     exempt: Vec<bool>,
 }
 
 impl Islands {
     /// Room for so many trees.
     pub(crate) fn new(trees: usize) -> Self {
-        Self { above: vec![0; trees], most: vec![0.0; trees], squares: vec![[0.0; 2]; trees], exempt: vec![false; trees] }
+        Self { above: vec![0; trees], most: vec![0.0; trees], penalties: vec![[0.0; 2]; trees], exempt: vec![false; trees] }
     }
 
     /// Finds the islands of one lane.
@@ -26,7 +26,7 @@ impl Islands {
             *above = tree as u32;
         }
         self.most.fill(0.0);
-        self.squares.fill([0.0; 2]);
+        self.penalties.fill([0.0; 2]);
         self.exempt.fill(false);
         system.for_each_support(lane, |dofs| {
             let mut first = None;
@@ -62,24 +62,24 @@ impl Islands {
         self.most[root]
     }
 
-    /// Adds a square to the sum `which` of the islands of two trees, once where they are one island.
-    pub(crate) fn add_square(&mut self, trees: [Option<usize>; 2], which: usize, square: f64) {
+    /// Adds a penalty to the sum `which` of the islands of two trees, once where they are one island.
+    pub(crate) fn add_penalty(&mut self, trees: [Option<usize>; 2], which: usize, penalty: f64) {
         let [a, b] = trees.map(|tree| tree.map(|tree| self.root(tree)));
         for root in [a, if a == b { None } else { b }].into_iter().flatten() {
-            self.squares[root][which] += square;
+            self.penalties[root][which] += penalty;
         }
     }
 
-    /// Leaves the tree's island out of [`Islands::squares`].
+    /// Leaves the tree's island out of [`Islands::penalties`].
     pub(crate) fn exempt(&mut self, tree: usize) {
         let root = self.root(tree);
         self.exempt[root] = true;
     }
 
-    /// Both sums of the tree's island.
-    pub(crate) fn squares(&mut self, tree: usize) -> Option<[f64; 2]> {
+    /// Both sums of penalties of the tree's island.
+    pub(crate) fn penalties(&mut self, tree: usize) -> Option<[f64; 2]> {
         let root = self.root(tree);
-        (!self.exempt[root]).then_some(self.squares[root])
+        (!self.exempt[root]).then_some(self.penalties[root])
     }
 
     fn root(&mut self, mut tree: usize) -> usize {

@@ -1,17 +1,20 @@
 //! Corrections of positions that bring nothing, which are taken back.
 //!
 //! A correction follows from rows that are linearised at one pose. Where demands contradict one another, what it gains there need not be
-//! gained at the corrected pose: the normals of deep overlaps turn or jump, and a joint is pushed to and fro for ever. So where a row lacks
-//! much of its demand, the overlaps are measured again at the corrected pose (sufficient decrease, as in a line search; Armijo 1966), and
-//! an island of bodies whose squares of overlaps do not become less in sum stays where its velocity leads it. The sum is bounded below, so
-//! that a jam comes to rest; and it is that of two poses, so that nothing is remembered.
+//! gained at the corrected pose: the normals of deep overlaps turn or jump, and a joint is pushed to and fro for ever. So where a witness
+//! proves that the demands cannot be met, the overlaps are measured again at the corrected pose (sufficient decrease, as in a line search;
+//! Armijo 1966), and an island of bodies whose sum of penalties does not become less stays where its velocity leads it. The sum is bounded
+//! below, so that a jam comes to rest; and it is that of two poses, so that nothing is remembered.
+//!
+//! The penalty of an overlap x is what the damped solve descends on, `x - x0 ln(1 + x / x0)`: quadratic up to x0, where compliance is
+//! relative to mobility alone, and linear beyond, where it grows with the correction.
 
 use stepper_real::{Mask, Real, Scalar};
 
 use crate::collision::contact_set::Contacts;
 use crate::compile::{LaneModel, ModelStructure};
-use crate::constraints::ARM;
 use crate::constraints::islands::Islands;
+use crate::constraints::{ARM, DAMPING};
 use crate::dynamics::mocap;
 use crate::integrators::scheme::Scheme;
 use crate::integrators::workspace::Workspace;
@@ -20,11 +23,11 @@ use crate::options::StepSettings;
 use crate::probe::NoProbe;
 use crate::stages::s03_detect::detect;
 
-/// Relative decrease of the sum of squares below which a correction brings nothing.
+/// Relative decrease of the sum of penalties below which a correction brings nothing.
 ///
-/// A slide between two walls that overlap it by a millimetre each way comes within 0.5 % of their middle (1e-5: 1.7 %). A wheel of Unitree's
-/// G1-D within its base gains less than 1e-8 a step.
-const LEAST_GAIN: f64 = 1e-6;
+/// A slide between two walls that overlap it by a millimetre each way comes within 0.5 % of their middle in steps of 0.1 ms. A wheel of
+/// Unitree's G1-D, a decimetre within its base, gains less than 1e-7 a step.
+const LEAST_GAIN: f64 = 2e-7;
 
 /// The same in roundings of a lane: depths are differences of positions.
 const LEAST_GAIN_ROUNDINGS: f64 = 1e3;
@@ -69,7 +72,7 @@ pub(crate) fn take_back<R: Real>(
         add_limits(compiled, options, &s.evaluation.q, lane, islands, 0);
         add_limits(compiled, options, &s.work.q_corrected, lane, islands, 1);
         for joint in &compiled.joints {
-            let Some([before, after]) = islands.squares(compiled.dofs[joint.v].tree) else { continue };
+            let Some([before, after]) = islands.penalties(compiled.dofs[joint.v].tree) else { continue };
             // Also where it is NaN.
             if before > 0.0 && after.partial_cmp(&(before * (1.0 - least))) != Some(std::cmp::Ordering::Less) {
                 for k in joint.q..joint.q + joint.kind.nq() {
@@ -80,7 +83,13 @@ pub(crate) fn take_back<R: Real>(
     }
 }
 
-/// Adds the square of every pair's deepest overlap beyond the slop to its islands.
+/// Penalty of an overlap, or of a joint's way beyond its range as a distance, of `x` m.
+fn penalty(options: &StepSettings, x: f64) -> f64 {
+    let bend = DAMPING * ARM / options.baumgarte.max(LEAST_GAIN);
+    x - bend * (x / bend).ln_1p()
+}
+
+/// Adds the penalty of every pair's deepest overlap beyond the slop to its islands.
 fn add_overlaps<R: Real>(
     compiled: &ModelStructure<R::Scalar>,
     options: &StepSettings,
@@ -105,17 +114,17 @@ fn add_overlaps<R: Real>(
             let frame = compiled.geoms[geom].frame;
             (frame > 0 && frame <= compiled.links.len()).then(|| compiled.links[frame - 1].tree)
         };
-        islands.add_square(geoms.map(tree), which, depth * depth);
+        islands.add_penalty(geoms.map(tree), which, penalty(options, depth));
     }
 }
 
-/// Adds the squares of joints' ways beyond their ranges, of which a radian counts as the length ARM.
+/// Adds the penalties of joints' ways beyond their ranges, of which a radian counts as the length ARM.
 fn add_limits<R: Real>(compiled: &LaneModel<R>, options: &StepSettings, q: &[R], lane: usize, islands: &mut Islands, which: usize) {
     for (i, limit) in compiled.limits.iter().enumerate() {
         let [lowest, highest] = compiled.params.limit(i);
         let over = (lowest - q[limit.q]).max(q[limit.q] - highest).lane(lane).to_f64() - options.slop;
         if over > 0.0 {
-            islands.add_square([Some(compiled.dofs[limit.dof].tree), None], which, (ARM * over).powi(2));
+            islands.add_penalty([Some(compiled.dofs[limit.dof].tree), None], which, penalty(options, ARM * over));
         }
     }
 }

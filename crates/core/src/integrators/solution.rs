@@ -186,9 +186,9 @@ fn stabilise_positions<R: Real>(compiled: &LaneModel<R>, options: &StepSettings,
     let (rows, mut room) = s.constraints.split();
     let solved = Solved { rows, mass: &s.free_motion.smooth.mass, contacts: &s.evaluation.contacts, v_free, h: scheme.h };
     let (lanes, rebounding) = (rows.needs_position_solve, rows.rebounding);
-    let [infeasible, lacking] = stabilise(compiled, options, &solved, &mut room, &s.next.v, work, &s.next.q);
+    let infeasible = stabilise(compiled, options, &solved, &mut room, &s.next.v, work, &s.next.q);
     // What strikes is corrected to where it would have bounced to, too.
-    let stuck = lacking.and_not(impacts).and_not(rebounding);
+    let stuck = infeasible.and_not(impacts).and_not(rebounding);
     if stuck.any() {
         take_back(compiled, options, scheme, s, stuck);
     }

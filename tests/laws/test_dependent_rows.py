@@ -241,7 +241,8 @@ def test_a_second_weld_of_the_same_bodies_changes_nothing(tilt, precision):
     sims = [simulation(xml, precision) for xml in (once, twice)]
     for sim in sims:
         sim.set_state(qvel=np.linspace(-1, 1, 12))
-        assert flags(sim, 100) == Status.OK
+        # The velocities that were set part the welded bodies in the first half of a step, by a millimetre.
+        assert not flags(sim, 100) & ~Status.EQUALITY_VIOLATED
     # Rounding of positions of 1 m in 32 bits.
     assert np.abs(sims[0].qpos - sims[1].qpos).max() < (1e-5 if precision == "f32" else 1e-12)
 
@@ -267,7 +268,8 @@ def test_a_loop_off_its_plane_and_a_held_joint_beyond_its_range_are_said():
     <site name="tip" pos=".2 0 0"/></body></body></worldbody><equality><connect site1="tip" site2="far"/></equality></mujoco>"""
     beyond = f"""<mujoco><worldbody><body><joint name="l" type="slide" axis="0 0 1" range=".005 1"/><geom size=".05" {GHOST}/></body>
     </worldbody><equality><joint joint1="l"/></equality></mujoco>"""
-    for xml in (off, beyond):
+    # The loop is open by 1 cm; the coupling of the held joint is met.
+    for xml, more in ((off, Status.EQUALITY_VIOLATED), (beyond, Status.OK)):
         sim = stepper.Stepper(stepper.load(xml))
         sim.step(nstep=100)
-        assert sim.status == Status.INFEASIBLE
+        assert sim.status == Status.INFEASIBLE | more

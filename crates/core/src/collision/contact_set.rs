@@ -11,7 +11,7 @@ const TANGENT_JUMP: f64 = 1e-2;
 /// Relative rounding above which a scalar has single precision.
 const SINGLE: f64 = 1e-10;
 
-/// Gap that counts as rounding, in units of the rounding of a metre and of the contact's place. An ant that lies: 2 errs by 4 %, 4 by 0.01 %.
+/// Gap that counts as rounding, in units of the rounding of a metre and of the contact's place. Ant that lies: 2 errs by 4 %, 4 by 0.01 %.
 const ROUNDED_GAP: f64 = 4.0;
 
 /// Share of the weight from which on a change of the normal force is felt.

@@ -271,7 +271,7 @@ impl<R: Real> Scene<'_, R> {
 
     /// Lower bound on the distance of a pair that is thin, m.
     #[inline(always)]
-    fn gap(&self, pair: &CompiledPair<R::Scalar>) -> R {
+    pub(crate) fn gap(&self, pair: &CompiledPair<R::Scalar>) -> R {
         let [a, b] = pair.geoms;
         match pair.kernel {
             Kernel::Segments => segments(&self.segment(a), &self.segment(b)).0[0].distance,
@@ -282,7 +282,7 @@ impl<R: Real> Scene<'_, R> {
     /// Bound on the way of any point of the geom `b`, as seen from `a`, from the beginning of the step, m. Neither is a plane, which has no
     /// bound.
     #[inline(always)]
-    fn way_past(&self, a: usize, b: usize) -> R {
+    pub(crate) fn way_past(&self, a: usize, b: usize) -> R {
         let (there, here) =
             (self.motion_at(&self.poses.led_by, b, self.poses.pos[b]), self.motion_at(&self.poses.led_by, a, self.poses.pos[b]));
         let spin = norm(sub(there[0], here[0]));

@@ -1,36 +1,53 @@
 //! What a step may have let through, once its velocity is known.
 
-use stepper_real::{Mask, Real};
+use std::borrow::Cow;
 
-use crate::collision::detection::{GeomPoses, Placed};
-use crate::compile::{CompiledPair, LaneModel};
+use stepper_real::{Mask, Real, Scalar};
+
+use crate::collision::detection::{GeomPoses, Placed, Scene};
+use crate::compile::{CompiledJoint, CompiledPair, Kernel, LaneModel};
 use crate::dynamics::kinematics::Kinematics;
+use crate::geometry::{Narrow, Pose, Solid, Sweep};
+use crate::math::lanes::each_of;
 use crate::math::spatial::*;
+use crate::model::JointKind;
 
-/// Lanes in which the step, now that its velocity `v_next` is known, may have taken something through something thin: a pair was faster
-/// than [`detect`](crate::stages::s03_detect::detect) looked out for, or turned so far that its way bends by more than it is thick. `free`
-/// says that this velocity is the free one that it looked out with.
+/// The step as the check for tunnelling takes it.
+#[derive(Clone, Copy, Debug)]
+pub struct TakenStep<'a, R: Real> {
+    /// Velocity after the step, with which everything moves from where contacts were found.
+    pub velocity: &'a [R],
+    /// Whether this is the free velocity that stage 3 looked ahead with.
+    pub is_free: bool,
+    /// Length, s.
+    pub h: R,
+    /// Whether contacts were found at its end, not at its beginning or in its middle.
+    pub ends_here: bool,
+}
+
+/// Lanes in which the step, now that its velocity is known, may have taken something through something thin: a pair moved past one another
+/// by more than it is thick, and passes on its path from where contacts were found
+/// ([`Narrow::may_pass`](crate::geometry::Narrow::may_pass)). Hard contact stops what it foresees; an impulse may make a body faster than
+/// [`detect`](crate::stages::s03_detect::detect) looked ahead for, or turn it aside, and a path may bend around a row.
 #[inline(always)]
 pub fn may_have_passed<R: Real>(
     compiled: &LaneModel<R>,
     kinematics: &Kinematics<R>,
-    v_next: &[R],
-    free: bool,
-    h: R,
+    step: TakenStep<'_, R>,
     alive: R::Mask,
     poses: &mut GeomPoses<R>,
 ) -> R::Mask {
     if !compiled.can_tunnel {
         return R::Mask::splat(false);
     }
-    let GeomPoses { placed, slack, near, near_count, broad, .. } = poses;
+    let GeomPoses { placed, slack, near, near_count, broad, search, .. } = poses;
     let slack = *slack;
-    if free && placed.rested(compiled, alive) {
+    if step.is_free && placed.rested(compiled, alive) {
         return R::Mask::splat(false);
     }
     let [moved, surprising] = R::vectorize(
         #[inline(always)]
-        || placed.update_ways(compiled, kinematics, v_next, h, slack),
+        || placed.update_ways(compiled, kinematics, step.velocity, step.h, slack),
     );
     if moved.and(alive).none() {
         return R::Mask::splat(false);
@@ -40,27 +57,132 @@ pub fn may_have_passed<R: Real>(
     if let (Some(crowd), false) = (&compiled.crowd, foreseen) {
         broad.find(compiled, crowd, alive.bits(), &placed.pos, &placed.lead, slack);
     }
+    let placed = &*placed;
+    let scene = Path { compiled, kinematics, placed, step, slack };
     R::vectorize(
         #[inline(always)]
         || {
             let mut passed = R::Mask::splat(false);
             if foreseen {
                 for &(index, _) in &near[..*near_count] {
-                    passed = passed.or(placed.slips_through(compiled, &compiled.pairs[index as usize], h, slack));
+                    passed = scene.test(&compiled.pairs[index as usize], alive, passed, &mut search.narrow);
                 }
             } else {
                 for pair in &compiled.pairs {
-                    passed = passed.or(placed.slips_through(compiled, pair, h, slack));
+                    passed = scene.test(pair, alive, passed, &mut search.narrow);
                 }
             }
             if let Some(crowd) = &compiled.crowd {
                 for pair in broad.pairs.iter().filter_map(|p| crowd.pair(p.0)) {
-                    passed = passed.or(placed.slips_through(compiled, &pair, h, slack));
+                    passed = scene.test(&pair, alive, passed, &mut search.narrow);
                 }
             }
-            passed.and(alive)
+            passed
         },
     )
+}
+
+/// Relative displacement, m, below which a pair does not pass. Past a height field, which is solid, it is four times the thickness: on a
+/// shorter path that leaves the ground again a ball within the shape is in the ground at one end, where it is pushed out.
+#[inline(always)]
+fn least_way<R: Real>(compiled: &LaneModel<R>, pair: &CompiledPair<R::Scalar>) -> R {
+    let is_field = |&g: &usize| compiled.geoms[g].solid.as_ref().is_some_and(Solid::is_field);
+    let thickness = compiled.tunnelling_distance(pair.geoms);
+    if pair.kernel == Kernel::Surface && pair.geoms.iter().any(is_field) { thickness * R::of(4.0) } else { thickness }
+}
+
+/// Paths of all geoms from where contacts were found.
+struct Path<'a, R: Real> {
+    compiled: &'a LaneModel<R>,
+    kinematics: &'a Kinematics<R>,
+    placed: &'a Placed<R>,
+    step: TakenStep<'a, R>,
+    slack: R,
+}
+
+impl<R: Real> Path<'_, R> {
+    /// The lanes `passed`, with those of the lanes `alive` in which a pair may pass.
+    #[inline(always)]
+    fn test(&self, pair: &CompiledPair<R::Scalar>, alive: R::Mask, passed: R::Mask, narrow: &mut Narrow) -> R::Mask {
+        let suspected = self.placed.gets_past(self.compiled, pair).and(alive).and_not(passed);
+        if suspected.none() {
+            return passed;
+        }
+        let suspected = suspected.and(self.come_close(pair));
+        if suspected.any() { passed.or(self.passes(pair.geoms, suspected, narrow)) } else { passed }
+    }
+
+    /// Lanes in which a pair moves past one another by more than it is thick, and by more than the gap between both: limbs that fly along
+    /// together do not.
+    #[inline(always)]
+    fn come_close(&self, pair: &CompiledPair<R::Scalar>) -> R::Mask {
+        let (Self { compiled, kinematics, placed, step, slack }, [a, b]) = (self, pair.geoms);
+        let scene = Scene { compiled, kinematics, poses: placed, h: step.h, slack: *slack, lead: step.h, leads: false };
+        let way = scene.way_past(a, b).min(scene.way_past(b, a)) + placed.bend(compiled, a, step.h) + placed.bend(compiled, b, step.h);
+        way.gt(least_way(compiled, pair).max(scene.gap(pair)))
+    }
+
+    /// Those of the lanes `suspected` in which a pair may pass, lane by lane, in f64.
+    #[inline(never)]
+    fn passes(&self, [a, b]: [usize; 2], suspected: R::Mask, narrow: &mut Narrow) -> R::Mask {
+        let mut passed = R::Mask::splat(false);
+        let thickness = self.compiled.tunnelling_distance([a, b]);
+        for lane in each_of(suspected.bits()) {
+            let (Some(first), Some(second)) = (self.solid(a, lane), self.solid(b, lane)) else { continue };
+            let sweeps = [self.sweep(a, lane), self.sweep(b, lane)];
+            let h = self.step.h.lane(lane).to_f64();
+            let times = if self.step.ends_here { [-h, 0.0] } else { [0.0, h] };
+            let thickness = (thickness.lane(lane).to_f64()).max(self.slack.lane(lane).to_f64());
+            if narrow.may_pass([&first, &second], sweeps, times, thickness) {
+                passed = passed.or(R::Mask::from_bits(1 << lane));
+            }
+        }
+        passed
+    }
+
+    /// A geom of the size that it has in a lane.
+    fn solid(&self, geom: usize, lane: usize) -> Option<Cow<'_, Solid>> {
+        let solid = self.compiled.geoms[geom].solid.as_ref()?;
+        Some(solid.sized(of_lane(&self.compiled.params.geom_size(geom), lane)).map_or(Cow::Borrowed(solid), Cow::Owned))
+    }
+
+    /// Motion of a geom in a lane.
+    fn sweep(&self, geom: usize, lane: usize) -> Sweep {
+        let Self { compiled, kinematics, placed, .. } = self;
+        let own = &compiled.geoms[geom];
+        let (pos, mut mat) = (of_lane(&placed.pos[geom], lane), of_lane(&placed.mat[geom], lane));
+        if !own.full_orientation {
+            // A round shape, of which the axis alone is kept up.
+            let [z, x, y] = contact_frame(column(&mat, 2));
+            mat = [x[0], y[0], z[0], x[1], y[1], z[1], x[2], y[2], z[2]];
+        }
+        let arm_from = |origin: V3<R>| sub(placed.pos[geom], origin);
+        let [angular, straight, linear] = match own.frame.checked_sub(compiled.links.len() + 1) {
+            _ if own.frame == 0 => [zero(); 3],
+            Some(mocap) => {
+                let motion = &kinematics.posed[mocap];
+                [angular(motion), linear(motion), cross(angular(motion), arm_from(kinematics.pos[own.frame]))]
+            }
+            None => {
+                let (motion, tree) = (&placed.led_by[own.frame - 1], compiled.links[own.frame - 1].tree);
+                let straight = self.velocity_of_root(tree);
+                [angular(motion), straight, sub(velocity_at(motion, arm_from(kinematics.origin[tree])), straight)]
+            }
+        };
+        let [angular, straight, linear] = [angular, straight, linear].map(|x: V3<R>| of_lane(&x, lane));
+        let pose = if size_of::<R::Scalar>() < size_of::<f64>() { Pose::widened(pos, mat) } else { Pose { pos, mat } };
+        Sweep { pose, angular, straight, linear }
+    }
+
+    /// Velocity with which the root of a tree moves straight: zero for one that turns about a hinge.
+    fn velocity_of_root(&self, tree: usize) -> V3<R> {
+        let root = self.compiled.links.iter().position(|link| link.is_root && link.tree == tree);
+        let floats = |link: &usize| {
+            let first = self.compiled.links[*link].joints.start;
+            matches!(self.compiled.joints.get(first), Some(CompiledJoint { kind: JointKind::Free | JointKind::Slide, .. }))
+        };
+        root.filter(floats).map_or_else(zero, |link| linear(&self.placed.led_by[link]))
+    }
 }
 
 impl<R: Real> Placed<R> {
@@ -94,25 +216,21 @@ impl<R: Real> Placed<R> {
         [any, surprising]
     }
 
-    /// Lanes in which a pair could get through unseen.
+    /// Lanes in which a pair could get past one another, by bounds on the ways of both: their paths are not looked at.
     #[inline(always)]
-    fn slips_through(&self, compiled: &LaneModel<R>, pair: &CompiledPair<R::Scalar>, h: R, slack: R) -> R::Mask {
+    fn gets_past(&self, compiled: &LaneModel<R>, pair: &CompiledPair<R::Scalar>) -> R::Mask {
         let [a, b] = pair.geoms;
         if !(self.fast[a] || self.fast[b]) {
             return R::Mask::splat(false);
         }
         let way = self.lead[a] + self.lead[b];
-        let distance = compiled.tunnelling_distance(pair.geoms);
-        let far = way.gt(distance);
+        let far = way.gt(least_way(compiled, pair));
         if far.none() {
             return far;
         }
         let reach = compiled.reach(pair.geoms) + R::splat(pair.margin) + way;
         let apart = sub(self.pos[b], self.pos[a]);
-        let meets = far.and(dot(apart, apart).lt(reach * reach));
-        let unseen = way.gt(self.travel[a] + self.travel[b] + slack);
-        let bends = (self.bend(compiled, a, h) + self.bend(compiled, b, h)).gt(distance);
-        meets.and(unseen.or(bends))
+        far.and(dot(apart, apart).lt(reach * reach))
     }
 
     /// How far an arc leaves its tangent: half the square of the angle, times what it swings, m.

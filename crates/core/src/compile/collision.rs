@@ -35,8 +35,13 @@ pub struct CompiledGeom<S> {
 impl<S: Scalar> CompiledGeom<S> {
     /// Prepares it for [`Kernel::Convex`].
     fn make_solid(&mut self, model: &Model, shape: &Shape) {
-        self.solid.get_or_insert_with(|| solid(model, shape));
+        self.keep_solid(model, shape);
         self.full_orientation = true;
+    }
+
+    /// Keeps its solid, from which the check for tunnelling tells what passes.
+    fn keep_solid(&mut self, model: &Model, shape: &Shape) {
+        self.solid.get_or_insert_with(|| solid(model, shape));
     }
 }
 
@@ -186,6 +191,8 @@ pub(crate) fn compile<S: Scalar>(model: &Model, merged: &Merged) -> Collision<S>
         let places = pair.geoms.map(|g| place(g, &mut geoms));
         if matches!(kernel, Kernel::Convex | Kernel::Surface) {
             places.into_iter().zip(shapes).for_each(|(g, shape)| geoms[g].make_solid(model, shape));
+        } else if !shapes.iter().any(|shape| matches!(shape, Shape::Plane)) {
+            places.into_iter().zip(shapes).for_each(|(g, shape)| geoms[g].keep_solid(model, shape));
         }
         pairs.push(pair_plan(&pair, kernel, places));
     }
@@ -200,6 +207,8 @@ pub(crate) fn compile<S: Scalar>(model: &Model, merged: &Merged) -> Collision<S>
         };
         if members.iter().any(meets_convex) {
             geoms[m.geom].make_solid(model, shape);
+        } else {
+            geoms[m.geom].keep_solid(model, shape);
         }
     }
     let crowd = (!members.is_empty()).then(|| Crowd {

@@ -17,8 +17,8 @@ use crate::geometry::vectors::{Pose, unit_or};
 /// Room to work, and what was found.
 #[derive(Clone, Debug, Default)]
 pub struct Narrow {
-    room: Room,
-    found: Manifold,
+    pub(super) room: Room,
+    pub(super) found: Manifold,
 }
 
 impl Narrow {

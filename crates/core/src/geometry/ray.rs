@@ -13,7 +13,7 @@ use parry3d_f64::partitioning::{Bvh, BvhBuildStrategy};
 use parry3d_f64::query::Ray;
 
 use crate::geometry::hull::Hull;
-use crate::geometry::surface::{Grid, bounds};
+use crate::geometry::surface::{Grid, MeshSurface, Surface, bounds};
 use crate::geometry::vectors::{Pose, V, widest};
 use crate::math::spatial::*;
 
@@ -75,6 +75,49 @@ impl RaySurface {
             Form::Field(grid) => over_field(grid, o, d),
         }
     }
+}
+
+/// How often the straight path from `p` to `q` crosses a surface, all in its frame: 2 for more than once. To leave a mesh once does not
+/// count.
+pub(super) fn crossings(surface: &Surface, p: V, q: V) -> usize {
+    let d = sub(q, p);
+    let length = norm(d);
+    if !(length > 0.0 && length.is_finite()) {
+        return 0;
+    }
+    match surface {
+        Surface::Grid(grid) => {
+            let high = grid.highest();
+            if p[2] > high && q[2] > high {
+                return 0;
+            }
+            match [grid.is_inside(p), grid.is_inside(q)] {
+                [false, false] if over_field(grid, p, scale(d, 1.0 / length)) <= length => 2,
+                [true, true] | [false, false] => 0,
+                _ => 1,
+            }
+        }
+        Surface::Mesh(mesh) => {
+            let Some((triangle, first)) = first_on_path(mesh, p, d) else { return 0 };
+            // From the other end the first is the last.
+            let back = first_on_path(mesh, q, scale(d, -1.0)).map_or(1.0 - first, |(_, part)| part);
+            let [a, b, c] = mesh.triangle(triangle);
+            let leaves = dot(cross(sub(b, a), sub(c, a)), d) > 0.0;
+            match first + back < 1.0 - 1e-9 {
+                true => 2,
+                // What was behind is pushed out.
+                false => usize::from(!leaves),
+            }
+        }
+    }
+}
+
+/// The triangle of a mesh that the path `d` from `from` meets first, and the part of the path before it, up to 1.
+fn first_on_path(mesh: &MeshSurface, from: V, d: V) -> Option<(u32, f64)> {
+    let sheared = Sheared::new(from, d)?;
+    let [o, along] = [from, d].map(|p| Vector::new(p[0], p[1], p[2]));
+    let meet = |t: u32, _| sheared.meet(&mesh.triangle(t)).filter(|&part| part <= 1.0);
+    mesh.tree().cast_ray(&Ray::new(o, along), 1.0, meet)
 }
 
 /// The ball about the box about points.

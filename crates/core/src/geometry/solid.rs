@@ -23,6 +23,11 @@ impl Solid {
         matches!(self, Self::Convex(shape) if shape.is_hull())
     }
 
+    /// Whether it is a height field.
+    pub(crate) fn is_field(&self) -> bool {
+        matches!(self, Self::Surface(surface) if matches!(**surface, Surface::Grid(_)))
+    }
+
     /// The size of two hulls, m; `None` where one is none.
     pub(crate) fn size_of_hulls(solids: [&Self; 2]) -> Option<f64> {
         match solids {

@@ -151,6 +151,16 @@ impl MeshSurface {
         let tree = Bvh::from_leaves(BvhBuildStrategy::Binned, &boxes);
         Self { vertices: vertices.to_vec(), faces, across, around, first, tree }
     }
+
+    /// Corners of triangle `t`.
+    pub(super) fn triangle(&self, t: u32) -> [V; 3] {
+        self.faces[t as usize].map(|v| self.vertices[v as usize])
+    }
+
+    /// Boxes about the triangles.
+    pub(super) fn tree(&self) -> &Bvh {
+        &self.tree
+    }
 }
 
 /// The angle by which a neighbour with the third corner `p` rises from a triangle across the edge that leaves its first corner.
@@ -235,6 +245,11 @@ impl Grid {
             ((p[k] + self.half[k]) / (2.0 * self.half[k])).clamp(0.0, 1.0) * cells as f64
         });
         p[2] <= self.height(at)
+    }
+
+    /// Whether a point is in the ground that is over the base.
+    pub(super) fn is_inside(&self, p: V) -> bool {
+        p[0].abs() <= self.half[0] && p[1].abs() <= self.half[1] && p[2] >= -self.base && self.holds(p)
     }
 
     /// Height at a place along x and y in cells from the least corner, within the grid, m.

@@ -3,7 +3,7 @@
 use stepper_real::{Mask, Real, Scalar};
 use stepper_solve::{Outcome, System};
 
-use crate::collision::tunnelling::may_have_passed;
+use crate::collision::tunnelling::{TakenStep, may_have_passed};
 use crate::compile::LaneModel;
 use crate::constraints::equality_violation::max_equality_violation;
 use crate::dynamics::kinematics::{blend, displace};
@@ -143,8 +143,8 @@ pub(crate) fn integrate_positions<R: Real>(
 ) -> R::Mask {
     let free = !solution.pushed && !scheme.corrects;
     probe.span(Span::GuardEnergy, || find_gain(compiled, scheme, s));
-    let tunnelled = probe
-        .span(Span::Tunnelling, || may_have_passed(compiled, &s.evaluation.kinematics, &s.next.v, free, scheme.h, s.alive, &mut s.poses));
+    let step = TakenStep { velocity: &s.next.v, is_free: free, h: scheme.h, ends_here: false };
+    let tunnelled = probe.span(Span::Tunnelling, || may_have_passed(compiled, &s.evaluation.kinematics, step, s.alive, &mut s.poses));
     probe.span(Span::IntegratePosition, || {
         integrate_position(compiled, &s.evaluation.q, &s.next.v, scheme.time_after, &mut s.next.q);
         advance_activation(compiled, &s.state.act, &s.evaluation.act, &s.inputs.ctrl, scheme.h, &mut s.next.act);

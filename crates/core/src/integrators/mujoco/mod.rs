@@ -17,7 +17,7 @@ pub mod unsymmetric;
 
 use stepper_real::{Mask, Real, Scalar};
 
-use crate::collision::tunnelling::may_have_passed;
+use crate::collision::tunnelling::{TakenStep, may_have_passed};
 use crate::compile::LaneModel;
 use crate::integrators::mujoco::acceleration::{accelerate, prepare};
 use crate::integrators::mujoco::implicit::integrate_velocity;
@@ -47,8 +47,8 @@ pub(crate) fn solve_step<R: Real>(
         }
     };
     [s.free_motion.unresolved, s.free_motion.gains] = [R::Mask::splat(false); 2];
-    let tunnelled =
-        probe.span(Span::Tunnelling, || may_have_passed(compiled, &s.evaluation.kinematics, &s.next.v, false, h, s.alive, &mut s.poses));
+    let step = TakenStep { velocity: &s.next.v, is_free: false, h, ends_here: options.integrator == Integrator::Rk4 };
+    let tunnelled = probe.span(Span::Tunnelling, || may_have_passed(compiled, &s.evaluation.kinematics, step, s.alive, &mut s.poses));
     probe.count(Counter::NewtonSteps, || (0..R::LANES).map(|l| outcome.newton_steps.lane(l).to_f64()).sum());
     let none = R::Mask::splat(false);
     (Solution { outcome, pushed: true, undecided: none, guarded: none, infeasible: none }, tunnelled)

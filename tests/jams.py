@@ -13,7 +13,7 @@ def arms(seed: int) -> str:
             axis = rng.normal(size=3)
             axis /= np.linalg.norm(axis)
             size = rng.uniform(0.03, 0.08, 3)
-            pos = np.array([x, 0, 0.5]) if k == 0 else rng.uniform(-0.08, 0.08, 3) + [0, 0, 0.08]
+            pos = np.array([x, 0, 0.5]) if k == 0 else rng.uniform(-0.08, 0.08, 3) + np.array([0, 0, 0.08])
             angles = rng.uniform(-180, 180, 3)
             if k == 0:
                 pos = pos + rng.uniform(-0.05, 0.05, 3)

@@ -7,9 +7,8 @@ import stepper
 from equalities import KINDS, LINKAGE, rows_of
 from hypothesis import given
 from hypothesis import strategies as st
-from models import forward, random_state, simulate, stepper_model
-
 from laws.test_closed_loops import LOOPS, four_bar, turning
+from models import forward, random_state, simulate, stepper_model
 
 VIOLATED = stepper.Status.EQUALITY_VIOLATED
 SPRING = (
@@ -63,7 +62,7 @@ def test_it_is_the_largest_error_after_the_steps_of_a_call(seed, kind, contact, 
     loaded, options = stepper.load(model), stepper.Options(contact=contact, timestep=2e-3)
     one, many = (stepper.Stepper(loaded, options=options, precision=precision) for _ in range(2))
     qpos, qvel = model.qpos0 + rng.uniform(-0.05, 0.05, model.nq), rng.uniform(-2, 2, model.nv)
-    pose = rng.uniform(-0.1, 0.1, (model.nmocap, 3)) + [0.3, 0.1, 0.8]
+    pose = rng.uniform(-0.1, 0.1, (model.nmocap, 3)) + np.array([0.3, 0.1, 0.8])
     for sim in (one, many):
         sim.set_state(qpos=qpos, qvel=qvel)
         sim.mocap_pos[:] = pose

@@ -29,8 +29,9 @@ timesteps = st.sampled_from([1e-4, 5e-4, 1e-3, 2e-3, 5e-3, 1e-2, 2e-2])
 settings = st.tuples(st.sampled_from(INTEGRATORS), st.sampled_from(["f64", "f32"]))
 
 
-def fly(world: str, v: list[float], timestep: float, way: float, integrator: str, precision: str, *, restitution: float = 0.0):
+def fly(world: str, v: list[float], timestep: float, way: float, how: tuple[str, str], *, restitution: float = 0.0):
     """Free bodies over a world that is passed in a straight line: the simulation after the way, and the largest change of velocity."""
+    integrator, precision = how
     model = stepper.load(scene(world, timestep=timestep, assets=ASSETS))
     if restitution:
         model = model.replace(geom_restitution=np.full(model.ngeom, restitution))
@@ -44,16 +45,22 @@ def fly(world: str, v: list[float], timestep: float, way: float, integrator: str
     return sim, worst
 
 
-@given(movers, obstacles, timesteps, settings, st.floats(5e-4, 2e-2), st.floats(1.0, 6.0), st.sampled_from([0.0, 0.5, 1.0]))
-def test_a_body_that_passes_above_another_keeps_its_velocity(mover, obstacle, timestep, how, gap, speed, restitution):
+passes = st.tuples(timesteps, settings, st.floats(5e-4, 2e-2), st.floats(1.0, 6.0))
+"""Time step, integrator and precision, gap in m, speed in m/s."""
+
+
+@given(movers, obstacles, passes, st.sampled_from([0.0, 0.5, 1.0]))
+def test_a_body_that_passes_above_another_keeps_its_velocity(mover, obstacle, way, restitution):
+    timestep, how, gap, speed = way
     geom, height = MOVERS[mover]
     world = OBSTACLES[obstacle] + f'<body pos="-.2 0 {height + gap}"><freejoint/>{geom}</body>'
-    _, worst = fly(world, [speed, 0, 0, 0, 0, 0], timestep, 0.6, *how, restitution=restitution)
+    _, worst = fly(world, [speed, 0, 0, 0, 0, 0], timestep, 0.6, how, restitution=restitution)
     assert worst < KEPT[how[1]] * speed
 
 
-@given(movers, movers, timesteps, settings, st.floats(5e-4, 2e-2), st.floats(1.0, 6.0))
-def test_two_flying_bodies_pass_each_other(first, second, timestep, how, gap, speed):
+@given(movers, movers, passes)
+def test_two_flying_bodies_pass_each_other(first, second, way):
+    timestep, how, gap, speed = way
     (geom, height), (other, _) = MOVERS[first], MOVERS[second]
     # The second is upside down below the first, so that their lowest points face each other.
     world = (
@@ -61,21 +68,24 @@ def test_two_flying_bodies_pass_each_other(first, second, timestep, how, gap, sp
         f'<body pos=".2 0 {-MOVERS[second][1] - gap / 2}"><freejoint/><body euler="180 0 0">{other}</body></body>'
     )
     v = [speed, 0, 0, 0, 0, 0, -speed, 0, 0, 0, 0, 0]
-    _, worst = fly(world, v, timestep, 0.4, *how)
+    _, worst = fly(world, v, timestep, 0.4, how)
     assert worst < KEPT[how[1]] * speed
+
+
+HALF_CUBE = '<geom type="box" size=".5 .5 .5" pos=".5 0 -.5"/>'
 
 
 def test_a_ball_keeps_its_speed_a_millimetre_above_a_box():
     # 2.71 m/s and 0.57 m/s upwards while the row of the nearest edge acted.
-    world = '<geom type="box" size=".5 .5 .5" pos=".5 0 -.5"/><body pos="-.3 0 .021"><freejoint/><geom type="sphere" size=".02" mass="1"/></body>'
-    sim, _ = fly(world, [4, 0, 0, 0, 0, 0], 5e-3, 1.2, "midpoint", "f64")
+    world = HALF_CUBE + '<body pos="-.3 0 .021"><freejoint/><geom type="sphere" size=".02" mass="1"/></body>'
+    sim, _ = fly(world, [4, 0, 0, 0, 0, 0], 5e-3, 1.2, ("midpoint", "f64"))
     np.testing.assert_allclose(sim.qvel, [4, 0, 0, 0, 0, 0], atol=1e-12)  # Rounding.
 
 
 def test_a_box_does_not_turn_above_a_box():
     # 2.06 m/s and 72 rad/s while rows of near edges acted.
-    world = '<geom type="box" size=".5 .5 .5" pos=".5 0 -.5"/><body pos="-.3 0 .0215"><freejoint/><geom type="box" size=".02 .02 .02" mass="1"/></body>'
-    sim, _ = fly(world, [4, 0, 0, 0, 0, 0], 1e-3, 1.2, "midpoint", "f64")
+    world = HALF_CUBE + '<body pos="-.3 0 .0215"><freejoint/><geom type="box" size=".02 .02 .02" mass="1"/></body>'
+    sim, _ = fly(world, [4, 0, 0, 0, 0, 0], 1e-3, 1.2, ("midpoint", "f64"))
     np.testing.assert_allclose(sim.qvel, [4, 0, 0, 0, 0, 0], atol=1e-12)  # Rounding.
 
 
@@ -96,12 +106,12 @@ SLIDERS = [name for name in MOVERS if name not in ("upright capsule", "ellipsoid
 """Movers that do not tip over."""
 
 
-def slide(kind: str, mover: str, speed: float, timestep: float, how: tuple[str, str], start: float = 0.0):
+def slide(kind: str, mover: str, speed: float, timestep: float, start: float = 0.0):
     """Part of the speed that is left after 1.2 m over a floor of tiles, and the largest distance from the floor, m."""
     geom, height = MOVERS[mover]
     world = floor_of(kind) + f'<body pos="{start} 0 {height}"><freejoint/>{geom}</body>'
     model = stepper.load(scene(world, timestep=timestep, gravity=9.81, assets=ASSETS))
-    sim = stepper.Stepper(model, precision=how[1], options=stepper.Options(integrator=how[0]))
+    sim = stepper.Stepper(model)
     sim.step(nstep=round(0.1 / timestep))
     sim.set_state(qvel=[speed, 0, 0, 0, 0, 0])
     away = 0.0
@@ -118,14 +128,14 @@ def slide(kind: str, mover: str, speed: float, timestep: float, how: tuple[str, 
 @pytest.mark.parametrize("speed", [1.0, 2.0])
 def test_a_body_slides_over_the_seams_of_tiles(mover, kind, timestep, speed):
     # An upright cylinder kept 4 % and rose by 5.6 mm while rows of the tile ahead acted. The bounds are those of scene 21.
-    kept, away = slide(kind, mover, speed, timestep, ("midpoint", "f64"))
+    kept, away = slide(kind, mover, speed, timestep)
     assert abs(kept - 1) < 1e-3
     assert away < 1e-5
 
 
 @given(st.sampled_from(SLIDERS), st.sampled_from(["boxes", "meshes", "fields", "mixed"]), st.floats(0.5, 3.0), st.floats(-0.05, 0.05))
 def test_a_body_slides_over_the_seams_from_anywhere(mover, kind, speed, start):
-    kept, away = slide(kind, mover, speed, 5e-3, ("midpoint", "f64"), start)
+    kept, away = slide(kind, mover, speed, 5e-3, start)
     assert abs(kept - 1) < 1e-3
     assert away < 1e-5
 

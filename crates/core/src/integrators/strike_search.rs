@@ -6,16 +6,14 @@ use crate::collision::contact_set::Contacts;
 use crate::collision::detection::GeomPoses;
 use crate::collision::swept_pair::{Gap, Path, SweptPair};
 use crate::compile::LaneModel;
+use crate::constraints::approaching::resting_speed;
 use crate::constraints::constraint_set::Constraints;
 use crate::dynamics::kinematics::Kinematics;
 use crate::math::lanes::each_of;
+use crate::options::StepSettings;
 
 /// Rounding of the distance of bodies that are some metres from the origin, m, in 64 bits and in 32.
 const ROUNDING: [f64; 2] = [1e-12, 2e-6];
-
-/// Largest overlap of resting contacts that is tolerated where supports join, in tunnelling distances of a pair: a deeper one may lead
-/// through something thin.
-const MAX_TOLERATED: f64 = 0.5;
 
 /// Time between the first touches of two pairs, relative to the path, below which both count as the first.
 const SIMULTANEOUS: f64 = 2e-3;
@@ -48,8 +46,7 @@ pub(crate) struct Motion<'a, R: Real> {
     pub(crate) kinematics: &'a Kinematics<R>,
     pub(crate) poses: &'a GeomPoses<R>,
     pub(crate) contacts: &'a Contacts<R>,
-    /// Normal speed below which a contact rests, m/s.
-    pub(crate) resting_speed: f64,
+    pub(crate) options: &'a StepSettings,
     /// Lanes that are searched.
     pub(crate) lanes: R::Mask,
     /// Part of the linearised overlap that the true overlap must exceed to count: the motion is an estimate that errs by less.
@@ -185,8 +182,7 @@ fn steepest<R: Real>(motion: &Motion<'_, R>, constraints: &Constraints<R>, rates
     gap
 }
 
-/// Overlap up to which a pair does not count as meeting, m. Bodies that lie in one another a little go on doing so where their supports
-/// join flush.
+/// Overlap up to which a pair does not count as meeting, m: that of resting contacts, up to the slop, goes on where supports join flush.
 #[inline(always)]
 fn tolerance<R: Real>(motion: &Motion<'_, R>, constraints: &Constraints<R>, strike: &PairStrike<R>) -> R {
     let compiled = motion.compiled;
@@ -196,15 +192,14 @@ fn tolerance<R: Real>(motion: &Motion<'_, R>, constraints: &Constraints<R>, stri
         let deepest = constraints.resting_overlap(motion.contacts, frames_of, frames_of(strike.pair), lane);
         overlap.set_lane(lane, R::of(deepest).lane(lane));
     }
-    let geoms = compiled.pair_geoms(strike.pair).expect("made from this compiled");
-    overlap.min(compiled.tunnelling_distance(geoms) * R::of(MAX_TOLERATED)) + touch(motion, constraints)
+    overlap.min(R::of(motion.options.slop)) + touch(motion, constraints)
 }
 
 /// Overlap after the path that counts as a touch, m: what a contact at rest may move, or the rounding of positions.
 #[inline(always)]
 fn touch<R: Real>(motion: &Motion<'_, R>, constraints: &Constraints<R>) -> R {
     let rounding = ROUNDING[usize::from(size_of::<R::Scalar>() < size_of::<f64>())];
-    (constraints.closing_time * R::of(motion.resting_speed)).max(R::of(rounding))
+    (constraints.closing_time * R::of(resting_speed(motion.options))).max(R::of(rounding))
 }
 
 /// Trees of a pair's bodies, `None` for what does not belong to any.

@@ -7,7 +7,6 @@ use stepper_real::{Mask, Real};
 use stepper_solve::Outcome;
 
 use crate::compile::LaneModel;
-use crate::constraints::approaching::resting_speed;
 use crate::integrators::strike_search::Motion;
 use crate::integrators::workspace::{Evaluation, Workspace};
 use crate::options::StepSettings;
@@ -77,8 +76,7 @@ fn activate<R: Real>(
         return R::Mask::splat(false);
     }
     let Evaluation { kinematics, contacts, .. } = &s.evaluation;
-    let resting_speed = resting_speed(options);
-    let motion = Motion { compiled, kinematics, poses: &s.poses, contacts, resting_speed, lanes: s.alive, margin, all };
+    let motion = Motion { compiled, kinematics, poses: &s.poses, contacts, options, lanes: s.alive, margin, all };
     if !s.strikes.find_linear(&motion, &s.constraints) {
         return R::Mask::splat(false);
     }

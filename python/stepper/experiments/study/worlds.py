@@ -317,8 +317,7 @@ class StepperWorld(World):
         self.time += nstep * self.timestep
 
     def certificate(self) -> dict[str, NDArray[Any]]:
-        """See `World.certificate`: flags of `Status`, residual (of the last step of every control), depth, limit_overshoot,
-        max_equality_violation."""
+        """See `World.certificate`: flags of `Status`, residual of the last step of every control, and violations of positions."""
         return self._worst
 
     def settings(self) -> dict[str, Any]:

@@ -69,6 +69,15 @@ pub(crate) struct Search {
     pub(crate) found: SeparationCache,
 }
 
+impl Search {
+    /// Exchanges what is known and what is found.
+    pub(crate) fn exchange(&mut self) {
+        if !self.known.is_empty() {
+            std::mem::swap(&mut self.known, &mut self.found);
+        }
+    }
+}
+
 impl<R: Real> GeomPoses<R> {
     /// Room for a compiled model; geoms of the world are placed where the model has them.
     pub fn new(compiled: &LaneModel<R>) -> Self {
@@ -97,10 +106,7 @@ impl<R: Real> GeomPoses<R> {
 
     /// Begins a step: what the last one found is known.
     pub(crate) fn begin(&mut self) {
-        let Search { known, found, .. } = &mut self.search;
-        if !known.is_empty() {
-            std::mem::swap(known, found);
-        }
+        self.search.exchange();
     }
 
     /// Places the geoms that are fixed to the world, where environments may have them elsewhere.

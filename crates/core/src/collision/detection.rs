@@ -78,6 +78,13 @@ impl Search {
             found: SeparationCache::new(compiled, lanes),
         }
     }
+
+    /// Exchanges what is known and what is found.
+    pub(crate) fn exchange(&mut self) {
+        if !self.known.is_empty() {
+            std::mem::swap(&mut self.known, &mut self.found);
+        }
+    }
 }
 
 impl<R: Real> GeomPoses<R> {
@@ -104,10 +111,7 @@ impl<R: Real> GeomPoses<R> {
 
     /// Begins a step: what the last one found is known.
     pub(crate) fn begin(&mut self) {
-        let Search { known, found, .. } = &mut self.search;
-        if !known.is_empty() {
-            std::mem::swap(known, found);
-        }
+        self.search.exchange();
     }
 
     /// Places the geoms that are fixed to the world, where environments may have them elsewhere.

@@ -48,7 +48,10 @@ pub(crate) fn take_back<R: Real>(
     let (contacts, rest) = (&mut s.state.contacts, &mut s.work.correction);
     rest.fill(R::zero());
     let still = [R::of(options.timestep), R::zero()];
+    // Searches begin where those of this step have ended, and leave nothing to the next.
+    s.poses.search.exchange();
     detect(compiled, &s.corrected_kinematics, [&*rest, &*rest], still, stuck, &mut s.poses, contacts, NoProbe);
+    s.poses.search.exchange();
     let (rows, room) = s.constraints.split();
     let system = room.positions.system(rows.problem);
     let least = LEAST_GAIN.max(LEAST_GAIN_ROUNDINGS * <R::Scalar as Scalar>::EPSILON.to_f64());

@@ -40,13 +40,17 @@ const FLAT: f64 = 1e-6;
 /// A direction is that of a triangle's normal: 1 - cos of what rounding leaves.
 const PARALLEL: f64 = 1e-12;
 
-/// Depth under a triangle, relative to the depth along the shortest way out across an edge of it that bulges, up to which a point belongs
-/// to the triangle. A peg that overlaps the wall of its hole by micrometres is centimetres under the face around the hole; at an edge of 60
-/// degrees or less a corner is at most twice as deep under one face as under the other.
-const OWN_DEPTH: f64 = 2.0;
+/// Depth, in sizes of the pair, up to which a point belongs to the triangle that it is under. It saves the search for a nearer one:
+/// contacts at rest are 1e-4 deep at the most.
+const SHALLOW: f64 = 1e-3;
 
-/// Distance that is none, in sizes of the pair: the tolerance of the clipper.
-const ROUNDING: f64 = 1e-9;
+/// Distance from another triangle, relative to the depth, below which a deep point is that one's. A peg that overlaps the wall of its hole
+/// by micrometres is centimetres under the face around the hole.
+const NEARER: f64 = 0.5;
+
+/// Cosines between the normals of two triangles of which one may take the other's points: they are not of one face, and not the two sides
+/// of a sheet.
+const TURNED: Range<f64> = -0.5..0.99;
 
 /// A surface of triangles in its own frame, m.
 #[derive(Clone, Debug)]
@@ -324,15 +328,6 @@ impl Facet {
         Self { corners, normal, across, bulges, rises }
     }
 
-    /// Whether the surface bulges at an edge of a part of the triangle.
-    fn bulges_at(&self, at: &Outline) -> bool {
-        match *at {
-            Outline::Inside => false,
-            Outline::Edge(k) => self.bulges[k],
-            Outline::Corner(k) => self.bulges[k] || self.bulges[(k + 2) % 3],
-        }
-    }
-
     /// What of the triangle is furthest along `d`, and a corner that is.
     fn furthest(&self, d: V) -> (Outline, V) {
         let k = furthest(&self.corners, d);
@@ -433,6 +428,9 @@ pub fn collide_surface(a: &Surface, pose_a: &Pose, b: &ConvexShape, pose_b: &Pos
         }
         room.all.extend(out.points.drain(..).map(|p| Point { feature: name(t, p.feature), ..p }));
     }
+    if room.all.iter().any(|p| p.distance < -SHALLOW * whole.size) {
+        drop_nearer_elsewhere(a, &triangles, whole.size, &mut room.all);
+    }
     room.triangles = triangles;
     // What is nearest of all is no neighbour's, up to rounding.
     if let Some((t, facing)) = left.filter(|_| room.all.is_empty()) {
@@ -522,10 +520,34 @@ fn touch(
         return None;
     }
     over(room, out);
-    if facet.bulges_at(&at) {
-        // The way out is across an edge that bulges: what is much deeper under this triangle is nearer to its neighbour's surface.
-        let depth = (found.separation - pair.thickness()).min(0.0) * OWN_DEPTH - ROUNDING * pair.size;
-        out.points.retain(|p| p.distance >= depth);
-    }
     (out.points.is_empty() && cos > 0.0).then_some(facing)
+}
+
+/// Drops the points that are deep under their triangle and much nearer to another of the `triangles`, which has them too, unless that
+/// leaves none.
+#[cold]
+fn drop_nearer_elsewhere(surface: &Surface, triangles: &[u32], size: f64, all: &mut Vec<Point>) {
+    let own = |p: &Point| {
+        let (x, reach) = (add_scaled(p.pos, p.normal, 0.5 * p.distance), -NEARER * p.distance);
+        let is_nearer = |t: &u32| {
+            let Facet { corners, normal, .. } = surface.facet(*t as usize);
+            // Behind it, up to the rounding of poses in 32 bits.
+            let behind = dot(normal, sub(x, corners[0])) <= 1e-7 * size;
+            behind && TURNED.contains(&dot(normal, p.normal)) && distance(&corners, normal, x) < reach
+        };
+        p.distance >= -SHALLOW * size || !triangles.iter().any(is_nearer)
+    };
+    if all.iter().any(own) {
+        all.retain(own);
+    }
+}
+
+/// Distance of a point from a triangle.
+fn distance(corners: &[V; 3], normal: V, x: V) -> f64 {
+    let edges = [0, 1, 2].map(|k| (sub(corners[(k + 1) % 3], corners[k]), sub(x, corners[k])));
+    if edges.iter().all(|(edge, arm)| dot(cross(normal, *edge), *arm) >= 0.0) {
+        return dot(normal, edges[0].1).abs();
+    }
+    let from_edge = |(edge, arm): &(V, V)| norm(add_scaled(*arm, *edge, -(dot(*arm, *edge) / dot(*edge, *edge)).clamp(0.0, 1.0)));
+    edges.iter().map(from_edge).fold(f64::INFINITY, f64::min)
 }

@@ -31,7 +31,8 @@ def test_one_step_is_numpys(kind, h):
         # Rounding, times the condition of the rows in the metric of M (1e5 at the most here).
         assert np.sqrt(error @ mass @ error) < 1e-10 * scale
         assert sim.residual < 1e-10
-        assert sim.status == stepper.Status.OK
+        # States are drawn in which equalities are not met.
+        assert not sim.status & ~stepper.Status.EQUALITY_VIOLATED
 
 
 @pytest.mark.parametrize("kind", KINDS)

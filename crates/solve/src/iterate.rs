@@ -191,6 +191,17 @@ impl<R: Real> Iterate<R> {
         });
     }
 
+    /// Activates the deferred rows of contact `i` of `problem`, counted over those of three rows and then of six, in the lanes `lanes`.
+    /// They start from the impulse `lambda`, of which a contact of three rows reads three numbers.
+    #[inline(always)]
+    pub fn activate_contact(&mut self, problem: &mut Problem<R>, i: usize, lanes: R::Mask, lambda: [R; 6]) {
+        let Self { contacts, rolling_contacts, w, .. } = self;
+        match i.checked_sub(problem.contacts.len()) {
+            None => problem.contacts.activate(i, lanes, [lambda[0], lambda[1], lambda[2]], contacts, w),
+            Some(i) => problem.rolling_contacts.activate(i, lanes, lambda, rolling_contacts, w),
+        }
+    }
+
     /// Whether the impulses change any velocity.
     #[inline(always)]
     pub fn changes_velocity(&self) -> bool {

@@ -4,7 +4,6 @@ use crate::capacity::Capacity;
 use crate::constraints::constraint_set::{ConstraintSet, Rows};
 use crate::constraints::friction::{FrictionContacts, LocalSolver};
 use crate::constraints::{by_kind, each_kind, make_kinds};
-use crate::iterate::Iterate;
 use crate::lane_map::LaneMap;
 use stepper_real::{Mask, Real};
 
@@ -120,23 +119,13 @@ impl<R: Real> Problem<R> {
 }
 
 impl<R: Real> Problem<R> {
-    /// Normal velocity of contact `i`, counted over those of three rows and then of six, with its bias at the scaled velocity change w, m/s.
+    /// Normal velocity of contact `i`, counted over those of three rows and then of six, with its bias at the scaled velocity change w,
+    /// m/s.
     #[inline(always)]
     pub fn normal_velocity(&self, i: usize, w: &[R]) -> R {
         match i.checked_sub(self.contacts.len()) {
             None => self.contacts.normal_velocity(i, w),
             Some(i) => self.rolling_contacts.normal_velocity(i, w),
-        }
-    }
-
-    /// Activates the deferred rows of contact `i`, counted over those of three rows and then of six, in the lanes `lanes`. They start from
-    /// the impulse `lambda`, of which a contact of three rows reads three numbers.
-    #[inline(always)]
-    pub fn activate_contact(&mut self, i: usize, lanes: R::Mask, lambda: [R; 6], iterate: &mut Iterate<R>) {
-        let Iterate { contacts, rolling_contacts, w, .. } = iterate;
-        match i.checked_sub(self.contacts.len()) {
-            None => self.contacts.activate(i, lanes, [lambda[0], lambda[1], lambda[2]], contacts, w),
-            Some(i) => self.rolling_contacts.activate(i, lanes, lambda, rolling_contacts, w),
         }
     }
 }

@@ -72,8 +72,8 @@ impl<R: Real> SweptPair<R> {
         kinematics.velocities(compiled, v, &mut self.placed.velocity);
     }
 
-    /// Lanes of `lanes` in which the distance of the pair falls below `-tolerance` on the path, and a time at which it does, s. `gap` is its
-    /// distance and rate at the beginning.
+    /// Lanes of `lanes` in which the distance of the pair falls below `-tolerance` on the path, and a time at which it does, s. `gap` is
+    /// its distance and rate at the beginning.
     #[inline(always)]
     pub(crate) fn closes(&mut self, path: &Path<'_, R>, lanes: R::Mask, gap: Gap<R>, tolerance: R) -> (R::Mask, R) {
         let (mut low, mut high, mut tangent) = (R::zero(), path.time, gap);

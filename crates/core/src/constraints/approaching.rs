@@ -121,8 +121,8 @@ impl<R: Real> Constraints<R> {
         self.problem.hyperstatic = self.problem.hyperstatic.and_not(lanes).or(new.and(lanes));
     }
 
-    /// Activates the waiting contacts that the solution does not violate: they push nothing. Those that it violates and does not strike go on
-    /// waiting: their surfaces pass each other.
+    /// Activates the waiting contacts that the solution does not violate: they push nothing. Those that it violates and does not strike go
+    /// on waiting: their surfaces pass each other.
     #[inline(always)]
     pub(crate) fn activate_unviolated(&mut self) {
         R::vectorize(
@@ -155,7 +155,7 @@ impl<R: Real> Constraints<R> {
     fn activate_contact(&mut self, i: usize, lanes: R::Mask, impulse: [R; 6]) {
         if lanes.any() {
             let waiting = &mut self.approaching[i];
-            self.problem.activate_contact(waiting.contact, lanes, impulse, &mut self.iterate);
+            self.iterate.activate_contact(&mut self.problem, waiting.contact, lanes, impulse);
             waiting.lanes = waiting.lanes.and_not(lanes);
             self.constrained = self.constrained.or(lanes);
         }
@@ -170,7 +170,10 @@ impl<R: Real> Constraints<R> {
             kept.clear();
             kept.resize(contacts.count[lane], true);
             for waiting in approaching.iter().filter(|waiting| waiting.lanes.bits() >> lane & 1 == 1) {
-                kept[waiting.slot] = false;
+                // A lane whose step was not taken has no contacts left.
+                if let Some(kept) = kept.get_mut(waiting.slot) {
+                    *kept = false;
+                }
             }
             contacts.retain(lane, kept);
         }

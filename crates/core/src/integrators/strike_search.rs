@@ -66,8 +66,8 @@ impl<R: Real> StrikeSearch<R> {
         }
     }
 
-    /// Finds the pairs that meet first in the motion with the velocity `v` after the step, among those that [`StrikeSearch::find_linear`] has
-    /// listed. Returns the lanes in which there are any.
+    /// Finds the pairs that meet first in the motion with the velocity `v` after the step, among those that [`StrikeSearch::find_linear`]
+    /// has listed. Returns the lanes in which there are any.
     pub(crate) fn find(&mut self, motion: &Motion<'_, R>, v: &[R], constraints: &Constraints<R>) -> R::Mask {
         R::vectorize(
             #[inline(always)]

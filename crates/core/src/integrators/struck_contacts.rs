@@ -1,7 +1,7 @@
 //! Contacts whose gap the solved motion closes: their rows are activated, and the lanes are solved again.
 //!
-//! [`crate::constraints::approaching`] says which rows wait for this. The pairs that meet first are activated first, since an impact may keep
-//! others from meeting: a ball that a floor stops does not strike the step that lies behind.
+//! [`crate::constraints::approaching`] says which rows wait for this. The pairs that meet first are activated first, since an impact may
+//! keep others from meeting: a ball that a floor stops does not strike the step that lies behind.
 
 use stepper_real::{Mask, Real};
 use stepper_solve::Outcome;
@@ -19,8 +19,8 @@ const ORDERED_PASSES: usize = 6;
 /// Number of predictions in which pairs are activated. The solves that follow activate the others.
 const PREDICTED_PASSES: usize = 3;
 
-/// Part of the linearised overlap that the true one must exceed in a predicted motion. A prediction leaves a part of gravity unsupported, of
-/// which less than a tenth of a fast approach is left.
+/// Part of the linearised overlap that the true one must exceed in a predicted motion. A prediction leaves a part of gravity unsupported,
+/// which is less than a tenth of a fast approach.
 const PREDICTED_MARGIN: f64 = 0.1;
 
 /// Activates the contacts that the predicted impulses do not keep from being struck, and predicts again with them.

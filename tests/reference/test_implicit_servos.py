@@ -146,11 +146,11 @@ def words(numbers):
 
 
 @st.composite
-def joints(draw, name):
+def joints(draw, name, axis):
     kind, damping = draw(st.sampled_from(["hinge", "slide"])), draw(st.sampled_from([0, 0.3]))
     bound = f'actuatorfrcrange="{draw(ranges)}"' if draw(st.booleans()) else ""
     # An armature keeps joints apart that move alike.
-    return f'<joint name="{name}" type="{kind}" axis="{words(draw(axes))}" damping="{damping}" armature=".1" {bound}/>'
+    return f'<joint name="{name}" type="{kind}" axis="{words(axis)}" damping="{damping}" armature=".1" {bound}/>'
 
 
 @st.composite
@@ -180,7 +180,9 @@ def trees(draw):
             own = "<freejoint/>"
         else:
             new = [f"j{len(names) + k}" for k in range(draw(st.integers(1, 2)))]
-            own = "".join(draw(joints(name)) for name in new)
+            # Of parallel slides of one body MuJoCo takes a mass matrix that is diagonal.
+            pairs = st.tuples(axes, axes).filter(lambda pair: np.linalg.norm(np.cross(*pair)) > 0.3 * np.prod(np.linalg.norm(pair, axis=1)))
+            own = "".join(draw(joints(name, axis)) for name, axis in zip(new, draw(pairs), strict=False))
             names += new
         centre = draw(st.sampled_from([(0, 0, 0), (0.1, -0.2, 0.05)]))
         opening.append(

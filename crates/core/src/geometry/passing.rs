@@ -128,7 +128,7 @@ fn pass([a, b]: [&ConvexShape; 2], sweeps: &[Sweep; 2], [from, to]: [f64; 2], th
     for _ in 0..MAX_ADVANCES {
         t += (distance - meeting).max(ADVANCE * thickness) / speed;
         // Not a number where nothing moves.
-        if !(t < to) {
+        if t >= to || t.is_nan() {
             return false;
         }
         distance = apart(t).0;

@@ -31,7 +31,8 @@ def test_one_step_is_numpys(kind, h):
         # Rounding, times the condition of the rows in the metric of M (1e5 at the most here).
         assert np.sqrt(error @ mass @ error) < 1e-10 * scale
         assert sim.residual < 1e-10
-        assert sim.status == stepper.Status.OK
+        # Random states do not meet the equalities, and one step does not close them.
+        assert int(sim.status) & ~stepper.Status.EQUALITY_VIOLATED == stepper.Status.OK
 
 
 @pytest.mark.parametrize("kind", KINDS)

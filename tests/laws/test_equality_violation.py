@@ -63,7 +63,7 @@ def test_it_is_the_largest_error_after_the_steps_of_a_call(seed, kind, contact, 
     loaded, options = stepper.load(model), stepper.Options(contact=contact, timestep=2e-3)
     one, many = (stepper.Stepper(loaded, options=options, precision=precision) for _ in range(2))
     qpos, qvel = model.qpos0 + rng.uniform(-0.05, 0.05, model.nq), rng.uniform(-2, 2, model.nv)
-    pose = rng.uniform(-0.1, 0.1, (model.nmocap, 3)) + [0.3, 0.1, 0.8]
+    pose = rng.uniform([0.2, 0.0, 0.7], [0.4, 0.2, 0.9], (model.nmocap, 3))
     for sim in (one, many):
         sim.set_state(qpos=qpos, qvel=qvel)
         sim.mocap_pos[:] = pose

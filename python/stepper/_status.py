@@ -27,7 +27,7 @@ class Status(IntFlag):
     radian a step. Take a shorter step. Not with integrator="euler", which goes on until a step is NON_FINITE.
 
     Also a step of integrator="midpoint" whose error made energy: more than a tenth of the kinetic energy in the step, or so much that it
-    would double within 0.1 s (twice that where constraints change the velocity). Its motion is left as it is. Whipping chains are the case."""
+    would double within 0.1 s (twice that where constraints change the velocity), as in a whipping chain. Its motion is left as it is."""
     TUNNELLED = 16
     """Something moved so fast that it may have passed through something thin: a smaller time step would tell."""
     INFEASIBLE = 32

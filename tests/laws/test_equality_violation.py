@@ -7,9 +7,8 @@ import stepper
 from equalities import KINDS, LINKAGE, rows_of
 from hypothesis import given
 from hypothesis import strategies as st
-from models import forward, random_state, simulate, stepper_model
-
 from laws.test_closed_loops import LOOPS, four_bar, turning
+from models import forward, random_state, simulate, stepper_model
 
 VIOLATED = stepper.Status.EQUALITY_VIOLATED
 SPRING = (

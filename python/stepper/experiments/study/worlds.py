@@ -317,8 +317,7 @@ class StepperWorld(World):
         self.time += nstep * self.timestep
 
     def certificate(self) -> dict[str, NDArray[Any]]:
-        """See `World.certificate`: flags of `Status`, residual (of the last step of every control), depth, limit_overshoot,
-        max_equality_violation."""
+        """See `World.certificate`: flags of `Status`, residual (of the last step of every control), depth and the two violations."""
         return self._worst
 
     def settings(self) -> dict[str, Any]:
@@ -521,7 +520,7 @@ class MujocoWorld(World):
         return self._applied
 
     def certificate(self) -> dict[str, NDArray[Any]]:
-        """See `World.certificate`. MuJoCo has no residual in m/s, no overshoot and no violation; depth is that of the last step of a control."""
+        """See `World.certificate`. MuJoCo has no residual in m/s and no violations; depth is that of the last step of a control."""
         nothing = dict.fromkeys(("residual", "limit_overshoot", "max_equality_violation"), np.full(self.num_envs, np.nan))
         return {"status": self._status, "depth": self._depth, **nothing}
 

@@ -19,6 +19,9 @@ use crate::options::StepSettings;
 /// Approach speed below which a touching contact rests, in tolerances of the solver. The velocity of a contact at rest is within one.
 const RESTING_SPEED_RATIO: f64 = 10.0;
 
+/// Cosine of the angle between two normals of a pair from which on they are those of one flat contact: 0.8 degrees.
+const SAME_NORMAL: f64 = 0.9999;
+
 /// Normal speed below which a touching contact rests, m/s.
 pub(crate) fn resting_speed(options: &StepSettings) -> f64 {
     RESTING_SPEED_RATIO * options.tolerance
@@ -147,6 +150,27 @@ impl<R: Real> Constraints<R> {
                 there |= u32::from(known.ids[..known.count[lane]].iter().any(|ids| ids[lane] == id)) << lane;
             }
             self.activate_contact(i, R::Mask::from_bits(there), waiting.impulse);
+        }
+    }
+
+    /// Activates the waiting contacts of pairs that have another contact with the same normal which does not wait: the two surfaces lie on
+    /// each other, and share their load among all of these contacts.
+    #[inline(never)]
+    pub(crate) fn activate_facing(&mut self, contacts: &Contacts<R>) {
+        for i in 0..self.approaching.len() {
+            let waiting = self.approaching[i];
+            let mut facing = 0;
+            for lane in each_of(waiting.lanes.bits()) {
+                let normal = of_lane(&contacts.data[waiting.slot].point.normal, lane);
+                let pair = contacts.ids[waiting.slot][lane].pair();
+                let rests = (0..contacts.count[lane]).any(|k| {
+                    contacts.ids[k][lane].pair() == pair
+                        && dot(of_lane(&contacts.data[k].point.normal, lane), normal) > SAME_NORMAL
+                        && !self.approaching.iter().any(|other| other.slot == k && other.lanes.bits() >> lane & 1 == 1)
+                });
+                facing |= u32::from(rests) << lane;
+            }
+            self.activate_contact(i, R::Mask::from_bits(facing), waiting.impulse);
         }
     }
 

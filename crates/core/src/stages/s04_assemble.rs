@@ -87,6 +87,9 @@ pub fn assemble<R: Real>(
                     }
                 }
             }
+            if !constraints.approaching.is_empty() {
+                constraints.activate_facing(contacts);
+            }
             constraints.patches.find(compiled, contacts, constraints.constrained.bits());
             constraints.iterate.compute_w(&constraints.problem);
             let new = constraints.patches.new_lanes(contacts, &constraints.slots, &constraints.problem, &constraints.iterate);

@@ -114,7 +114,7 @@ def test_work_that_somebody_does_is_no_gain(seed):
 
 
 def test_the_flag_is_that_of_the_state_and_of_no_neighbour():
-    """The same flags and bits whatever the size of the batch and the number of steps of a call."""
+    """Flags and bits do not depend on the size of the batch, nor on the number of steps of a call."""
     model = stepper.load(chain(20, 0.05, 0.02, 5.0))
     options = stepper.Options(timestep=2e-3)
     many, one = stepper.Stepper(model, 9, options=options), stepper.Stepper(model, options=options)

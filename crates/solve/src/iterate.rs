@@ -89,6 +89,32 @@ impl<R: Real> Snapshot<R> {
     }
 }
 
+impl<R: Real> Snapshot<R> {
+    /// Gives a contact an impulse, as [`Iterate::start_contact`] does, where the snapshot has that contact.
+    #[inline(always)]
+    pub fn start_contact(&mut self, problem: &Problem<R>, i: usize, lanes: R::Mask, lambda: [R; 6]) {
+        let Self { contacts, rolling_contacts, w, .. } = self;
+        if i < contacts.len() + rolling_contacts.len() && contacts.len() == problem.contacts.len() {
+            start_contact(problem, i, lanes, lambda, (contacts, rolling_contacts, w));
+        }
+    }
+}
+
+/// Gives contact `i` of `problem` the impulse `lambda` among the impulses of three rows, those of six, and w.
+#[inline(always)]
+fn start_contact<R: Real>(
+    problem: &Problem<R>,
+    i: usize,
+    lanes: R::Mask,
+    lambda: [R; 6],
+    (contacts, rolling_contacts, w): (&mut [[R; 3]], &mut [[R; 6]], &mut [R]),
+) {
+    match i.checked_sub(problem.contacts.len()) {
+        None => problem.contacts.start(i, lanes, [lambda[0], lambda[1], lambda[2]], contacts, w),
+        Some(i) => problem.rolling_contacts.start(i, lanes, lambda, rolling_contacts, w),
+    }
+}
+
 /// Part of an energy that decides nothing: it is that of an error of a thousandth.
 const NEGLIGIBLE_ENERGY: f64 = 1e-6;
 
@@ -191,15 +217,12 @@ impl<R: Real> Iterate<R> {
         });
     }
 
-    /// Activates the deferred rows of contact `i` of `problem`, counted over those of three rows and then of six, in the lanes `lanes`.
-    /// They start from the impulse `lambda`, of which a contact of three rows reads three numbers.
+    /// Gives contact `i` of `problem`, counted over those of three rows and then of six, the impulse `lambda` in the lanes `lanes`, in
+    /// which it has none. A contact of three rows reads three numbers.
     #[inline(always)]
-    pub fn activate_contact(&mut self, problem: &mut Problem<R>, i: usize, lanes: R::Mask, lambda: [R; 6]) {
+    pub fn start_contact(&mut self, problem: &Problem<R>, i: usize, lanes: R::Mask, lambda: [R; 6]) {
         let Self { contacts, rolling_contacts, w, .. } = self;
-        match i.checked_sub(problem.contacts.len()) {
-            None => problem.contacts.activate(i, lanes, [lambda[0], lambda[1], lambda[2]], contacts, w),
-            Some(i) => problem.rolling_contacts.activate(i, lanes, lambda, rolling_contacts, w),
-        }
+        start_contact(problem, i, lanes, lambda, (contacts, rolling_contacts, w));
     }
 
     /// Whether the impulses change any velocity.

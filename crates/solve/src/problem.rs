@@ -119,6 +119,16 @@ impl<R: Real> Problem<R> {
 }
 
 impl<R: Real> Problem<R> {
+    /// Activates the deferred rows of contact `i`, counted over those of three rows and then of six, in those of the lanes `lanes` in which
+    /// they wait, and returns these lanes.
+    #[inline(always)]
+    pub fn activate_contact(&mut self, i: usize, lanes: R::Mask) -> R::Mask {
+        match i.checked_sub(self.contacts.len()) {
+            None => self.contacts.activate(i, lanes),
+            Some(i) => self.rolling_contacts.activate(i, lanes),
+        }
+    }
+
     /// Normal velocity of contact `i`, counted over those of three rows and then of six, with its bias at the scaled velocity change w,
     /// m/s.
     #[inline(always)]

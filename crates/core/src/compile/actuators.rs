@@ -88,7 +88,7 @@ pub struct CompiledServo<S> {
     pub actuator: usize,
     /// Entries of the mass matrix for pairs of dofs on one branch, and the factor of its weight there.
     pub entries: Vec<(usize, S)>,
-    /// The same of an actuator on a site: entries and the two arms whose product is the factor.
+    /// Entries of an actuator on a site: entries and the two arms whose product is the factor.
     pub products: Vec<(usize, [usize; 2])>,
     /// Diagonal bound of a moment across branches, used instead of `entries`: entries and factors; empty for a moment on one branch.
     pub bound: Vec<(usize, S)>,
@@ -277,7 +277,7 @@ fn entries(moment: &[(usize, f64)], scene: Scene<'_>) -> [Vec<(usize, f64)>; 2] 
 
 type Products = (Vec<(usize, [usize; 2])>, Vec<(usize, usize)>);
 
-/// The same for a wrench, whose arms change: entries with the arms whose product they get, and, across branches, diagonal entries.
+/// Entries of a wrench, whose arms change: entries with the arms whose product they get, and, across branches, diagonal entries.
 fn products<S: Scalar>(wrench: &CompiledWrench<S>, scene: Scene<'_>) -> Products {
     let mut dofs: Vec<(usize, usize)> = wrench.dofs.iter().enumerate().map(|(k, &(dof, _))| (dof, wrench.arms + k)).collect();
     dofs.sort_by_key(|&(dof, _)| std::cmp::Reverse(scene.dofs[dof].depth));

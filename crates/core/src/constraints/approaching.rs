@@ -174,12 +174,16 @@ impl<R: Real> Constraints<R> {
         }
     }
 
-    /// Activates waiting contact `i` in the lanes `lanes`, from the impulse `impulse`.
+    /// Activates waiting contact `i` in the lanes `lanes`, from the impulse `impulse`. The impulses that a prediction may be taken back to
+    /// get it, too: a load that is shared among several contacts stays shared.
     #[inline(always)]
     fn activate_contact(&mut self, i: usize, lanes: R::Mask, impulse: [R; 6]) {
         if lanes.any() {
-            let waiting = &mut self.approaching[i];
-            self.iterate.activate_contact(&mut self.problem, waiting.contact, lanes, impulse);
+            let Self { approaching, problem, iterate, shared, .. } = self;
+            let waiting = &mut approaching[i];
+            let lanes = problem.activate_contact(waiting.contact, lanes);
+            iterate.start_contact(problem, waiting.contact, lanes, impulse);
+            shared.start_contact(problem, waiting.contact, lanes, impulse);
             waiting.lanes = waiting.lanes.and_not(lanes);
             self.constrained = self.constrained.or(lanes);
         }

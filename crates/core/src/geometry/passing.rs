@@ -147,11 +147,11 @@ fn relative_velocity([a, b]: &[Sweep; 2]) -> V {
 /// How a point goes along a path past a surface.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Course {
-    /// It stays on its side.
+    /// Path that stays on its side.
     Stays,
-    /// It ends on the other side.
+    /// Path that ends on the other side.
     Enters,
-    /// It goes in and comes out.
+    /// Path that goes in and comes out.
     Passes,
 }
 

@@ -29,7 +29,7 @@ use crate::stages::s03_detect::detect;
 /// Unitree's G1-D, a decimetre within its base, gains less than 1e-7 a step.
 const LEAST_GAIN: f64 = 2e-7;
 
-/// The same in roundings of a lane: depths are differences of positions.
+/// Least relative decrease in roundings of a lane: depths are differences of positions.
 const LEAST_GAIN_ROUNDINGS: f64 = 1e3;
 
 /// Takes the correction of `work.q_corrected` back, in the lanes `stuck`, from islands whose overlaps it does not lessen.

@@ -171,7 +171,7 @@ impl<R: Real> StepResolution<R> {
 
     /// Lanes in which a step of `h` seconds makes energy by its own error, so much that it is unresolved.
     ///
-    /// What forces and impulses f do is f (v + v+) / 2, and by the equation of motion f = M (v+ - v) + h c, with mass matrix M and inertial
+    /// Work of forces and impulses f is f (v + v+) / 2, and by the equation of motion f = M (v+ - v) + h c, with mass matrix M and inertial
     /// forces c as the rule took them in the `middle`, c at the velocity `v_mean`. So what is left of the change of the kinetic energy,
     ///
     /// ```text
@@ -189,10 +189,7 @@ impl<R: Real> StepResolution<R> {
         [v_free, v_mean]: [&[R]; 2],
         h: R,
     ) -> R::Mask {
-        for mocap in &compiled.mocap {
-            self.kinematics.pos[mocap.frame] = middle.pos[mocap.frame];
-            self.kinematics.mat[mocap.frame] = middle.mat[mocap.frame];
-        }
+        self.place_mocap(compiled, middle);
         R::vectorize(
             #[inline(always)]
             || {
@@ -228,6 +225,14 @@ impl<R: Real> StepResolution<R> {
         )
     }
 
+    /// Places the mocap bodies where they are in the middle of the step.
+    fn place_mocap(&mut self, compiled: &LaneModel<R>, middle: &Kinematics<R>) {
+        for mocap in &compiled.mocap {
+            self.kinematics.pos[mocap.frame] = middle.pos[mocap.frame];
+            self.kinematics.mat[mocap.frame] = middle.mat[mocap.frame];
+        }
+    }
+
     /// Kinetic energy with rotors of the bodies that are not alone, J.
     #[inline(always)]
     fn kinetic(&mut self, compiled: &LaneModel<R>, [q, v]: [&[R]; 2]) -> R {
@@ -258,10 +263,7 @@ impl<R: Real> StepResolution<R> {
         v_free: &[R],
         out: &mut [R],
     ) {
-        for mocap in &compiled.mocap {
-            self.kinematics.pos[mocap.frame] = middle.pos[mocap.frame];
-            self.kinematics.mat[mocap.frame] = middle.mat[mocap.frame];
-        }
+        self.place_mocap(compiled, middle);
         R::vectorize(
             #[inline(always)]
             || {

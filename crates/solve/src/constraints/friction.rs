@@ -314,13 +314,19 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContacts<R, N, L> {
         v + contact.g[0]
     }
 
-    /// Activates contact `i` in the lanes `lanes`, where it waits, with the impulse `lambda`, which moves w.
+    /// Activates contact `i` in those of the lanes `lanes` in which it waits, and returns them.
     #[inline(always)]
-    pub(crate) fn activate(&mut self, i: usize, lanes: R::Mask, lambda: [R; N], impulses: &mut [[R; N]], w: &mut [R]) {
+    pub(crate) fn activate(&mut self, i: usize, lanes: R::Mask) -> R::Mask {
         let contact = &mut self.rows.items[i];
         let lanes = lanes.and(contact.waiting);
         contact.waiting = contact.waiting.and_not(lanes);
         contact.active = contact.active.or(lanes);
+        lanes
+    }
+
+    /// Gives contact `i`, which had none, the impulse `lambda` in the lanes `lanes`, which moves w.
+    #[inline(always)]
+    pub(crate) fn start(&self, i: usize, lanes: R::Mask, lambda: [R; N], impulses: &mut [[R; N]], w: &mut [R]) {
         let mut d = lambda;
         for k in 0..N {
             d[k] = masked(lanes, lambda[k]);

@@ -19,7 +19,7 @@ use crate::constraints::scalar::{ScalarRow, ScalarRows};
 use stepper_real::{Mask, Real, Scalar};
 
 /// Ratio of the squared length of a row, its projections on other rows removed, to that before, above which it is independent.
-/// Below it entries decide: see [`entry_threshold`].
+/// Below it entries decide: see `entry_threshold`.
 pub fn dependence_threshold<R: Real>() -> f64 {
     let root = <R::Scalar as Scalar>::EPSILON.to_f64().sqrt();
     root * root.sqrt()

@@ -1,4 +1,4 @@
-"""The long sweep: `python -m atlas` writes docs/atlas.md, atlas.png and atlas.csv."""
+"""The long sweep: `python -m atlas` writes docs/atlas.md, atlas.png and atlas.csv, a sweep of some scenes or engines writes into out/atlas."""
 
 from __future__ import annotations
 
@@ -20,15 +20,17 @@ from atlas.world import World
 def main() -> None:
     """Reads the arguments, sweeps, writes."""
     parser = argparse.ArgumentParser(prog="atlas", description=__doc__)
-    parser.add_argument("scenes", nargs="*", help="numbers, 1 to 35 and S1 to S7; default: all")
-    parser.add_argument("--out", type=Path, default=Path("docs"), help="folder; default: docs")
+    numbers = list(dict.fromkeys(s.number for s in scenes.ALL))
+    parser.add_argument("scenes", nargs="*", choices=[*numbers, []], metavar="scene", help=f"number, of {', '.join(numbers)}; default: all")
+    parser.add_argument("--out", type=Path, help="folder; default: docs for all scenes and engines, out/atlas for some")
     parser.add_argument("--limit", type=float, default=10.0, help="processor time of one run at the most, s")
     parser.add_argument("--ours", action="store_true", help="stepper alone")
     parser.add_argument("--from-csv", action="store_true", help="do not run anything: write the report again from atlas.csv")
     args = parser.parse_args()
     chosen = [s for s in scenes.ALL if not args.scenes or s.number in args.scenes]
-    args.out.mkdir(parents=True, exist_ok=True)
-    data = args.out / "atlas.csv"
+    out = args.out or Path("out/atlas" if args.scenes or args.ours else "docs")
+    out.mkdir(parents=True, exist_ok=True)
+    data = out / "atlas.csv"
     if args.from_csv:
         rows, notes = read_csv(data)
     else:
@@ -39,8 +41,8 @@ def main() -> None:
             rows = sweep(chosen, engines, _say)
         notes = provenance() | {"seconds": round(time.monotonic() - begin)}
         write_csv(data, rows, notes)
-    write_markdown(args.out / "atlas.md", scenes.ALL, rows, notes)
-    draw(args.out / "atlas.png", rows)
+    write_markdown(out / "atlas.md", scenes.ALL, rows, notes)
+    draw(out / "atlas.png", rows)
 
 
 def _say(row: Row) -> None:

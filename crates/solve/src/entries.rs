@@ -32,6 +32,11 @@ impl<T: Copy> Entries<T> {
         self.len = 0;
     }
 
+    /// Removes the entries from index `len` on.
+    pub(crate) fn truncate(&mut self, len: usize) {
+        self.len = len;
+    }
+
     /// Appends `n` entries of any value, which the caller sets.
     #[inline(always)]
     pub(crate) fn extend_by(&mut self, n: usize) -> &mut [T] {

@@ -42,7 +42,7 @@ pub use admissible_set::AdmissibleSet;
 pub use capacity::Capacity;
 pub use constraints::constraint_set::Damping;
 pub use constraints::friction::{FrictionContact, FrictionContacts, LocalSolver};
-pub use constraints::orthogonalisation::{ROUNDING_RATIO, RowScales, dependence_threshold, velocity_rounding};
+pub use constraints::orthogonalisation::{EntryScales, ROUNDING_RATIO, RowScales, dependence_threshold, velocity_rounding};
 pub use constraints::rolling::{RollingContact, RollingContacts};
 pub use constraints::scalar::{ScalarRow, ScalarRows};
 pub use constraints::sliding::{SlidingContact, SlidingContacts};

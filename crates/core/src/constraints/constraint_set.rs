@@ -72,6 +72,8 @@ pub struct Constraints<R: Real> {
     pub rolling_slots: Vec<(usize, R::Mask, V3<R>)>,
     /// Squared lengths of the numbers that the rows of a block of equalities are differences of.
     pub(crate) sizes: Vec<R>,
+    /// Whether a block of equalities needs scales of its entries, block by block: see [`Constraints::add_equalities`].
+    pub(crate) needs_scales: Vec<bool>,
     /// Squared scales of the entries of those rows: sums of the squares of their terms.
     pub(crate) entry_scales: Vec<R>,
     /// Squared scales of the velocities that rows of hard equalities demand, in the order of these rows, (m/s)^2.
@@ -241,6 +243,7 @@ impl<R: Real> Constraints<R> {
             rolling_slots: Vec::with_capacity(if compiled.has_rolling_friction { soft_contacts } else { 0 }),
             sizes: Vec::with_capacity(block),
             entry_scales: Vec::with_capacity(compiled.equalities.iter().map(|b| b.rows * b.support.len()).max().unwrap_or(0)),
+            needs_scales: vec![false; compiled.equalities.len()],
             velocity_scales: Vec::with_capacity(rows),
             coefficient_scales: vec![R::zero(); block],
             scales: vec![zero(); compiled.nv],

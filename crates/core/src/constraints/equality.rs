@@ -12,7 +12,7 @@
 //! keeps its energy. Without kappa every step would take the energy of the velocity that the curvature turns away, (h kappa)^2 / 2 G.
 
 use stepper_real::{Mask, Real, Scalar};
-use stepper_solve::{RowScales, velocity_rounding};
+use stepper_solve::{EntryScales, RowScales, velocity_rounding};
 
 use crate::compile::{Combination, CompiledEquality, EqualityBlock, EqualityRows, LaneModel, ModelStructure, Spring};
 use crate::constraints::constraint_set::{ARM, AssemblyInput, Constraints, DAMPING};
@@ -52,46 +52,56 @@ impl<R: Real> Constraints<R> {
         R::vectorize(
             #[inline(always)]
             || {
-                for block in input.compiled.equalities.iter().filter(|block| block.separate == separate) {
-                    self.add_block(input, block);
+                for (k, block) in input.compiled.equalities.iter().enumerate().filter(|(_, block)| block.separate == separate) {
+                    // Rows that nearly depend on one another need scales of their entries, which cost as much as the rows: a block
+                    // gets them from the first time on that it needs them. Its rows are the same with them and without.
+                    while !self.add_block(input, block, self.needs_scales[k]) {
+                        self.needs_scales[k] = true;
+                    }
                 }
             },
         )
     }
 
+    /// Adds the rows of a block. Returns false, and adds none, if it cannot tell without scales of entries which of them are dependent.
     #[inline(always)]
-    fn add_block(&mut self, input: RowInput<'_, R>, block: &EqualityBlock<R::Scalar>) {
+    fn add_block(&mut self, input: RowInput<'_, R>, block: &EqualityBlock<R::Scalar>, with_scales: bool) -> bool {
         let start = self.problem.scalars.len();
         self.sizes.clear();
         self.entry_scales.clear();
         self.demands.clear();
         let scales = self.velocity_scales.len();
         for equality in &block.equalities {
-            self.add_equality(input, block, equality);
+            self.add_equality(input, block, equality, with_scales);
         }
-        if block.hard {
-            // The largest correction of the block, as a distance, adds compliance to all its rows: so long a motion turns the other rows'
-            // directions, which a linearised solve does not know, and their demands would no longer be met at the end of the step.
-            let way = self.demands.iter().fold(R::zero(), |most, demand| most.max(demand[2].abs())) * input.assembly.h;
-            let split = input.options.stabilization == Stabilization::Split;
-            let damping = if split { R::of(DAMPING) + way * R::of(1.0 / ARM) } else { R::zero() };
-            self.problem.scalars.orthogonalise(
-                start..start + block.rows,
-                RowScales {
-                    lengths: &self.sizes,
-                    entries: &mut self.entry_scales,
-                    velocities: &mut self.velocity_scales[scales..],
-                    coefficients: &mut self.coefficient_scales,
-                },
-                &mut self.demands,
-                #[inline(always)]
-                |row, [_, _, correction]| {
-                    // Baumgarte's bias is what it is: see `limit_baumgarte` of stage 8.
-                    *correction = row.damp_correction(damping, *correction);
-                },
-            );
+        if !block.hard {
+            return true;
+        }
+        // The largest correction of the block, as a distance, adds compliance to all its rows: so long a motion turns the other rows'
+        // directions, which a linearised solve does not know, and their demands would no longer be met at the end of the step.
+        let way = self.demands.iter().fold(R::zero(), |most, demand| most.max(demand[2].abs())) * input.assembly.h;
+        let split = input.options.stabilization == Stabilization::Split;
+        let damping = if split { R::of(DAMPING) + way * R::of(1.0 / ARM) } else { R::zero() };
+        let entries = EntryScales { squares: &mut self.entry_scales, coefficients: &mut self.coefficient_scales };
+        let decided = self.problem.scalars.orthogonalise(
+            start..start + block.rows,
+            RowScales { lengths: &self.sizes, velocities: &mut self.velocity_scales[scales..], entries: with_scales.then_some(entries) },
+            &mut self.demands,
+            #[inline(always)]
+            |row, [_, _, correction]| {
+                // Baumgarte's bias is what it is: see `limit_baumgarte` of stage 8.
+                *correction = row.damp_correction(damping, *correction);
+            },
+        );
+        if decided {
             self.set_equality_targets(input.options, start, scales);
+        } else {
+            self.problem.scalars.truncate(start);
+            self.iterate.scalars.truncate(start);
+            self.owners.truncate(start);
+            self.velocity_scales.truncate(scales);
         }
+        decided
     }
 
     /// Gives the orthogonal rows from `start` on what they demand besides J v_free.
@@ -121,22 +131,28 @@ impl<R: Real> Constraints<R> {
     }
 
     #[inline(always)]
-    fn add_equality(&mut self, input: RowInput<'_, R>, block: &EqualityBlock<R::Scalar>, equality: &CompiledEquality<R::Scalar>) {
+    fn add_equality(
+        &mut self,
+        input: RowInput<'_, R>,
+        block: &EqualityBlock<R::Scalar>,
+        equality: &CompiledEquality<R::Scalar>,
+        with_scales: bool,
+    ) {
         match &equality.rows {
             EqualityRows::Points { frames, anchors, turn, .. } => {
                 self.use_own_support(equality);
                 let rows = self.connect_points(input, *frames, *anchors);
-                self.push_rows::<3>(input, block, equality, 0, &rows);
+                self.push_rows::<3>(input, block, equality, 0, &rows, with_scales);
                 if let Some((mats, weight)) = turn {
                     self.use_own_support(equality);
                     let rows = self.align(input, *frames, mats, R::splat(*weight));
-                    self.push_rows::<3>(input, block, equality, 3, &rows);
+                    self.push_rows::<3>(input, block, equality, 3, &rows, with_scales);
                 }
             }
             EqualityRows::Coupling { first, second, polynomial } => {
                 self.use_own_support(equality);
                 let rows = self.couple_joints(input, first, second.as_ref(), splat(*polynomial));
-                self.push_rows::<1>(input, block, equality, 0, &rows);
+                self.push_rows::<1>(input, block, equality, 0, &rows, with_scales);
             }
         }
     }
@@ -298,6 +314,7 @@ impl<R: Real> Constraints<R> {
         equality: &CompiledEquality<R::Scalar>,
         first: usize,
         rows: &EqualityJacobian<R>,
+        with_scales: bool,
     ) {
         let AssemblyInput { v_free, v, h, alive, .. } = *input.assembly;
         let (mut free, mut before, mut speed) = ([R::zero(); 3], [R::zero(); 3], [R::zero(); 3]);
@@ -308,7 +325,7 @@ impl<R: Real> Constraints<R> {
             speed = add_scaled(speed, self.scales[d], v_free[d].square());
         }
         self.half_solve::<N>(input.compiled, input.mass);
-        if block.hard {
+        if with_scales {
             self.add_fill_scales::<N>(input.compiled, input.mass);
         }
         self.use_block_support(block, equality);
@@ -344,12 +361,14 @@ impl<R: Real> Constraints<R> {
             }
             self.sizes.push(rows.size);
             if block.hard {
+                self.velocity_scales.push(speed[k]);
+            }
+            if with_scales {
                 let (scales, inv_d) = (&self.scales, &input.mass.inv_d);
                 self.entry_scales.extend(block.support.iter().map(
                     #[inline(always)]
                     |&d| scales[d as usize][k] * inv_d[d as usize],
                 ));
-                self.velocity_scales.push(speed[k]);
             }
             self.demands.push([rows.kappa[k] * h * R::of(0.5), before[k], correction[k]]);
         }

@@ -44,10 +44,17 @@ pub fn velocity_rounding<R: Real>() -> f64 {
 pub struct RowScales<'a, R> {
     /// Squared lengths of numbers that each row's entries are differences of.
     pub lengths: &'a [R],
-    /// Squared scales of all entries, one row after the other.
-    pub entries: &'a mut [R],
     /// Squared scale of the velocity that each row demands, (m/s)^2.
     pub velocities: &'a mut [R],
+    /// Scales of entries, which only a row that comes out short needs.
+    pub entries: Option<EntryScales<'a, R>>,
+}
+
+/// Scales of the entries of a block's rows.
+#[derive(Debug)]
+pub struct EntryScales<'a, R> {
+    /// Squared scales, one row after the other.
+    pub squares: &'a mut [R],
     /// Workspace: a number for each row.
     pub coefficients: &'a mut [R],
 }
@@ -60,28 +67,31 @@ impl<R: Real> ScalarRows<R> {
     /// entry of it is more than 1e-6 (f32: 4e-6) of its scale: it is rounding, or so nearly dependent that no impulse should be asked for
     /// it. `scales` become those of the combined rows. `decide` may change the right-hand sides of a row that is done, before those after
     /// it reckon with them.
+    ///
+    /// Returns false if a row comes out short and `scales` has none of entries: push the rows again and call this with them.
     #[inline(always)]
+    #[must_use]
     pub fn orthogonalise<const N: usize>(
         &mut self,
         rows: Range<usize>,
         scales: RowScales<'_, R>,
         also: &mut [[R; N]],
         mut decide: impl FnMut(&mut ScalarRow<R>, &mut [R; N]),
-    ) {
+    ) -> bool {
         let tolerance = R::of(dependence_threshold::<R>());
-        let RowScales { lengths, entries, velocities, coefficients } = scales;
-        let mut start = 0;
+        let RowScales { lengths, velocities, mut entries } = scales;
         for (k, &length) in rows.clone().zip(lengths) {
             let at = self.rows.items[k].y;
             let n = self.rows.items[k].coordinates;
-            let (before, own) = entries.split_at_mut(start);
-            let own = &mut own[..n];
             for j in rows.start..k {
                 let coefficient = self.remove_projection(k, j, None);
                 let (i, square) = (j - rows.start, coefficient * coefficient);
                 combine(also, k - rows.start, i, coefficient);
-                for (x, &other) in own.iter_mut().zip(&before[i * n..]) {
-                    *x += square * other;
+                if let Some(EntryScales { squares, .. }) = &mut entries {
+                    let (before, own) = squares.split_at_mut((k - rows.start) * n);
+                    for (x, &other) in own.iter_mut().zip(&before[i * n..][..n]) {
+                        *x += square * other;
+                    }
                 }
                 let other = velocities[i];
                 velocities[k - rows.start] += square * other;
@@ -90,10 +100,11 @@ impl<R: Real> ScalarRows<R> {
             let short = self.rows.items[k].active.and_not(rest.gt(tolerance * length));
             let mut independent = short.not();
             if short.any() {
-                independent = independent.or(self.project_again(rows.start..k, k, short, [&mut *own, &mut *coefficients], also));
+                let Some(EntryScales { squares, coefficients }) = &mut entries else { return false };
+                let own = &mut squares[(k - rows.start) * n..][..n];
+                independent = independent.or(self.project_again(rows.start..k, k, short, [own, coefficients], also));
                 rest = R::select(short, self.squared_length(at, n), rest);
             }
-            start += n;
             let row = &mut self.rows.items[k];
             let asked = row.active;
             row.active = asked.and(independent).and(rest.gt(R::zero()));
@@ -106,6 +117,7 @@ impl<R: Real> ScalarRows<R> {
                 *y = R::select(active, *y, R::zero());
             }
         }
+        true
     }
 
     /// Removes from row `k` its projections on the rows `others` once more, in the lanes `lanes`, in which it is short. Returns those in

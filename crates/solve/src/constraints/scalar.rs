@@ -187,6 +187,15 @@ impl<R: Real> ScalarRows<R> {
         });
     }
 
+    /// Removes the rows from `first` on.
+    pub fn truncate(&mut self, first: usize) {
+        if let Some(row) = self.rows.items.get(first) {
+            self.support.truncate(row.support);
+            self.y.truncate(row.y);
+            self.rows.items.truncate(first);
+        }
+    }
+
     /// Sets the velocity with the bias of the position solve of the row pushed last; without, it is that of the velocity solve.
     #[inline(always)]
     pub fn set_position_demand(&mut self, position_g: R) {

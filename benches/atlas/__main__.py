@@ -1,4 +1,7 @@
-"""The long sweep: `python -m atlas` writes docs/atlas.md, atlas.png and atlas.csv, a sweep of some scenes or engines writes into out/atlas."""
+"""The long sweep: `python -m atlas` writes docs/atlas.md, atlas.png and atlas.csv.
+
+With some scenes or engines alone it writes into out/atlas.
+"""
 
 from __future__ import annotations
 

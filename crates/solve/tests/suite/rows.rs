@@ -65,10 +65,10 @@ proptest! {
         let mut entries: Vec<f64> = y.iter().flatten().map(|y| y * y).collect();
         // Without scales of entries a dependent row is found, and nothing is decided about it.
         let blind = RowScales { lengths: &sizes, velocities: &mut vec![1.0; rows], entries: None };
-        prop_assert!(!problem.clone().scalars.orthogonalise(0..rows, blind, &mut also.clone(), |_, _| {}));
+        prop_assert!(!problem.clone().scalars.orthogonalise(0..rows, blind, &mut also.clone(), |_, _| ()));
         let entries = Some(EntryScales { squares: &mut entries, coefficients: &mut vec![0.0; rows] });
         let scales = RowScales { lengths: &sizes, velocities: &mut vec![1.0; rows], entries };
-        prop_assert!(problem.scalars.orthogonalise(0..rows, scales, &mut also, |_, _| {}));
+        prop_assert!(problem.scalars.orthogonalise(0..rows, scales, &mut also, |_, _| ()));
         iterate.compute_w(&problem);
         let outcome = solve(&problem, &mut iterate, SweepSettings { sweeps: 1, tolerance: 1e-9 }, true);
         let kept = problem.scalars.iter().filter(|r| r.active).count();

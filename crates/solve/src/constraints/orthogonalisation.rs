@@ -60,7 +60,7 @@ pub struct EntryScales<'a, R> {
 }
 
 impl<R: Real> ScalarRows<R> {
-    /// Orthogonalises the rows `rows`; `also` holds more right-hand sides of each of them, which are combined like g.
+    /// Orthogonalises the rows `rows`; `right_hand_sides` holds more right-hand sides of each of them, which are combined like g.
     ///
     /// The rows must be equalities (any impulse) without compliance, pushed one after the other with the same support. Their impulses are
     /// then those of the combined rows. A row drops out if it is shorter than its length in `scales` by a factor of 1e6 (f32: 4e2) and no
@@ -75,8 +75,8 @@ impl<R: Real> ScalarRows<R> {
         &mut self,
         rows: Range<usize>,
         scales: RowScales<'_, R>,
-        also: &mut [[R; N]],
-        mut decide: impl FnMut(&mut ScalarRow<R>, &mut [R; N]),
+        right_hand_sides: &mut [[R; N]],
+        mut adjust: impl FnMut(&mut ScalarRow<R>, &mut [R; N]),
     ) -> bool {
         let tolerance = R::of(dependence_threshold::<R>());
         let RowScales { lengths, velocities, mut entries } = scales;
@@ -86,7 +86,7 @@ impl<R: Real> ScalarRows<R> {
             for j in rows.start..k {
                 let coefficient = self.remove_projection(k, j, None);
                 let (i, square) = (j - rows.start, coefficient * coefficient);
-                combine(also, k - rows.start, i, coefficient);
+                subtract_right_hand_sides(right_hand_sides, k - rows.start, i, coefficient);
                 if let Some(EntryScales { squares, .. }) = &mut entries {
                     let (before, own) = squares.split_at_mut((k - rows.start) * n);
                     for (x, &other) in own.iter_mut().zip(&before[i * n..][..n]) {
@@ -96,22 +96,22 @@ impl<R: Real> ScalarRows<R> {
                 let other = velocities[i];
                 velocities[k - rows.start] += square * other;
             }
-            let mut rest = self.squared_length(at, n);
-            let short = self.rows.items[k].active.and_not(rest.gt(tolerance * length));
+            let mut remaining = self.squared_length(at, n);
+            let short = self.rows.items[k].active.and_not(remaining.gt(tolerance * length));
             let mut independent = short.not();
             if short.any() {
                 let Some(EntryScales { squares, coefficients }) = &mut entries else { return false };
                 let own = &mut squares[(k - rows.start) * n..][..n];
-                independent = independent.or(self.project_again(rows.start..k, k, short, [own, coefficients], also));
-                rest = R::select(short, self.squared_length(at, n), rest);
+                independent = independent.or(self.project_again(rows.start..k, k, short, [own, coefficients], right_hand_sides));
+                remaining = R::select(short, self.squared_length(at, n), remaining);
             }
             let row = &mut self.rows.items[k];
-            let asked = row.active;
-            row.active = asked.and(independent).and(rest.gt(R::zero()));
-            row.immovable = row.immovable.or(asked.and_not(row.active));
-            row.diagonal = R::select(row.active, rest, R::zero());
-            row.inv_diagonal = R::one() / R::select(row.active, rest, R::one());
-            decide(row, &mut also[k - rows.start]);
+            let was_active = row.active;
+            row.active = was_active.and(independent).and(remaining.gt(R::zero()));
+            row.immovable = row.immovable.or(was_active.and_not(row.active));
+            row.diagonal = R::select(row.active, remaining, R::zero());
+            row.inv_diagonal = R::one() / R::select(row.active, remaining, R::one());
+            adjust(row, &mut right_hand_sides[k - rows.start]);
             let active = row.active;
             for y in self.y.row_mut(at, n) {
                 *y = R::select(active, *y, R::zero());
@@ -130,7 +130,7 @@ impl<R: Real> ScalarRows<R> {
         k: usize,
         lanes: R::Mask,
         [scales, coefficients]: [&mut [R]; 2],
-        also: &mut [[R; N]],
+        right_hand_sides: &mut [[R; N]],
     ) -> R::Mask {
         R::vectorize(
             #[inline(always)]
@@ -149,7 +149,7 @@ impl<R: Real> ScalarRows<R> {
                 for (j, &error) in others.clone().zip(&*coefficients) {
                     let coefficient = self.remove_projection(k, j, Some(lanes));
                     let square = error + rounding * coefficient.square();
-                    combine(also, k - others.start, j - others.start, coefficient);
+                    subtract_right_hand_sides(right_hand_sides, k - others.start, j - others.start, coefficient);
                     for (x, &y) in scales.iter_mut().zip(self.y.row(self.rows.items[j].y, n)) {
                         *x += square * y.square();
                     }
@@ -179,11 +179,11 @@ impl<R: Real> ScalarRows<R> {
         let n = self.rows.items[k].coordinates;
         debug_assert_eq!(n, self.rows.items[j].coordinates, "rows of one support");
         let (before, row) = self.y.two_rows(self.rows.items[j].y, self.rows.items[k].y, n);
-        let mut along = R::zero();
+        let mut product = R::zero();
         for (&a, &b) in before.iter().zip(row.iter()) {
-            along += a * b;
+            product += a * b;
         }
-        let mut coefficient = self.rows.items[j].projection(along);
+        let mut coefficient = self.rows.items[j].projection(product);
         if let Some(lanes) = lanes {
             coefficient = masked(lanes, coefficient);
             for (&a, b) in before.iter().zip(row) {
@@ -202,9 +202,9 @@ impl<R: Real> ScalarRows<R> {
 
 /// Subtracts the right-hand sides of row `j`, times the coefficient of a projection, from those of row `k`.
 #[inline(always)]
-fn combine<R: Real, const N: usize>(also: &mut [[R; N]], k: usize, j: usize, coefficient: R) {
-    let other = also[j];
-    for (x, other) in also[k].iter_mut().zip(other) {
+fn subtract_right_hand_sides<R: Real, const N: usize>(right_hand_sides: &mut [[R; N]], k: usize, j: usize, coefficient: R) {
+    let other = right_hand_sides[j];
+    for (x, other) in right_hand_sides[k].iter_mut().zip(other) {
         *x -= coefficient * other;
     }
 }

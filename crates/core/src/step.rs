@@ -58,7 +58,7 @@ fn stages<R: Real>(
     probe.span(Span::Sense, || observe(compiled, options, s, devices));
     // 10 record
     let record = probe.span(Span::Record, || record(compiled, options, s, &solution, [finite, tunnelled]));
-    s.constraints.leave_out_missed(&mut s.state.contacts);
+    s.constraints.remove_missed(&mut s.state.contacts);
     record
 }
 

@@ -25,7 +25,7 @@ const MAX_POSES: usize = 16;
 const TOUCH_BISECTIONS: usize = 10;
 
 /// Turn of a body on its path beyond which the path says nothing of where its points go, rad. Its gap then counts as closed.
-const MAX_TURN: f64 = 1.0;
+const MAX_ROTATION: f64 = 1.0;
 
 /// Straight motion of a pair from where the step is taken.
 pub(crate) struct Path<'a, R: Real> {
@@ -75,10 +75,10 @@ impl<R: Real> SweptPair<R> {
     /// Lanes of `lanes` in which the distance of the pair falls below `-tolerance` on the path, and a time at which it does, s. `gap` is
     /// its distance and rate at the beginning.
     #[inline(always)]
-    pub(crate) fn closes(&mut self, path: &Path<'_, R>, lanes: R::Mask, gap: Gap<R>, tolerance: R) -> (R::Mask, R) {
+    pub(crate) fn find_touch(&mut self, path: &Path<'_, R>, lanes: R::Mask, gap: Gap<R>, tolerance: R) -> (R::Mask, R) {
         let (mut low, mut high, mut tangent) = (R::zero(), path.time, gap);
         let end = self.gap_at(path, high, lanes);
-        let mut hits = lanes.and(end.distance.lt(-tolerance).or(self.turns_far(path)));
+        let mut hits = lanes.and(end.distance.lt(-tolerance).or(self.exceeds_max_rotation(path)));
         // A distance that still shrinks at the end is least there.
         let shrinks = end.distance.lt(R::of(f64::INFINITY)).and(end.rate.le(R::zero()));
         let mut open = lanes.and_not(hits).and_not(shrinks);
@@ -118,13 +118,13 @@ impl<R: Real> SweptPair<R> {
         high
     }
 
-    /// Lanes in which a body of the pair turns by more than [`MAX_TURN`].
+    /// Lanes in which a body of the pair turns by more than [`MAX_ROTATION`].
     #[inline(always)]
-    fn turns_far(&self, path: &Path<'_, R>) -> R::Mask {
+    fn exceeds_max_rotation(&self, path: &Path<'_, R>) -> R::Mask {
         let mut far = R::Mask::splat(false);
         for geom in path.pair.geoms {
             if let Some([turn, _]) = self.placed.frame_motion(path, path.compiled.geoms[geom].frame) {
-                far = far.or((norm(turn) * path.time).gt(R::of(MAX_TURN)));
+                far = far.or((norm(turn) * path.time).gt(R::of(MAX_ROTATION)));
             }
         }
         far

@@ -7,7 +7,7 @@ use stepper_real::{Mask, Real, Scalar};
 use crate::collision::detection::{GeomPoses, Placed, Scene};
 use crate::compile::{CompiledJoint, CompiledPair, Kernel, LaneModel};
 use crate::dynamics::kinematics::Kinematics;
-use crate::geometry::{Narrow, Pose, Solid, Sweep};
+use crate::geometry::{Narrow, Pose, Solid, SolidMotion};
 use crate::math::lanes::each_of;
 use crate::math::spatial::*;
 use crate::model::JointKind;
@@ -22,7 +22,7 @@ pub struct TakenStep<'a, R: Real> {
     /// Length, s.
     pub h: R,
     /// Whether contacts were found at its end, not at its beginning or in its middle.
-    pub ends_here: bool,
+    pub contacts_at_end: bool,
 }
 
 /// Lanes in which the step, now that its velocity is known, may have taken something through something thin: a pair moved past one another
@@ -42,19 +42,19 @@ pub fn may_have_passed<R: Real>(
     }
     let GeomPoses { placed, slack, near, near_count, broad, search, .. } = poses;
     let slack = *slack;
-    if step.is_free && placed.rested(compiled, alive) {
+    if step.is_free && placed.moved_little(compiled, alive) {
         return R::Mask::splat(false);
     }
-    let [moved, surprising] = R::vectorize(
+    let [moved, beyond_search] = R::vectorize(
         #[inline(always)]
-        || placed.update_ways(compiled, kinematics, step.velocity, step.h, slack),
+        || placed.update_displacements(compiled, kinematics, step.velocity, step.h, slack),
     );
     if moved.and(alive).none() {
         return R::Mask::splat(false);
     }
     // Where nothing got further than stage 3 looked out for, what was not near then is not met now.
-    let foreseen = surprising.and(alive).none();
-    if let (Some(crowd), false) = (&compiled.crowd, foreseen) {
+    let within_search = beyond_search.and(alive).none();
+    if let (Some(crowd), false) = (&compiled.crowd, within_search) {
         broad.find(compiled, crowd, alive.bits(), &placed.pos, &placed.lead, slack);
     }
     let placed = &*placed;
@@ -63,7 +63,7 @@ pub fn may_have_passed<R: Real>(
         #[inline(always)]
         || {
             let mut passed = R::Mask::splat(false);
-            if foreseen {
+            if within_search {
                 for &(index, _) in &near[..*near_count] {
                     passed = scene.test(&compiled.pairs[index as usize], alive, passed, &mut search.narrow);
                 }
@@ -85,7 +85,7 @@ pub fn may_have_passed<R: Real>(
 /// Relative displacement, m, below which a pair does not pass. Past a height field, which is solid, it is four times the thickness: on a
 /// shorter path that leaves the ground again a ball within the shape is in the ground at one end, where it is pushed out.
 #[inline(always)]
-fn least_way<R: Real>(compiled: &LaneModel<R>, pair: &CompiledPair<R::Scalar>) -> R {
+fn min_displacement<R: Real>(compiled: &LaneModel<R>, pair: &CompiledPair<R::Scalar>) -> R {
     let is_field = |&g: &usize| compiled.geoms[g].solid.as_ref().is_some_and(Solid::is_field);
     let thickness = compiled.tunnelling_distance(pair.geoms);
     if pair.kernel == Kernel::Surface && pair.geoms.iter().any(is_field) { thickness * R::of(4.0) } else { thickness }
@@ -104,36 +104,38 @@ impl<R: Real> Path<'_, R> {
     /// The lanes `passed`, with those of the lanes `alive` in which a pair may pass.
     #[inline(always)]
     fn test(&self, pair: &CompiledPair<R::Scalar>, alive: R::Mask, passed: R::Mask, narrow: &mut Narrow) -> R::Mask {
-        let suspected = self.placed.gets_past(self.compiled, pair).and(alive).and_not(passed);
+        let suspected = self.placed.may_get_past(self.compiled, pair).and(alive).and_not(passed);
         if suspected.none() {
             return passed;
         }
-        let suspected = suspected.and(self.come_close(pair));
-        if suspected.any() { passed.or(self.passes(pair.geoms, suspected, narrow)) } else { passed }
+        let suspected = suspected.and(self.exceed_gap(pair));
+        if suspected.any() { passed.or(self.test_path(pair.geoms, suspected, narrow)) } else { passed }
     }
 
     /// Lanes in which a pair moves past one another by more than it is thick, and by more than the gap between both: limbs that fly along
     /// together do not.
     #[inline(always)]
-    fn come_close(&self, pair: &CompiledPair<R::Scalar>) -> R::Mask {
+    fn exceed_gap(&self, pair: &CompiledPair<R::Scalar>) -> R::Mask {
         let (Self { compiled, kinematics, placed, step, slack }, [a, b]) = (self, pair.geoms);
         let scene = Scene { compiled, kinematics, poses: placed, h: step.h, slack: *slack, lead: step.h, leads: false };
-        let way = scene.way_past(a, b).min(scene.way_past(b, a)) + placed.bend(compiled, a, step.h) + placed.bend(compiled, b, step.h);
-        way.gt(least_way(compiled, pair).max(scene.gap(pair)))
+        let displacement = scene.way_past(a, b).min(scene.way_past(b, a))
+            + placed.arc_deviation(compiled, a, step.h)
+            + placed.arc_deviation(compiled, b, step.h);
+        displacement.gt(min_displacement(compiled, pair).max(scene.gap(pair)))
     }
 
     /// Those of the lanes `suspected` in which a pair may pass, lane by lane, in f64.
     #[inline(never)]
-    fn passes(&self, [a, b]: [usize; 2], suspected: R::Mask, narrow: &mut Narrow) -> R::Mask {
+    fn test_path(&self, [a, b]: [usize; 2], suspected: R::Mask, narrow: &mut Narrow) -> R::Mask {
         let mut passed = R::Mask::splat(false);
         let thickness = self.compiled.tunnelling_distance([a, b]);
         for lane in each_of(suspected.bits()) {
             let (Some(first), Some(second)) = (self.solid(a, lane), self.solid(b, lane)) else { continue };
-            let sweeps = [self.sweep(a, lane), self.sweep(b, lane)];
+            let motions = [self.motion_of(a, lane), self.motion_of(b, lane)];
             let h = self.step.h.lane(lane).to_f64();
-            let times = if self.step.ends_here { [-h, 0.0] } else { [0.0, h] };
+            let times = if self.step.contacts_at_end { [-h, 0.0] } else { [0.0, h] };
             let thickness = (thickness.lane(lane).to_f64()).max(self.slack.lane(lane).to_f64());
-            if narrow.may_pass([&first, &second], sweeps, times, thickness) {
+            if narrow.may_pass([&first, &second], motions, times, thickness) {
                 passed = passed.or(R::Mask::from_bits(1 << lane));
             }
         }
@@ -147,7 +149,7 @@ impl<R: Real> Path<'_, R> {
     }
 
     /// Motion of a geom in a lane.
-    fn sweep(&self, geom: usize, lane: usize) -> Sweep {
+    fn motion_of(&self, geom: usize, lane: usize) -> SolidMotion {
         let Self { compiled, kinematics, placed, .. } = self;
         let own = &compiled.geoms[geom];
         let (pos, mut mat) = (of_lane(&placed.pos[geom], lane), of_lane(&placed.mat[geom], lane));
@@ -157,7 +159,7 @@ impl<R: Real> Path<'_, R> {
             mat = [x[0], y[0], z[0], x[1], y[1], z[1], x[2], y[2], z[2]];
         }
         let arm_from = |origin: V3<R>| sub(placed.pos[geom], origin);
-        let [angular, straight, linear] = match own.frame.checked_sub(compiled.links.len() + 1) {
+        let [angular, root_velocity, linear] = match own.frame.checked_sub(compiled.links.len() + 1) {
             _ if own.frame == 0 => [zero(); 3],
             Some(mocap) => {
                 let motion = &kinematics.posed[mocap];
@@ -165,13 +167,13 @@ impl<R: Real> Path<'_, R> {
             }
             None => {
                 let (motion, tree) = (&placed.led_by[own.frame - 1], compiled.links[own.frame - 1].tree);
-                let straight = self.velocity_of_root(tree);
-                [angular(motion), straight, sub(velocity_at(motion, arm_from(kinematics.origin[tree])), straight)]
+                let root_velocity = self.velocity_of_root(tree);
+                [angular(motion), root_velocity, sub(velocity_at(motion, arm_from(kinematics.origin[tree])), root_velocity)]
             }
         };
-        let [angular, straight, linear] = [angular, straight, linear].map(|x: V3<R>| of_lane(&x, lane));
+        let [angular, root_velocity, linear] = [angular, root_velocity, linear].map(|x: V3<R>| of_lane(&x, lane));
         let pose = if size_of::<R::Scalar>() < size_of::<f64>() { Pose::widened(pos, mat) } else { Pose { pos, mat } };
-        Sweep { pose, angular, straight, linear }
+        SolidMotion { pose, angular, root_velocity, linear }
     }
 
     /// Velocity with which the root of a tree moves straight: zero for one that turns about a hinge.
@@ -187,7 +189,7 @@ impl<R: Real> Path<'_, R> {
 
 impl<R: Real> Placed<R> {
     /// Whether no geom moved by half its thickness in a free step: stage 3 has its way in two of them, twice as long to the bit.
-    fn rested(&self, compiled: &LaneModel<R>, alive: R::Mask) -> bool {
+    fn moved_little(&self, compiled: &LaneModel<R>, alive: R::Mask) -> bool {
         R::vectorize(
             #[inline(always)]
             || {
@@ -203,39 +205,39 @@ impl<R: Real> Placed<R> {
     /// Bounds on the ways of the step as it was made, left in `lead`. Returns the lanes in which some geom moved by half its thickness,
     /// since no two others get past one another, and those in which some geom got further than stage 3 looked out for.
     #[inline(always)]
-    fn update_ways(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, v_next: &[R], h: R, slack: R) -> [R::Mask; 2] {
+    fn update_displacements(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, v_next: &[R], h: R, slack: R) -> [R::Mask; 2] {
         self.update_lead(compiled, kinematics, v_next, h);
-        let [mut any, mut surprising] = [R::Mask::splat(false); 2];
+        let [mut any, mut beyond_search] = [R::Mask::splat(false); 2];
         let half = R::of(0.5);
-        for (g, ((&way, &travel), fast)) in self.lead.iter().zip(&self.travel).zip(&mut self.fast).enumerate() {
-            let moved = way.gt(compiled.params.inscribed_radius(g) * half);
+        for (g, ((&displacement, &travel), fast)) in self.lead.iter().zip(&self.travel).zip(&mut self.fast).enumerate() {
+            let moved = displacement.gt(compiled.params.inscribed_radius(g) * half);
             *fast = moved.any();
             any = any.or(moved);
-            surprising = surprising.or(way.gt(travel + slack * half));
+            beyond_search = beyond_search.or(displacement.gt(travel + slack * half));
         }
-        [any, surprising]
+        [any, beyond_search]
     }
 
     /// Lanes in which a pair could get past one another, by bounds on the ways of both: their paths are not looked at.
     #[inline(always)]
-    fn gets_past(&self, compiled: &LaneModel<R>, pair: &CompiledPair<R::Scalar>) -> R::Mask {
+    fn may_get_past(&self, compiled: &LaneModel<R>, pair: &CompiledPair<R::Scalar>) -> R::Mask {
         let [a, b] = pair.geoms;
         if !(self.fast[a] || self.fast[b]) {
             return R::Mask::splat(false);
         }
-        let way = self.lead[a] + self.lead[b];
-        let far = way.gt(least_way(compiled, pair));
+        let displacement = self.lead[a] + self.lead[b];
+        let far = displacement.gt(min_displacement(compiled, pair));
         if far.none() {
             return far;
         }
-        let reach = compiled.reach(pair.geoms) + R::splat(pair.margin) + way;
+        let reach = compiled.reach(pair.geoms) + R::splat(pair.margin) + displacement;
         let apart = sub(self.pos[b], self.pos[a]);
         far.and(dot(apart, apart).lt(reach * reach))
     }
 
     /// How far an arc leaves its tangent: half the square of the angle, times what it swings, m.
     #[inline(always)]
-    fn bend(&self, compiled: &LaneModel<R>, geom: usize, h: R) -> R {
+    fn arc_deviation(&self, compiled: &LaneModel<R>, geom: usize, h: R) -> R {
         let g = &compiled.geoms[geom];
         if g.frame == 0 || g.frame > compiled.links.len() {
             return R::zero();

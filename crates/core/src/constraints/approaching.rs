@@ -49,13 +49,13 @@ impl<R: Real> Constraints<R> {
         let gap = contacts.data[k].point.distance;
         let closes = gap.gt(R::of(options.slop)).and((assembly.gap(gap) + assembly.h * free[0]).lt(R::zero()));
         let waiting = curved.and(before.lt(-resting_speed).or(closes));
-        if waiting.none() { waiting } else { self.not_meeting(input, contacts, k, waiting, free) }
+        if waiting.none() { waiting } else { self.without_certain_hits(input, contacts, k, waiting, free) }
     }
 
     /// Lanes of `lanes` but those in which round surfaces meet in the free motion for sure. Spheres and capsules hold the balls about the
     /// contact's centres of curvature, and those meet.
     #[inline(never)]
-    fn not_meeting(&self, input: RowInput<'_, R>, contacts: &Contacts<R>, k: usize, lanes: R::Mask, free: V3<R>) -> R::Mask {
+    fn without_certain_hits(&self, input: RowInput<'_, R>, contacts: &Contacts<R>, k: usize, lanes: R::Mask, free: V3<R>) -> R::Mask {
         R::vectorize(
             #[inline(always)]
             || {
@@ -78,9 +78,9 @@ impl<R: Real> Constraints<R> {
 
     /// Lanes of `lanes` in which the rows of any contact wait.
     #[inline(always)]
-    pub(crate) fn waits(&self, lanes: R::Mask) -> R::Mask {
+    pub(crate) fn deferred_lanes(&self, lanes: R::Mask) -> R::Mask {
         let mut waiting = R::Mask::splat(false);
-        for contact in &self.approaching {
+        for contact in &self.deferred {
             waiting = waiting.or(contact.lanes);
         }
         waiting.and(lanes)
@@ -96,9 +96,9 @@ impl<R: Real> Constraints<R> {
     ) -> f64 {
         let mut deepest = 0.0_f64;
         for k in 0..contacts.count[lane] {
-            let waits = self.approaching.iter().any(|contact| contact.slot == k && contact.lanes.bits() >> lane & 1 == 1);
+            let is_deferred = self.deferred.iter().any(|contact| contact.slot == k && contact.lanes.bits() >> lane & 1 == 1);
             let shares = |f: usize| f > 0 && frames.contains(&f);
-            if !waits && frames_of(contacts.ids[k][lane].pair()).into_iter().any(shares) {
+            if !is_deferred && frames_of(contacts.ids[k][lane].pair()).into_iter().any(shares) {
                 deepest = deepest.max(-contacts.data[k].point.distance.lane(lane).to_f64());
             }
         }
@@ -110,13 +110,13 @@ impl<R: Real> Constraints<R> {
         R::vectorize(
             #[inline(always)]
             || {
-                for i in 0..self.approaching.len() {
-                    let waiting = &self.approaching[i];
+                for i in 0..self.deferred.len() {
+                    let waiting = &self.deferred[i];
                     let mut struck = R::Mask::splat(false);
                     for (pair, same) in contacts.pairs(waiting.slot, waiting.lanes.and(lanes).bits()) {
                         struck = struck.or(lanes_of(pair).and(R::Mask::from_bits(same)));
                     }
-                    self.activate_contact(i, struck, self.approaching[i].impulse);
+                    self.activate_contact(i, struck, self.deferred[i].impulse);
                 }
             },
         );
@@ -127,12 +127,12 @@ impl<R: Real> Constraints<R> {
     /// Activates the waiting contacts that the solution does not violate: they push nothing. Those that it violates and does not strike go
     /// on waiting: their surfaces pass each other.
     #[inline(always)]
-    pub(crate) fn activate_unviolated(&mut self) {
+    pub(crate) fn activate_satisfied(&mut self) {
         R::vectorize(
             #[inline(always)]
             || {
-                for i in 0..self.approaching.len() {
-                    let waiting = &self.approaching[i];
+                for i in 0..self.deferred.len() {
+                    let waiting = &self.deferred[i];
                     let open = self.problem.normal_velocity(waiting.contact, &self.iterate.w).ge(R::zero());
                     self.activate_contact(i, waiting.lanes.and(open), [R::zero(); 6]);
                 }
@@ -141,9 +141,9 @@ impl<R: Real> Constraints<R> {
     }
 
     /// Activates the waiting contacts that are among the contacts `known` of a step.
-    pub(crate) fn activate_known(&mut self, contacts: &Contacts<R>, known: &Contacts<R>) {
-        for i in 0..self.approaching.len() {
-            let waiting = self.approaching[i];
+    pub(crate) fn activate_matching(&mut self, contacts: &Contacts<R>, known: &Contacts<R>) {
+        for i in 0..self.deferred.len() {
+            let waiting = self.deferred[i];
             let mut there = 0;
             for lane in each_of(waiting.lanes.bits()) {
                 let id = contacts.ids[waiting.slot][lane];
@@ -156,9 +156,9 @@ impl<R: Real> Constraints<R> {
     /// Activates the waiting contacts of pairs that have another contact with the same normal which does not wait: the two surfaces lie on
     /// each other, and share their load among all of these contacts.
     #[inline(never)]
-    pub(crate) fn activate_facing(&mut self, contacts: &Contacts<R>) {
-        for i in 0..self.approaching.len() {
-            let waiting = self.approaching[i];
+    pub(crate) fn activate_coplanar(&mut self, contacts: &Contacts<R>) {
+        for i in 0..self.deferred.len() {
+            let waiting = self.deferred[i];
             let mut facing = 0;
             for lane in each_of(waiting.lanes.bits()) {
                 let normal = of_lane(&contacts.data[waiting.slot].point.normal, lane);
@@ -166,7 +166,7 @@ impl<R: Real> Constraints<R> {
                 let rests = (0..contacts.count[lane]).any(|k| {
                     contacts.ids[k][lane].pair() == pair
                         && dot(of_lane(&contacts.data[k].point.normal, lane), normal) > SAME_NORMAL
-                        && !self.approaching.iter().any(|other| other.slot == k && other.lanes.bits() >> lane & 1 == 1)
+                        && !self.deferred.iter().any(|other| other.slot == k && other.lanes.bits() >> lane & 1 == 1)
                 });
                 facing |= u32::from(rests) << lane;
             }
@@ -179,8 +179,8 @@ impl<R: Real> Constraints<R> {
     #[inline(always)]
     fn activate_contact(&mut self, i: usize, lanes: R::Mask, impulse: [R; 6]) {
         if lanes.any() {
-            let Self { approaching, problem, iterate, shared, .. } = self;
-            let waiting = &mut approaching[i];
+            let Self { deferred, problem, iterate, shared, .. } = self;
+            let waiting = &mut deferred[i];
             let lanes = problem.activate_contact(waiting.contact, lanes);
             iterate.start_contact(problem, waiting.contact, lanes, impulse);
             shared.start_contact(problem, waiting.contact, lanes, impulse);
@@ -191,13 +191,13 @@ impl<R: Real> Constraints<R> {
 
     /// Takes the contacts that still wait out of `contacts`: their surfaces have passed each other.
     #[inline(always)]
-    pub(crate) fn leave_out_missed(&mut self, contacts: &mut Contacts<R>) {
-        let lanes = self.waits(R::Mask::splat(true));
+    pub(crate) fn remove_missed(&mut self, contacts: &mut Contacts<R>) {
+        let lanes = self.deferred_lanes(R::Mask::splat(true));
         for lane in each_of(lanes.bits()) {
-            let Self { approaching, kept, .. } = self;
+            let Self { deferred, kept, .. } = self;
             kept.clear();
             kept.resize(contacts.count[lane], true);
-            for waiting in approaching.iter().filter(|waiting| waiting.lanes.bits() >> lane & 1 == 1) {
+            for waiting in deferred.iter().filter(|waiting| waiting.lanes.bits() >> lane & 1 == 1) {
                 // A lane whose step was not taken has no contacts left.
                 if let Some(kept) = kept.get_mut(waiting.slot) {
                     *kept = false;

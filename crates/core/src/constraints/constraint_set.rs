@@ -83,10 +83,10 @@ pub struct Constraints<R: Real> {
     /// Squared scales of a column, entry by entry.
     pub(crate) scales: Vec<V3<R>>,
     /// Squared scales of what the elimination of equalities takes from a column, entry by entry.
-    pub(crate) taken_scales: Vec<V3<R>>,
+    pub(crate) removed_scales: Vec<V3<R>>,
     /// Coefficients of the projections that the last elimination has taken from a column, for every tied row by its index, or their
     /// scales.
-    pub(crate) shares: Vec<V3<R>>,
+    pub(crate) projections: Vec<V3<R>>,
     /// Of those rows: h/2 J' v, J v before the step, and the bias that corrects the error (minus a velocity).
     pub(crate) demands: Vec<[R; 3]>,
     pub(crate) column: Vec<V3<R>>,
@@ -102,15 +102,15 @@ pub struct Constraints<R: Real> {
     /// Lanes (bits) in which the first surface of the gathered contact is a plane.
     pub(crate) flat: u32,
     /// Contacts whose rows wait until the solved motion closes their gap.
-    pub(crate) approaching: Vec<Approaching<R>>,
+    pub(crate) deferred: Vec<DeferredContact<R>>,
     /// Which contacts of a lane are kept, while those that it missed are left out.
     pub(crate) kept: Vec<bool>,
     /// Time in which the rows let a gap close, s.
     pub(crate) closing_time: R,
     /// Rows of the equalities that are taken out of the row which is made.
-    pub(crate) tied: Vec<Range<usize>>,
+    pub(crate) coupled: Vec<Range<usize>>,
     /// Entries of the separate equalities, times D^-1/2 and times D^1/2.
-    pub(crate) separate: [Vec<R>; 2],
+    pub(crate) eliminated_entries: [Vec<R>; 2],
     /// Rows of MuJoCo's contact law, where it is asked for; the problem above is empty then.
     pub(crate) soft: Option<Box<SoftSystem<R>>>,
 }
@@ -158,7 +158,7 @@ pub(crate) struct Impact<R: Real> {
 
 /// Contact whose rows wait in some lanes.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Approaching<R: Real> {
+pub(crate) struct DeferredContact<R: Real> {
     /// Index of the contact in the problem: those of three rows come first, then those of six.
     pub(crate) contact: usize,
     /// Slot of its geometry.
@@ -247,8 +247,8 @@ impl<R: Real> Constraints<R> {
             velocity_scales: Vec::with_capacity(rows),
             coefficient_scales: vec![R::zero(); block],
             scales: vec![zero(); compiled.nv],
-            taken_scales: vec![zero(); compiled.nv],
-            shares: vec![zero(); rows],
+            removed_scales: vec![zero(); compiled.nv],
+            projections: vec![zero(); rows],
             demands: Vec::with_capacity(block),
             column: vec![zero(); compiled.nv],
             linear: vec![zero(); if compiled.has_rolling_friction { compiled.nv } else { 0 }],
@@ -258,12 +258,14 @@ impl<R: Real> Constraints<R> {
             words: vec![0; compiled.nv.div_ceil(64)],
             moving: 0,
             flat: 0,
-            approaching: Vec::with_capacity(max_contacts + rolling_contacts),
+            deferred: Vec::with_capacity(max_contacts + rolling_contacts),
             kept: Vec::with_capacity(max_contacts),
             closing_time: R::zero(),
-            tied: Vec::with_capacity(compiled.equalities.len()),
+            coupled: Vec::with_capacity(compiled.equalities.len()),
             soft: SoftSystem::new(compiled, max_contacts, soft_contacts, soft_support),
-            separate: std::array::from_fn(|_| Vec::with_capacity(compiled.equalities.iter().map(|b| b.rows * b.support.len()).sum())),
+            eliminated_entries: std::array::from_fn(|_| {
+                Vec::with_capacity(compiled.equalities.iter().map(|b| b.rows * b.support.len()).sum())
+            }),
         }
     }
 }

@@ -4,8 +4,8 @@ use stepper_real::{Mask, Real, Scalar};
 use stepper_solve::velocity_rounding;
 
 use crate::collision::contact_set::Contacts;
-use crate::constraints::constraint_set::{Approaching, Constraints};
-use crate::constraints::elimination::Lengths;
+use crate::constraints::constraint_set::{Constraints, DeferredContact};
+use crate::constraints::elimination::SquaredLengths;
 use crate::constraints::equality::RowInput;
 use crate::math::spatial::*;
 
@@ -26,11 +26,11 @@ pub(crate) struct SlidingRows<R: Real> {
     /// What each row demands of velocities and of positions, m/s.
     pub(crate) demands: [[R; 2]; 3],
     /// Squared lengths of the rows, where equalities are taken out of them.
-    pub(crate) lengths: Option<Lengths<R, 3>>,
+    pub(crate) lengths: Option<SquaredLengths<R, 3>>,
     /// Lanes in which the contact can push, now or once it is activated.
     pub(crate) active: R::Mask,
     /// Those in which its rows wait; without contact, slot and impulse, which the caller knows.
-    pub(crate) approaching: Approaching<R>,
+    pub(crate) deferred: DeferredContact<R>,
     /// Compliance of the normal row, 1/kg, where surfaces of the model give way.
     pub(crate) compliance: Option<R>,
 }
@@ -40,7 +40,7 @@ impl<R: Real> Constraints<R> {
     #[inline(always)]
     pub(crate) fn add_contact(&mut self, input: RowInput<'_, R>, contacts: &Contacts<R>, k: usize, lanes: u32) {
         let (slot, mass) = (&contacts.data[k], input.mass);
-        let SlidingRows { demands: g, lengths, active, approaching, compliance } = self.sliding_rows(input, contacts, k, lanes);
+        let SlidingRows { demands: g, lengths, active, deferred, compliance } = self.sliding_rows(input, contacts, k, lanes);
         let (column, contact) = (&self.column, self.problem.contacts.len());
         self.problem.push_contact(
             &self.support,
@@ -56,18 +56,18 @@ impl<R: Real> Constraints<R> {
             self.problem.contacts.forgive(rounding);
         }
         if let Some(lengths) = lengths {
-            self.problem.contacts.set_trace_ratio(lengths.times());
+            self.problem.contacts.set_trace_ratio(lengths.trace_ratio());
         }
         if let Some(compliance) = compliance {
             self.problem.contacts.set_compliance(compliance);
         }
         self.problem.contacts.set_position_demand([g[0][1], g[1][1] - g[1][0], g[2][1] - g[2][0]]);
-        let solved = active.and_not(approaching.lanes);
-        if approaching.lanes.any() {
-            self.problem.contacts.defer(approaching.lanes);
+        let solved = active.and_not(deferred.lanes);
+        if deferred.lanes.any() {
+            self.problem.contacts.defer(deferred.lanes);
             let [n, a, b] = slot.impulse;
             let impulse = [n, a, b, R::zero(), R::zero(), R::zero()];
-            self.approaching.push(Approaching { contact, slot: k, impulse, ..approaching });
+            self.deferred.push(DeferredContact { contact, slot: k, impulse, ..deferred });
         }
         self.iterate.contacts.push(select(solved, slot.impulse, zero()));
         self.slots.push((k, R::Mask::from_bits(lanes)));
@@ -98,7 +98,7 @@ impl<R: Real> Constraints<R> {
                 self.half_solve::<3>(compiled, mass);
                 self.add_fill_scales::<1>(compiled, mass);
                 if self.eliminate(mass, &mut [[R::zero(); 2]; 3]).is_some() {
-                    self.add_taken_scales(mass);
+                    self.add_removed_scales(mass);
                 }
                 let (least, mut movable) = (R::of(least_lever::<R>().powi(2)), R::Mask::splat(false));
                 for &d in &self.support {
@@ -136,10 +136,10 @@ impl<R: Real> Constraints<R> {
         let bounces = self.impacts.last().map_or(R::Mask::splat(false), |impact| impact.lanes);
         let lanes = self.approaching_lanes(input, contacts, k, active.and(rigid), before[0], held);
         let impulse = [R::zero(); 6];
-        let approaching = Approaching { contact: 0, slot: k, lanes, bounces, bias: demands[0][0] - held[0], impulse };
+        let deferred = DeferredContact { contact: 0, slot: k, lanes, bounces, bias: demands[0][0] - held[0], impulse };
         if curves {
             self.add_curve(input, contacts, k, active, [free, change], &mut demands);
         }
-        SlidingRows { demands, lengths, active, approaching, compliance: springs.map(|row| row.compliance) }
+        SlidingRows { demands, lengths, active, deferred, compliance: springs.map(|row| row.compliance) }
     }
 }

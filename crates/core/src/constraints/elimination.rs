@@ -23,23 +23,23 @@ use crate::math::spatial::*;
 impl<R: Real> Constraints<R> {
     /// Finds the separate equalities that share a degree of freedom with `support`, and adds what they move to it, with zeros in `column`.
     #[inline(always)]
-    pub(crate) fn tie(&mut self, compiled: &LaneModel<R>) {
+    pub(crate) fn couple(&mut self, compiled: &LaneModel<R>) {
         if self.problem.scalars.separate() > 0 {
             self.words.fill(0);
             for &d in &self.support {
                 self.words[d as usize / 64] |= 1 << (d % 64);
             }
         }
-        self.find_tied(compiled);
-        if !self.tied.is_empty() {
+        self.find_coupled(compiled);
+        if !self.coupled.is_empty() {
             self.list_support();
         }
     }
 
     /// The same of the dofs in `words`.
     #[inline(always)]
-    pub(crate) fn find_tied(&mut self, compiled: &LaneModel<R>) {
-        self.tied.clear();
+    pub(crate) fn find_coupled(&mut self, compiled: &LaneModel<R>) {
+        self.coupled.clear();
         if self.problem.scalars.separate() > 0 {
             self.search_blocks(compiled);
         }
@@ -51,7 +51,7 @@ impl<R: Real> Constraints<R> {
         for block in compiled.equalities.iter().filter(|block| block.separate) {
             let rows = start..start + block.rows;
             start = rows.end;
-            if block.set.iter().zip(&self.words).all(|(tied, moved)| tied & moved == 0) {
+            if block.set.iter().zip(&self.words).all(|(coupled, moved)| coupled & moved == 0) {
                 continue;
             }
             for &d in &block.support {
@@ -61,19 +61,19 @@ impl<R: Real> Constraints<R> {
                     self.signs[d] = [0; 2];
                 }
             }
-            for (word, tied) in self.words.iter_mut().zip(&block.set) {
-                *word |= tied;
+            for (word, coupled) in self.words.iter_mut().zip(&block.set) {
+                *word |= coupled;
             }
-            self.tied.push(rows);
+            self.coupled.push(rows);
         }
     }
 
     /// Keeps the entries of separate equalities as `eliminate` reads them.
     #[inline(always)]
-    pub(crate) fn keep_separate(&mut self, compiled: &LaneModel<R>, mass: &MassMatrix<R>) {
+    pub(crate) fn store_eliminated(&mut self, compiled: &LaneModel<R>, mass: &MassMatrix<R>) {
         self.problem.scalars.mark_separate();
-        let Self { problem, separate, .. } = self;
-        let [found, taken] = separate;
+        let Self { problem, eliminated_entries, .. } = self;
+        let [found, taken] = eliminated_entries;
         found.clear();
         taken.clear();
         let mut first = 0;
@@ -94,17 +94,17 @@ impl<R: Real> Constraints<R> {
         }
     }
 
-    /// Takes the tied equalities out of the first `N` components of `column` on `support`, half solved but for D^-1/2, and out of what
+    /// Takes the coupled equalities out of the first `N` components of `column` on `support`, half solved but for D^-1/2, and out of what
     /// these rows demand: their velocities g of the step, and when positions are solved apart. Of a row that depends on them nothing is
-    /// left. Returns the squared lengths of the rows before, and of what is left; nothing where no equality is tied.
+    /// left. Returns the squared lengths of the rows before, and of what is left; nothing where no equality is coupled.
     #[inline(always)]
-    pub(crate) fn eliminate<const N: usize>(&mut self, mass: &MassMatrix<R>, demands: &mut [[R; 2]; N]) -> Option<Lengths<R, N>> {
-        if self.tied.is_empty() { None } else { Some(self.eliminate_tied(mass, demands)) }
+    pub(crate) fn eliminate<const N: usize>(&mut self, mass: &MassMatrix<R>, demands: &mut [[R; 2]; N]) -> Option<SquaredLengths<R, N>> {
+        if self.coupled.is_empty() { None } else { Some(self.eliminate_coupled(mass, demands)) }
     }
 
     /// A kernel of its own: inlined where rows are made, it would be most of the code there, which few scenes need.
     #[inline(never)]
-    fn eliminate_tied<const N: usize>(&mut self, mass: &MassMatrix<R>, demands: &mut [[R; 2]; N]) -> Lengths<R, N> {
+    fn eliminate_coupled<const N: usize>(&mut self, mass: &MassMatrix<R>, demands: &mut [[R; 2]; N]) -> SquaredLengths<R, N> {
         R::vectorize(
             #[inline(always)]
             || self.eliminate_blocks(mass, demands),
@@ -112,7 +112,7 @@ impl<R: Real> Constraints<R> {
     }
 
     #[inline(always)]
-    fn eliminate_blocks<const N: usize>(&mut self, mass: &MassMatrix<R>, demands: &mut [[R; 2]; N]) -> Lengths<R, N> {
+    fn eliminate_blocks<const N: usize>(&mut self, mass: &MassMatrix<R>, demands: &mut [[R; 2]; N]) -> SquaredLengths<R, N> {
         let mut whole = [R::zero(); N];
         for &d in &self.support {
             let (x, weight) = (&self.column[d as usize], mass.sqrt_inv_d[d as usize]);
@@ -121,8 +121,8 @@ impl<R: Real> Constraints<R> {
             }
         }
         let mut rest = whole;
-        for block in 0..self.tied.len() {
-            let rows = self.tied[block].clone();
+        for block in 0..self.coupled.len() {
+            let rows = self.coupled[block].clone();
             for first in rows.clone().step_by(4) {
                 match rows.end - first {
                     1 => self.eliminate_rows::<N, 1>(first, demands, &mut rest),
@@ -132,7 +132,7 @@ impl<R: Real> Constraints<R> {
                 }
             }
         }
-        let mut lengths = Lengths { whole, rest };
+        let mut lengths = SquaredLengths { whole, rest };
         let mut short = [R::Mask::splat(false); N];
         let mut any = short[0];
         for n in 0..N {
@@ -154,20 +154,20 @@ impl<R: Real> Constraints<R> {
         &mut self,
         mass: &MassMatrix<R>,
         demands: &mut [[R; 2]; N],
-        lengths: &mut Lengths<R, N>,
+        lengths: &mut SquaredLengths<R, N>,
         short: [R::Mask; N],
     ) {
         R::vectorize(
             #[inline(always)]
             || {
                 let rounding = R::of(ROUNDING_RATIO / MIN_REMAINING_LENGTH);
-                let Self { problem, column, tied, shares, taken_scales, velocity_scales, support, .. } = self;
+                let Self { problem, column, coupled, projections, removed_scales, velocity_scales, support, .. } = self;
                 for &d in &*support {
-                    taken_scales[d as usize] = zero();
+                    removed_scales[d as usize] = zero();
                 }
                 let mut speed = [[R::zero(); 2]; N];
-                for k in tied.iter().flat_map(Range::clone) {
-                    let (row, share) = (&problem.scalars[k], shares[k]);
+                for k in coupled.iter().flat_map(Range::clone) {
+                    let (row, share) = (&problem.scalars[k], projections[k]);
                     let (support, entries) = problem.scalars.entries(row);
                     let mut along = [R::zero(); N];
                     for (&d, &y) in support.iter().zip(entries) {
@@ -186,7 +186,7 @@ impl<R: Real> Constraints<R> {
                         }
                     }
                     for (&d, &y) in support.iter().zip(entries) {
-                        let (x, scale, y) = (&mut column[d as usize], &mut taken_scales[d as usize], y * mass.sqrt_d[d as usize]);
+                        let (x, scale, y) = (&mut column[d as usize], &mut removed_scales[d as usize], y * mass.sqrt_d[d as usize]);
                         for n in 0..N {
                             let again = along[n] * y;
                             x[n] = R::select(short[n], x[n] - again, x[n]);
@@ -195,12 +195,12 @@ impl<R: Real> Constraints<R> {
                     }
                 }
                 // What the rounding of a coefficient makes of an entry: terms may have no part in it.
-                for k in tied.iter().flat_map(Range::clone) {
-                    let (row, share) = (&problem.scalars[k], &mut shares[k]);
+                for k in coupled.iter().flat_map(Range::clone) {
+                    let (row, share) = (&problem.scalars[k], &mut projections[k]);
                     let (support, entries) = problem.scalars.entries(row);
                     let mut square = [R::zero(); N];
                     for (&d, &y) in support.iter().zip(entries) {
-                        let (x, taken, y) = (&column[d as usize], &taken_scales[d as usize], y * mass.sqrt_inv_d[d as usize]);
+                        let (x, taken, y) = (&column[d as usize], &removed_scales[d as usize], y * mass.sqrt_inv_d[d as usize]);
                         for n in 0..N {
                             square[n] += (x[n].square() + taken[n]) * y.square();
                         }
@@ -209,11 +209,11 @@ impl<R: Real> Constraints<R> {
                         share[n] = row.projection(square[n].sqrt());
                     }
                 }
-                for k in tied.iter().flat_map(Range::clone) {
-                    let share = shares[k];
+                for k in coupled.iter().flat_map(Range::clone) {
+                    let share = projections[k];
                     let (support, entries) = problem.scalars.entries(&problem.scalars[k]);
                     for (&d, &y) in support.iter().zip(entries) {
-                        let (scale, y) = (&mut taken_scales[d as usize], y * mass.sqrt_d[d as usize]);
+                        let (scale, y) = (&mut removed_scales[d as usize], y * mass.sqrt_d[d as usize]);
                         for n in 0..N {
                             scale[n] += (share[n] * y).square();
                         }
@@ -222,7 +222,7 @@ impl<R: Real> Constraints<R> {
                 for n in 0..N {
                     let (mut rest, mut independent) = (R::zero(), R::Mask::splat(false));
                     for &d in &*support {
-                        let (x, scale) = (column[d as usize][n], taken_scales[d as usize][n]);
+                        let (x, scale) = (column[d as usize][n], removed_scales[d as usize][n]);
                         rest += (x * mass.sqrt_inv_d[d as usize]).square();
                         independent = independent.or(x.square().gt(scale * R::of(MIN_REMAINING_LENGTH)));
                     }
@@ -244,10 +244,10 @@ impl<R: Real> Constraints<R> {
 
     /// Adds to the scales of the first component of `column` those of what the last elimination has taken from it.
     #[inline(always)]
-    pub(crate) fn add_taken_scales(&mut self, mass: &MassMatrix<R>) {
-        let Self { problem, tied, shares, scales, .. } = self;
-        for k in tied.iter().flat_map(Range::clone) {
-            let (row, share) = (&problem.scalars[k], &mut shares[k]);
+    pub(crate) fn add_removed_scales(&mut self, mass: &MassMatrix<R>) {
+        let Self { problem, coupled, projections, scales, .. } = self;
+        for k in coupled.iter().flat_map(Range::clone) {
+            let (row, share) = (&problem.scalars[k], &mut projections[k]);
             let (support, entries) = problem.scalars.entries(row);
             let mut square = R::zero();
             for (&d, &y) in support.iter().zip(entries) {
@@ -255,8 +255,8 @@ impl<R: Real> Constraints<R> {
             }
             share[0] = row.projection(square.sqrt()).max(share[0].abs());
         }
-        for k in tied.iter().flat_map(Range::clone) {
-            let share = shares[k];
+        for k in coupled.iter().flat_map(Range::clone) {
+            let share = projections[k];
             let (support, entries) = problem.scalars.entries(&problem.scalars[k]);
             for (&d, &y) in support.iter().zip(entries) {
                 scales[d as usize][0] += (share[0] * y * mass.sqrt_d[d as usize]).square();
@@ -268,11 +268,11 @@ impl<R: Real> Constraints<R> {
     /// another. What does not touch them keeps its bits. `rest` are the squared lengths of what is left.
     #[inline(always)]
     fn eliminate_rows<const N: usize, const K: usize>(&mut self, first: usize, demands: &mut [[R; 2]; N], rest: &mut [R; N]) {
-        let Self { problem, column, separate, shares, .. } = self;
+        let Self { problem, column, eliminated_entries, projections, .. } = self;
         let rows: &[ScalarRow<R>; K] = problem.scalars[first..].first_chunk().expect("a block has its rows");
         let (support, _) = problem.scalars.entries(&rows[0]);
         let at = rows[0].entries().start;
-        let [found, taken] = [&separate[0], &separate[1]].map(
+        let [found, taken] = [&eliminated_entries[0], &eliminated_entries[1]].map(
             #[inline(always)]
             |entries| entries[at..].as_chunks::<K>().0,
         );
@@ -287,7 +287,7 @@ impl<R: Real> Constraints<R> {
         }
         for k in 0..K {
             let g = [rows[k].g, rows[k].position_g];
-            let kept = &mut shares[first + k];
+            let kept = &mut projections[first + k];
             for n in 0..N {
                 let share = rows[k].projection(along[n][k]);
                 kept[n] = share;
@@ -309,35 +309,35 @@ impl<R: Real> Constraints<R> {
 
 /// Part of the squared length of a row that equalities leave, below which they may prevent it: a contact whose normal they let move by a
 /// thousandth of what the bodies could has impulses a million times as large as it should, and nothing but rounding decides between them.
-/// That a light body is tied to a heavy one leaves as little, so the same part of the square of every entry decides.
+/// That a light body is coupled to a heavy one leaves as little, so the same part of the square of every entry decides.
 const MIN_REMAINING_LENGTH: f64 = 1e-6;
 
 /// Part of the squared length of a row that equalities leave, below which it is projected twice: in 32 bits one projection leaves a part
-/// of 1e-6 along the equalities there, and moves a light body that much more than the heavy one that it is tied to.
+/// of 1e-6 along the equalities there, and moves a light body that much more than the heavy one that it is coupled to.
 fn inexact_part<R: Real>() -> f64 {
     if <R::Scalar as Scalar>::EPSILON.to_f64() > 1e-12 { 1e-2 } else { MIN_REMAINING_LENGTH }
 }
 
 /// Squared lengths of rows in the metric of G.
 #[derive(Clone, Copy)]
-pub(crate) struct Lengths<R, const N: usize> {
+pub(crate) struct SquaredLengths<R, const N: usize> {
     pub(crate) whole: [R; N],
     /// Of what is left when equalities are taken out.
     pub(crate) rest: [R; N],
 }
 
-impl<R: Real, const N: usize> Lengths<R, N> {
-    /// See [`times`].
+impl<R: Real, const N: usize> SquaredLengths<R, N> {
+    /// See [`trace_ratio`].
     #[inline(always)]
-    pub(crate) fn times(self) -> R {
-        times(&self.whole, &self.rest)
+    pub(crate) fn trace_ratio(self) -> R {
+        trace_ratio(&self.whole, &self.rest)
     }
 }
 
 /// Ratio of trace(G) before the elimination of separate equalities to that after it; 1 where nothing is left, and exactly 1 where nothing
 /// was eliminated.
 #[inline(always)]
-pub(crate) fn times<R: Real>(whole: &[R], rest: &[R]) -> R {
+pub(crate) fn trace_ratio<R: Real>(whole: &[R], rest: &[R]) -> R {
     let [mut before, mut after] = [R::zero(); 2];
     for (&whole, &rest) in whole.iter().zip(rest) {
         before += whole;

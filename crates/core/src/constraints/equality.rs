@@ -16,7 +16,7 @@ use stepper_solve::{EntryScales, RowScales, velocity_rounding};
 
 use crate::compile::{Combination, CompiledEquality, EqualityBlock, EqualityRows, LaneModel, ModelStructure, Spring};
 use crate::constraints::constraint_set::{ARM, AssemblyInput, Constraints, DAMPING};
-use crate::constraints::elimination::times;
+use crate::constraints::elimination::trace_ratio;
 use crate::dynamics::inertia::MassMatrix;
 use crate::dynamics::kinematics::Kinematics;
 use crate::math::spatial::*;
@@ -329,7 +329,7 @@ impl<R: Real> Constraints<R> {
             self.add_fill_scales::<N>(input.compiled, input.mass);
         }
         self.use_block_support(block, equality);
-        self.tie(input.compiled);
+        self.couple(input.compiled);
         let correction = self.correct(input, rows, h, alive);
         let mut laws = [RowLaw { g: [R::zero(); 2], compliance: R::zero(), active: alive, bounds: free_bounds() }; N];
         let mut g = [[R::zero(); 2]; N];
@@ -417,7 +417,7 @@ impl<R: Real> Constraints<R> {
     /// Says by what the residual of the row pushed last is measured: its squared length before and after equalities were taken out.
     #[inline(always)]
     fn set_trace_ratio(&mut self, compliance: R, whole: R, rest: R) {
-        self.problem.scalars.set_trace_ratio(times(&[whole, compliance], &[rest, compliance]));
+        self.problem.scalars.set_trace_ratio(trace_ratio(&[whole, compliance], &[rest, compliance]));
     }
 
     /// Pushes component `k` of `column` on `support` as a scalar row.

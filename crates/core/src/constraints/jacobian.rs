@@ -99,7 +99,7 @@ impl<R: Real> Constraints<R> {
         if !compiled.surfaces.is_empty() {
             self.moving = lanes;
         }
-        self.find_tied(compiled);
+        self.find_coupled(compiled);
         self.list_support();
     }
 

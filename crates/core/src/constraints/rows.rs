@@ -4,7 +4,7 @@ use stepper_real::{Mask, Real};
 
 use crate::compile::LaneModel;
 use crate::constraints::constraint_set::Constraints;
-use crate::constraints::elimination::Lengths;
+use crate::constraints::elimination::SquaredLengths;
 use crate::dynamics::inertia::MassMatrix;
 use crate::math::spatial::*;
 
@@ -32,11 +32,11 @@ impl<R: Real> Constraints<R> {
         bounds: [R; 2],
     ) {
         self.unit_column(compiled, mass, dof);
-        self.tie(compiled);
-        let mut times = None;
-        if !self.tied.is_empty() {
+        self.couple(compiled);
+        let mut trace_ratio = None;
+        if !self.coupled.is_empty() {
             let mut own = [scale(g, sign)];
-            times = self.eliminate(mass, &mut own).map(Lengths::times);
+            trace_ratio = self.eliminate(mass, &mut own).map(SquaredLengths::trace_ratio);
             g = scale(own[0], sign);
         }
         let column = &self.column;
@@ -49,8 +49,8 @@ impl<R: Real> Constraints<R> {
             g[0],
             bounds,
         );
-        if let Some(times) = times {
-            self.problem.scalars.set_trace_ratio(times);
+        if let Some(ratio) = trace_ratio {
+            self.problem.scalars.set_trace_ratio(ratio);
         }
         self.problem.scalars.set_position_demand(g[1]);
         self.warm_start(owner, active);

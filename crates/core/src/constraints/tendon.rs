@@ -77,7 +77,7 @@ impl<R: Real> Constraints<R> {
     fn tendon_columns(&mut self, input: RowInput<'_, R>, tendon: &CompiledTendon<R::Scalar>, sign: R) {
         self.support.clear();
         self.support.extend_from_slice(&tendon.support);
-        self.tie(input.compiled);
+        self.couple(input.compiled);
         for &d in &self.support {
             self.column[d as usize] = zero();
         }
@@ -105,7 +105,7 @@ impl<R: Real> Constraints<R> {
                     };
                     self.support.clear();
                     self.support.extend(input.compiled.chain_of(limit.dof + 2).iter().rev());
-                    self.tie(input.compiled);
+                    self.couple(input.compiled);
                     for &d in &self.support {
                         self.column[d as usize] = zero();
                     }

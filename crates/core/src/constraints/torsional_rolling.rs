@@ -5,9 +5,9 @@ use stepper_real::{Mask, Real};
 use crate::collision::contact_set::Contacts;
 use crate::collision::surface_velocity;
 use crate::compile::LaneModel;
-use crate::constraints::constraint_set::{Approaching, Constraints};
+use crate::constraints::constraint_set::{Constraints, DeferredContact};
 use crate::constraints::contact::SlidingRows;
-use crate::constraints::elimination::times;
+use crate::constraints::elimination::trace_ratio;
 use crate::constraints::equality::RowInput;
 use crate::math::spatial::*;
 
@@ -29,7 +29,7 @@ impl<R: Real> Constraints<R> {
         let slot = &contacts.data[k];
         let mut friction = Friction::of(compiled, contacts, k, lanes);
         friction.scale_to(slot.mu);
-        let SlidingRows { demands: mut slides, lengths: sliding, active, approaching, compliance } =
+        let SlidingRows { demands: mut slides, lengths: sliding, active, deferred, compliance } =
             self.sliding_rows(input, contacts, k, lanes);
         for &d in &self.support {
             self.linear[d as usize] = self.column[d as usize];
@@ -63,7 +63,7 @@ impl<R: Real> Constraints<R> {
         }
         if let (Some(sliding), Some(turned)) = (sliding, turned) {
             let (whole, rest) = ([scale_tangents(sliding.whole, rub), turned.whole], [scale_tangents(sliding.rest, rub), turned.rest]);
-            self.problem.rolling_contacts.set_trace_ratio(times(whole.as_flattened(), rest.as_flattened()));
+            self.problem.rolling_contacts.set_trace_ratio(trace_ratio(whole.as_flattened(), rest.as_flattened()));
         }
         if let Some(compliance) = compliance {
             self.problem.rolling_contacts.set_compliance(compliance);
@@ -73,10 +73,10 @@ impl<R: Real> Constraints<R> {
         self.problem.rolling_contacts.set_position_demand([slides[0][1], change(slides[1]), change(slides[2]), spin, roll, other]);
         let (push, torque) = (slot.impulse, friction.unscale(contacts.torque[k]));
         let warm = [push[0], push[1] * rub, push[2] * rub, torque[0], torque[1], torque[2]];
-        let solved = active.and_not(approaching.lanes);
-        if approaching.lanes.any() {
-            self.problem.rolling_contacts.defer(approaching.lanes);
-            self.approaching.push(Approaching { contact, slot: k, impulse: warm, ..approaching });
+        let solved = active.and_not(deferred.lanes);
+        if deferred.lanes.any() {
+            self.problem.rolling_contacts.defer(deferred.lanes);
+            self.deferred.push(DeferredContact { contact, slot: k, impulse: warm, ..deferred });
         }
         self.iterate.rolling_contacts.push(select(solved, warm, zero()));
         self.rolling_slots.push((k, R::Mask::from_bits(lanes), friction.scale));

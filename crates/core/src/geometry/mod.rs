@@ -50,7 +50,7 @@ pub use bounding_box::BoundingBox;
 pub use hull::{Hull, HullError};
 pub use manifold::MAX_POINTS;
 pub use narrow::Narrow;
-pub use passing::Sweep;
+pub use passing::SolidMotion;
 pub use ray::RaySurface;
 pub use reach::Reach;
 pub use separating_plane::{SeparatingPlane, SeparatingPlanes};

@@ -6,7 +6,7 @@ use crate::compile::LaneModel;
 use crate::dynamics::gyroscopic;
 use crate::dynamics::kinematics::{advance, blend};
 use crate::integrators::scheme::Scheme;
-use crate::integrators::step_resolution::unresolved;
+use crate::integrators::step_resolution::assess_corrector;
 use crate::integrators::struck_contacts::predict_strikes;
 use crate::integrators::workspace::Workspace;
 use crate::options::StepSettings;
@@ -69,7 +69,7 @@ pub(crate) fn correct_forces<R: Real>(
     s: &mut Workspace<R>,
     probe: impl Probe,
 ) {
-    let constrained = s.constraints.constrained.or(s.constraints.waits(s.alive));
+    let constrained = s.constraints.constrained.or(s.constraints.deferred_lanes(s.alive));
     let estimate = Estimate::new(compiled, options, &s.state.v, scheme.h, &s.constraints);
     if constrained.any() {
         probe.span(Span::EstimateImpulses, || {
@@ -107,7 +107,7 @@ pub(crate) fn take_forces_again<R: Real>(compiled: &LaneModel<R>, scheme: &Schem
         );
     }
     advance(&s.work.v_free_again, &s.free_motion.v, -R::one(), &mut s.work.free_change);
-    let lanes = unresolved(compiled, &s.state.v, &s.work.v_free_again, &s.work.free_change, scheme.h);
+    let lanes = assess_corrector(compiled, &s.state.v, &s.work.v_free_again, &s.work.free_change, scheme.h);
     [s.free_motion.unresolved, s.free_motion.may_gain] = lanes.map(|lanes| lanes.and(s.alive));
     if s.free_motion.unresolved.any() {
         leave_out_inertial_forces(compiled, scheme, s);
@@ -156,7 +156,7 @@ fn leave_out_inertial_forces<R: Real>(compiled: &LaneModel<R>, scheme: &Scheme<R
     );
     let at = scheme.forces_at([&s.evaluation.q, &s.evaluation.q_ahead], [&s.state.v, &s.work.v_forces], &s.evaluation.act, &s.inputs);
     actuate(compiled, &at, scheme.servos(), &mut s.free_motion.actuator_forces);
-    s.free_motion.accelerate(compiled, &s.evaluation.kinematics, &s.state.v, &s.step_resolution.rest);
+    s.free_motion.accelerate(compiled, &s.evaluation.kinematics, &s.state.v, &s.step_resolution.zero_velocity);
     R::vectorize(
         #[inline(always)]
         || {

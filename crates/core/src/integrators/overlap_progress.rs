@@ -27,15 +27,15 @@ use crate::stages::s03_detect::detect;
 ///
 /// A slide between two walls that overlap it by a millimetre each way comes within 0.5 % of their middle in steps of 0.1 ms. A wheel of
 /// Unitree's G1-D, a decimetre within its base, gains less than 1e-7 a step.
-const LEAST_GAIN: f64 = 2e-7;
+const MIN_DECREASE: f64 = 2e-7;
 
 /// Least relative decrease in roundings of a lane: depths are differences of positions.
-const LEAST_GAIN_ROUNDINGS: f64 = 1e3;
+const MIN_DECREASE_ROUNDINGS: f64 = 1e3;
 
 /// Takes the correction of `work.q_corrected` back, in the lanes `stuck`, from islands whose overlaps it does not lessen.
 #[cold]
 #[inline(never)]
-pub(crate) fn take_back<R: Real>(
+pub(crate) fn revert_ineffective_corrections<R: Real>(
     compiled: &LaneModel<R>,
     options: &StepSettings,
     scheme: &Scheme<R>,
@@ -54,7 +54,7 @@ pub(crate) fn take_back<R: Real>(
     s.poses.search.exchange();
     let (rows, room) = s.constraints.split();
     let system = room.positions.system(rows.problem);
-    let least = LEAST_GAIN.max(LEAST_GAIN_ROUNDINGS * <R::Scalar as Scalar>::EPSILON.to_f64());
+    let min_decrease = MIN_DECREASE.max(MIN_DECREASE_ROUNDINGS * <R::Scalar as Scalar>::EPSILON.to_f64());
     for lane in each_of(stuck.bits()) {
         let islands = &mut *room.islands;
         islands.find(compiled, system, lane);
@@ -77,7 +77,7 @@ pub(crate) fn take_back<R: Real>(
         for joint in &compiled.joints {
             let Some([before, after]) = islands.penalties(compiled.dofs[joint.v].tree) else { continue };
             // Also where it is NaN.
-            if before > 0.0 && after.partial_cmp(&(before * (1.0 - least))) != Some(std::cmp::Ordering::Less) {
+            if before > 0.0 && after.partial_cmp(&(before * (1.0 - min_decrease))) != Some(std::cmp::Ordering::Less) {
                 for k in joint.q..joint.q + joint.kind.nq() {
                     s.work.q_corrected[k].set_lane(lane, s.next.q[k].lane(lane));
                 }
@@ -88,8 +88,8 @@ pub(crate) fn take_back<R: Real>(
 
 /// Penalty of an overlap, or of a joint's way beyond its range as a distance, of `x` m.
 fn penalty(options: &StepSettings, x: f64) -> f64 {
-    let bend = DAMPING * ARM / options.baumgarte.max(LEAST_GAIN);
-    x - bend * (x / bend).ln_1p()
+    let knee = DAMPING * ARM / options.baumgarte.max(MIN_DECREASE);
+    x - knee * (x / knee).ln_1p()
 }
 
 /// Adds the penalty of every pair's deepest overlap beyond the slop to its islands.
@@ -99,7 +99,7 @@ fn add_overlaps<R: Real>(
     contacts: &Contacts<R>,
     lane: usize,
     islands: &mut Islands,
-    which: usize,
+    pose: usize,
 ) {
     let (mut k, count) = (0, contacts.count[lane]);
     while k < count {
@@ -117,17 +117,17 @@ fn add_overlaps<R: Real>(
             let frame = compiled.geoms[geom].frame;
             (frame > 0 && frame <= compiled.links.len()).then(|| compiled.links[frame - 1].tree)
         };
-        islands.add_penalty(geoms.map(tree), which, penalty(options, depth));
+        islands.add_penalty(geoms.map(tree), pose, penalty(options, depth));
     }
 }
 
 /// Adds the penalties of joints' ways beyond their ranges, of which a radian counts as the length ARM.
-fn add_limits<R: Real>(compiled: &LaneModel<R>, options: &StepSettings, q: &[R], lane: usize, islands: &mut Islands, which: usize) {
+fn add_limits<R: Real>(compiled: &LaneModel<R>, options: &StepSettings, q: &[R], lane: usize, islands: &mut Islands, pose: usize) {
     for (i, limit) in compiled.limits.iter().enumerate() {
         let [lowest, highest] = compiled.params.limit(i);
-        let over = (lowest - q[limit.q]).max(q[limit.q] - highest).lane(lane).to_f64() - options.slop;
-        if over > 0.0 {
-            islands.add_penalty([Some(compiled.dofs[limit.dof].tree), None], which, penalty(options, ARM * over));
+        let violation = (lowest - q[limit.q]).max(q[limit.q] - highest).lane(lane).to_f64() - options.slop;
+        if violation > 0.0 {
+            islands.add_penalty([Some(compiled.dofs[limit.dof].tree), None], pose, penalty(options, ARM * violation));
         }
     }
 }

@@ -237,7 +237,7 @@ impl<R: Real> HardResponse<R> {
     /// Stage 4 with the contacts that the step had.
     fn assemble(&self, compiled: &LaneModel<R>, options: &StepSettings, s: &mut Workspace<R>) {
         assemble_here(compiled, options, &self.scheme, s, self.at_beginning);
-        s.constraints.activate_known(&s.evaluation.contacts, &self.contacts);
+        s.constraints.activate_matching(&s.evaluation.contacts, &self.contacts);
     }
 
     /// Stage 8 with `pass` in the place of its solve.

@@ -9,9 +9,9 @@ use crate::constraints::equality_violation::max_equality_violation;
 use crate::dynamics::kinematics::{blend, displace};
 use crate::integrators::acceptance::{decide, keep_impulse, undecided};
 use crate::integrators::impact;
-use crate::integrators::overlap_progress::take_back;
+use crate::integrators::overlap_progress::revert_ineffective_corrections;
 use crate::integrators::scheme::Scheme;
-use crate::integrators::step_resolution::{slow_down, thrown};
+use crate::integrators::step_resolution::{diverging, limit_joint_rates};
 use crate::integrators::struck_contacts::solve_strikes;
 use crate::integrators::workspace::{Evaluation, FreeMotion, Workspace};
 use crate::options::StepSettings;
@@ -58,7 +58,7 @@ pub(crate) fn solve_velocities<R: Real>(
         outcome = probe.span(Span::SolveImpacts, || impact::solve_impacts(compiled, options, scheme, s, outcome));
         outcome = probe.span(Span::Solve, || solve_strikes(compiled, options, s, outcome));
     }
-    s.constraints.activate_unviolated();
+    s.constraints.activate_satisfied();
     probe.span(Span::Solve, || decide(compiled, options, s, &mut outcome));
     let pushed = s.constraints.iterate.changes_velocity();
     count_effort(&outcome, probe);
@@ -91,11 +91,11 @@ fn guard_speed<R: Real>(
     let undecided = undecided(options, s, residual);
     if scheme.corrects && s.constraints.constrained.any() {
         s.free_motion.unresolved =
-            s.free_motion.unresolved.or(s.alive.and(thrown(compiled, [&s.state.v, &s.free_motion.v], &s.next.v, scheme.h)));
+            s.free_motion.unresolved.or(s.alive.and(diverging(compiled, [&s.state.v, &s.free_motion.v], &s.next.v, scheme.h)));
     }
     let guarded = s.free_motion.unresolved.or(undecided);
     if guarded.any() {
-        slow_down(compiled, guarded, scheme.h, &mut s.next.v);
+        limit_joint_rates(compiled, guarded, scheme.h, &mut s.next.v);
     }
     [undecided, guarded]
 }
@@ -118,7 +118,7 @@ fn find_gain<R: Real>(compiled: &LaneModel<R>, scheme: &Scheme<R>, s: &mut Works
         displace(compiled, &s.evaluation.q, &s.next.v, scheme.time_after, &mut s.work.q_corrected);
         blend(&s.state.v, &s.free_motion.v_expected, scheme.velocity_weight, &mut s.work.v_mean);
         let states = [[&s.state.q[..], &s.state.v[..]], [&s.work.q_corrected[..], &s.next.v[..]]];
-        let made = s.step_resolution.gain(compiled, &s.evaluation.kinematics, states, [&s.free_motion.v, &s.work.v_mean], scheme.h);
+        let made = s.step_resolution.gains_energy(compiled, &s.evaluation.kinematics, states, [&s.free_motion.v, &s.work.v_mean], scheme.h);
         s.free_motion.gains = lanes.and(made);
     }
 }
@@ -143,7 +143,7 @@ pub(crate) fn integrate_positions<R: Real>(
 ) -> R::Mask {
     let free = !solution.pushed && !scheme.corrects;
     probe.span(Span::GuardEnergy, || find_gain(compiled, scheme, s));
-    let step = TakenStep { velocity: &s.next.v, is_free: free, h: scheme.h, ends_here: false };
+    let step = TakenStep { velocity: &s.next.v, is_free: free, h: scheme.h, contacts_at_end: false };
     let tunnelled = probe.span(Span::Tunnelling, || may_have_passed(compiled, &s.evaluation.kinematics, step, s.alive, &mut s.poses));
     probe.span(Span::IntegratePosition, || {
         integrate_position(compiled, &s.evaluation.q, &s.next.v, scheme.time_after, &mut s.next.q);
@@ -190,7 +190,7 @@ fn stabilise_positions<R: Real>(compiled: &LaneModel<R>, options: &StepSettings,
     // What strikes is corrected to where it would have bounced to, too.
     let stuck = infeasible.and_not(impacts).and_not(rebounding);
     if stuck.any() {
-        take_back(compiled, options, scheme, s, stuck);
+        revert_ineffective_corrections(compiled, options, scheme, s, stuck);
     }
     R::vectorize(
         #[inline(always)]
@@ -208,7 +208,7 @@ fn stabilise_positions<R: Real>(compiled: &LaneModel<R>, options: &StepSettings,
 pub(crate) fn guard_energy<R: Real>(compiled: &LaneModel<R>, s: &mut Workspace<R>, solution: &Solution<R>) {
     if solution.guarded.any() {
         let (before, after) = ([&s.state.q[..], &s.state.v[..]], [&s.next.q[..], &s.next.v[..]]);
-        s.step_resolution.keep_energy(
+        s.step_resolution.limit_energy(
             compiled,
             &s.evaluation.kinematics,
             solution.guarded,

@@ -8,7 +8,7 @@
 //!
 //! A step that passes this test may still make energy, since its inertial forces are those of an estimated velocity: in the whip of a
 //! chain so much that it grows by a tenth within 0.1 s. Where the corrector changes the velocity by a twentieth, the step computes its
-//! energy balance ([`StepResolution::gain`]), and status UNRESOLVED tells of a gain. The motion is left as it is.
+//! energy balance ([`StepResolution::gains_energy`]), and status UNRESOLVED tells of a gain. The motion is left as it is.
 //!
 //! Speed and energy are bounded in the same way, but no force is left out, where impulses turn a joint by half a turn and more within the
 //! step, as levers in a jam do: the rows are linearised at one pose, and say nothing of what the joint meets that far on.
@@ -22,21 +22,21 @@ use crate::math::spatial::*;
 use crate::model::JointKind;
 
 /// Turn of a joint in a step from which on it is looked at, rad.
-const FAST_TURN: f64 = 0.5;
+const FAST_ROTATION: f64 = 0.5;
 
 /// Fastest turn that a joint leaves such a step with, rad a step.
-const MAX_TURN: f64 = 1.0;
+const MAX_ROTATION: f64 = 1.0;
 
 /// Change of the velocity by the corrector, relative to its size, that is not convergence.
 const MAX_RELATIVE_CHANGE: f64 = 0.25;
 
 /// Turn of a joint in a step from which on the energy balance may be computed, rad. Chains that gain energy turn by 0.07 and more.
-const ACTIVE_TURN: f64 = 0.05;
+const BALANCE_ROTATION: f64 = 0.05;
 
 /// Change of the velocity by the corrector, relative to its size, from which on the energy balance is computed. Robots under random control
 /// at their own time steps reach it in less than 1 % of their steps; chains of 5 to 40 links that gain a tenth of their energy reach it in
 /// the steps that gain most.
-const ACTIVE_RELATIVE_CHANGE: f64 = 0.05;
+const BALANCE_RELATIVE_CHANGE: f64 = 0.05;
 
 /// Growth of the kinetic energy by the error of the step, relative to it, that makes a step unresolved: 1/s, and at the most in one step.
 /// Eleven chains that gain more than a tenth within 0.1 s have steps of 10 to 300 / s. Twelve robots under random control at 2, 5 and 10 ms
@@ -46,16 +46,16 @@ const MAX_GROWTH: f64 = 0.1;
 
 /// Change of the velocity by constraints, relative to its size, from which on a step may grow by twice as much: impulses are taken at one
 /// configuration of the step, so that a blow changes the energy by what turns within the step, with either sign (15 / s at 10 ms).
-const BLOW: f64 = 0.1;
+const IMPACT_RELATIVE_CHANGE: f64 = 0.1;
 
 /// Lanes in which the corrector's `change` of the free velocity `v_free` says that the step is too long for its motion, and those in which
 /// the step may make energy by its error.
-pub fn unresolved<R: Real>(compiled: &LaneModel<R>, v: &[R], v_free: &[R], change: &[R], h: R) -> [R::Mask; 2] {
+pub fn assess_corrector<R: Real>(compiled: &LaneModel<R>, v: &[R], v_free: &[R], change: &[R], h: R) -> [R::Mask; 2] {
     R::vectorize(
         #[inline(always)]
         || {
-            let turn = fastest_turn(compiled, v).max(fastest_turn(compiled, v_free)) * h;
-            let active = turn.gt(R::of(ACTIVE_TURN));
+            let turn = max_joint_rate(compiled, v).max(max_joint_rate(compiled, v_free)) * h;
+            let active = turn.gt(R::of(BALANCE_ROTATION));
             if active.none() {
                 return [active; 2];
             }
@@ -65,18 +65,18 @@ pub fn unresolved<R: Real>(compiled: &LaneModel<R>, v: &[R], v_free: &[R], chang
                 // Not max, which loses a NaN.
                 most = R::select(change[i].abs().le(most), most, change[i].abs());
             }
-            let fast = turn.gt(R::of(FAST_TURN));
-            [fast.and_not(most.le(size * R::of(MAX_RELATIVE_CHANGE))), active.and_not(most.le(size * R::of(ACTIVE_RELATIVE_CHANGE)))]
+            let fast = turn.gt(R::of(FAST_ROTATION));
+            [fast.and_not(most.le(size * R::of(MAX_RELATIVE_CHANGE))), active.and_not(most.le(size * R::of(BALANCE_RELATIVE_CHANGE)))]
         },
     )
 }
 
 /// Turn of a joint in a step by impulses that is no longer resolved, rad.
-const MAX_IMPULSE_TURN: f64 = std::f64::consts::PI;
+const MAX_IMPULSE_ROTATION: f64 = std::f64::consts::PI;
 
 /// Lanes in which constraints made a hinge or a ball joint turn by half a turn in the step, faster than anything did in `v`, before it, and
 /// in `v_free`, without them.
-pub fn thrown<R: Real>(compiled: &LaneModel<R>, [v, v_free]: [&[R]; 2], v_next: &[R], h: R) -> R::Mask {
+pub fn diverging<R: Real>(compiled: &LaneModel<R>, [v, v_free]: [&[R]; 2], v_next: &[R], h: R) -> R::Mask {
     R::vectorize(
         #[inline(always)]
         || {
@@ -86,18 +86,18 @@ pub fn thrown<R: Real>(compiled: &LaneModel<R>, [v, v_free]: [&[R]; 2], v_next: 
                     turn = turn.max(v.abs());
                 }
             }
-            let far = (turn * h).gt(R::of(MAX_IMPULSE_TURN));
+            let far = (turn * h).gt(R::of(MAX_IMPULSE_ROTATION));
             if far.none() {
                 return far;
             }
-            far.and(turn.gt(fastest_turn(compiled, v).max(fastest_turn(compiled, v_free))))
+            far.and(turn.gt(max_joint_rate(compiled, v).max(max_joint_rate(compiled, v_free))))
         },
     )
 }
 
 /// Largest angular velocity of a joint, rad/s.
 #[inline(always)]
-fn fastest_turn<R: Real>(compiled: &LaneModel<R>, v: &[R]) -> R {
+fn max_joint_rate<R: Real>(compiled: &LaneModel<R>, v: &[R]) -> R {
     let mut turn = R::zero();
     for joint in compiled.joints.iter().filter(|j| j.kind != JointKind::Slide) {
         let first = if joint.kind == JointKind::Free { 3 } else { 0 };
@@ -109,13 +109,13 @@ fn fastest_turn<R: Real>(compiled: &LaneModel<R>, v: &[R]) -> R {
 }
 
 /// Slows `v` down in `lanes` until its fastest joint turns by a radian a step.
-pub fn slow_down<R: Real>(compiled: &LaneModel<R>, lanes: R::Mask, h: R, v: &mut [R]) {
+pub fn limit_joint_rates<R: Real>(compiled: &LaneModel<R>, lanes: R::Mask, h: R, v: &mut [R]) {
     R::vectorize(
         #[inline(always)]
         || {
-            let turn = fastest_turn(compiled, v) * h;
-            let fast = lanes.and(turn.gt(R::of(MAX_TURN)));
-            let factor = R::select(fast, R::of(MAX_TURN) / R::select(fast, turn, R::one()), R::one());
+            let turn = max_joint_rate(compiled, v) * h;
+            let fast = lanes.and(turn.gt(R::of(MAX_ROTATION)));
+            let factor = R::select(fast, R::of(MAX_ROTATION) / R::select(fast, turn, R::one()), R::one());
             for v in v {
                 *v *= factor;
             }
@@ -124,7 +124,7 @@ pub fn slow_down<R: Real>(compiled: &LaneModel<R>, lanes: R::Mask, h: R, v: &mut
 }
 
 /// Kinetic energy with rotors at a placed configuration, J.
-fn energy<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, v: &[R], velocity: &mut [V6<R>]) -> R {
+fn kinetic_energy_with_rotors<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, v: &[R], velocity: &mut [V6<R>]) -> R {
     R::vectorize(
         #[inline(always)]
         || {
@@ -138,11 +138,11 @@ fn energy<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, v: &[R],
     )
 }
 
-/// Room for [`StepResolution::keep_energy`].
+/// Room for [`StepResolution::limit_energy`].
 #[derive(Clone, Debug)]
 pub struct StepResolution<R: Real> {
     /// No velocity at all.
-    pub rest: Vec<R>,
+    pub zero_velocity: Vec<R>,
     kinematics: Kinematics<R>,
     velocity: Vec<V6<R>>,
     change: Vec<V6<R>>,
@@ -150,22 +150,22 @@ pub struct StepResolution<R: Real> {
     mean: [Vec<R>; 2],
     newton_euler: NewtonEuler<R>,
     /// Links alone in their trees: their inertia does not depend on the configuration.
-    alone: Vec<bool>,
+    single_link: Vec<bool>,
 }
 
 impl<R: Real> StepResolution<R> {
     /// Room for a compiled model.
     pub fn new(compiled: &ModelStructure<R::Scalar>) -> Self {
-        let mut alone = vec![false; compiled.links.len()];
-        compiled.spinners.iter().for_each(|spinner| alone[spinner.link] = true);
+        let mut single_link = vec![false; compiled.links.len()];
+        compiled.spinners.iter().for_each(|spinner| single_link[spinner.link] = true);
         Self {
-            rest: vec![R::zero(); compiled.nv],
+            zero_velocity: vec![R::zero(); compiled.nv],
             kinematics: Kinematics::new(compiled),
             velocity: vec![zero(); compiled.links.len()],
             change: vec![zero(); compiled.links.len()],
             mean: std::array::from_fn(|_| vec![R::zero(); compiled.nv]),
             newton_euler: NewtonEuler::new(compiled),
-            alone,
+            single_link,
         }
     }
 
@@ -181,7 +181,7 @@ impl<R: Real> StepResolution<R> {
     /// nobody put in, whatever acts: actuators, damping, friction, contacts. The work of gravity and springs at the middle differs from the
     /// change of their potential by less: chains that gain 98 J by the first have 0.01 J of the second. Bodies that are alone do not count:
     /// the midpoint rule keeps their energy.
-    pub fn gain(
+    pub fn gains_energy(
         &mut self,
         compiled: &LaneModel<R>,
         middle: &Kinematics<R>,
@@ -205,22 +205,22 @@ impl<R: Real> StepResolution<R> {
                 link_forces(compiled, middle, v_mean, &mut self.newton_euler);
                 let ground = spatial(zero(), scale(compiled.params.gravity(), -R::one()));
                 for l in 0..compiled.links.len() {
-                    if !self.alone[l] {
+                    if !self.single_link[l] {
                         let momentum = apply_inertia(&middle.inertia[l], &self.change[l]);
                         let weight = apply_inertia(&middle.inertia[l], &ground);
                         work += dot6(self.velocity[l], momentum) + dot6(self.velocity[l], self.newton_euler.force[l]) * h;
                         work -= dot6(self.velocity[l], weight) * h;
                     }
                 }
-                let [start, end] = [self.kinetic(compiled, before), self.kinetic(compiled, after)];
+                let [start, end] = [self.kinetic_energy_of_chains(compiled, before), self.kinetic_energy_of_chains(compiled, after)];
                 let (mut pushed, mut fastest) = (R::zero(), R::zero());
                 for d in 0..compiled.nv {
                     pushed = pushed.max((after[1][d] - v_free[d]).abs());
                     fastest = fastest.max(after[1][d].abs()).max(before[1][d].abs());
                 }
                 let most = (h * R::of(MAX_GROWTH_RATE)).min(R::of(MAX_GROWTH)) * start.max(end);
-                let blow = pushed.gt(fastest * R::of(BLOW));
-                ((end - start) - work).gt(R::select(blow, most + most, most))
+                let is_impact = pushed.gt(fastest * R::of(IMPACT_RELATIVE_CHANGE));
+                ((end - start) - work).gt(R::select(is_impact, most + most, most))
             },
         )
     }
@@ -235,12 +235,12 @@ impl<R: Real> StepResolution<R> {
 
     /// Kinetic energy with rotors of the bodies that are not alone, J.
     #[inline(always)]
-    fn kinetic(&mut self, compiled: &LaneModel<R>, [q, v]: [&[R]; 2]) -> R {
+    fn kinetic_energy_of_chains(&mut self, compiled: &LaneModel<R>, [q, v]: [&[R]; 2]) -> R {
         self.kinematics.update(compiled, q);
         self.kinematics.velocities(compiled, v, &mut self.velocity);
         let mut twice = R::zero();
         for l in 0..compiled.links.len() {
-            if !self.alone[l] {
+            if !self.single_link[l] {
                 twice += dot6(apply_inertia(&self.kinematics.inertia[l], &self.velocity[l]), self.velocity[l]);
             }
         }
@@ -253,7 +253,7 @@ impl<R: Real> StepResolution<R> {
     /// The velocity `v` after the step, slowed down in `lanes` until its energy is that of `before` and of the work that the step did with
     /// the inertia of `middle`; constraints, which made `v` of `v_free`, take energy out if anything. States are (q, v).
     #[expect(clippy::too_many_arguments, reason = "the states that the step joins, named at the call")]
-    pub fn keep_energy(
+    pub fn limit_energy(
         &mut self,
         compiled: &LaneModel<R>,
         middle: &Kinematics<R>,
@@ -267,12 +267,12 @@ impl<R: Real> StepResolution<R> {
         R::vectorize(
             #[inline(always)]
             || {
-                let mut energy_with = |v: &[R]| energy(compiled, middle, v, &mut self.velocity);
+                let mut energy_with = |v: &[R]| kinetic_energy_with_rotors(compiled, middle, v, &mut self.velocity);
                 let work = energy_with(v).min(energy_with(v_free)) - energy_with(before[1]);
                 self.kinematics.update(compiled, before[0]);
-                let start = energy(compiled, &self.kinematics, before[1], &mut self.velocity);
+                let start = kinetic_energy_with_rotors(compiled, &self.kinematics, before[1], &mut self.velocity);
                 self.kinematics.update(compiled, q);
-                let end = energy(compiled, &self.kinematics, v, &mut self.velocity);
+                let end = kinetic_energy_with_rotors(compiled, &self.kinematics, v, &mut self.velocity);
                 let allowed = (start + work).max(R::zero());
                 let slower = lanes.and(end.gt(allowed));
                 let factor = R::select(slower, (allowed / R::select(slower, end, R::one())).sqrt(), R::one());

@@ -13,10 +13,10 @@ use crate::math::lanes::each_of;
 use crate::options::StepSettings;
 
 /// Rounding of the distance of bodies that are some metres from the origin, m, in 64 bits and in 32.
-const ROUNDING: [f64; 2] = [1e-12, 2e-6];
+const POSITION_ROUNDING: [f64; 2] = [1e-12, 2e-6];
 
 /// Time between the first touches of two pairs, relative to the path, below which both count as the first.
-const SIMULTANEOUS: f64 = 2e-3;
+const SIMULTANEOUS_FRACTION: f64 = 2e-3;
 
 /// Pairs whose waiting contacts the motion may close, and which of them it does.
 #[derive(Clone, Debug)]
@@ -41,7 +41,7 @@ struct PairStrike<R: Real> {
 }
 
 /// Motion and contacts in which a search takes place.
-pub(crate) struct Motion<'a, R: Real> {
+pub(crate) struct StrikeQuery<'a, R: Real> {
     pub(crate) compiled: &'a LaneModel<R>,
     pub(crate) kinematics: &'a Kinematics<R>,
     pub(crate) poses: &'a GeomPoses<R>,
@@ -52,7 +52,7 @@ pub(crate) struct Motion<'a, R: Real> {
     /// Part of the linearised overlap that the true overlap must exceed to count: the motion is an estimate that errs by less.
     pub(crate) margin: f64,
     /// Whether all pairs that meet count, also those that others may keep from meeting.
-    pub(crate) all: bool,
+    pub(crate) ignores_order: bool,
 }
 
 impl<R: Real> StrikeSearch<R> {
@@ -66,15 +66,15 @@ impl<R: Real> StrikeSearch<R> {
         }
     }
 
-    /// Finds the pairs that meet first in the motion with the velocity `v` after the step, among those that [`StrikeSearch::find_linear`]
+    /// Finds the pairs that meet first in the motion with the velocity `v` after the step, among those that [`StrikeSearch::list_candidates`]
     /// has listed. Returns the lanes in which there are any.
-    pub(crate) fn find(&mut self, motion: &Motion<'_, R>, v: &[R], constraints: &Constraints<R>) -> R::Mask {
+    pub(crate) fn find(&mut self, query: &StrikeQuery<'_, R>, v: &[R], constraints: &Constraints<R>) -> R::Mask {
         R::vectorize(
             #[inline(always)]
-            || self.follow_pairs(motion, v, constraints),
+            || self.test_paths(query, v, constraints),
         );
-        if !motion.all {
-            self.keep_first(motion, constraints);
+        if !query.ignores_order {
+            self.keep_earliest(query, constraints);
         }
         self.pairs.iter().fold(R::Mask::splat(false), |lanes, strike| lanes.or(strike.lanes))
     }
@@ -86,24 +86,24 @@ impl<R: Real> StrikeSearch<R> {
     }
 
     /// Lists the pairs whose linearised gaps close. Returns whether there are any.
-    pub(crate) fn find_linear(&mut self, motion: &Motion<'_, R>, constraints: &Constraints<R>) -> bool {
+    pub(crate) fn list_candidates(&mut self, query: &StrikeQuery<'_, R>, constraints: &Constraints<R>) -> bool {
         self.rates.clear();
         self.pairs.clear();
-        let touch = touch(motion, constraints);
+        let touch = touch_tolerance(query, constraints);
         R::vectorize(
             #[inline(always)]
             || {
-                for contact in &constraints.approaching {
+                for contact in &constraints.deferred {
                     let demand = constraints.problem.normal_velocity(contact.contact, &constraints.iterate.w);
                     let rate = demand - contact.bias;
-                    let end = motion.contacts.data[contact.slot].point.distance + constraints.closing_time * rate;
+                    let end = query.contacts.data[contact.slot].point.distance + constraints.closing_time * rate;
                     let closes = contact.bounces.and(demand.lt(R::zero())).or(end.lt(-touch).and_not(contact.bounces));
-                    self.rates.push((rate, contact.lanes.and(motion.lanes).and(closes)));
+                    self.rates.push((rate, contact.lanes.and(query.lanes).and(closes)));
                 }
             },
         );
-        for (contact, &(_, closes)) in constraints.approaching.iter().zip(&self.rates) {
-            for (pair, lanes) in motion.contacts.pairs(contact.slot, closes.bits()) {
+        for (contact, &(_, closes)) in constraints.deferred.iter().zip(&self.rates) {
+            for (pair, lanes) in query.contacts.pairs(contact.slot, closes.bits()) {
                 let lanes = R::Mask::from_bits(lanes);
                 match self.pairs.iter_mut().find(|strike| strike.pair == pair) {
                     Some(strike) => strike.lanes = strike.lanes.or(lanes),
@@ -116,8 +116,8 @@ impl<R: Real> StrikeSearch<R> {
 
     /// Keeps the lanes in which the paths of the pairs let them meet, with the times of their first touches where there are several.
     #[inline(always)]
-    fn follow_pairs(&mut self, motion: &Motion<'_, R>, v: &[R], constraints: &Constraints<R>) {
-        let Motion { compiled, kinematics, poses, .. } = *motion;
+    fn test_paths(&mut self, query: &StrikeQuery<'_, R>, v: &[R], constraints: &Constraints<R>) {
+        let StrikeQuery { compiled, kinematics, poses, .. } = *query;
         let Self { swept, rates, pairs, .. } = self;
         let time = constraints.closing_time;
         swept.set_velocity(compiled, kinematics, v);
@@ -125,31 +125,31 @@ impl<R: Real> StrikeSearch<R> {
         let (mut once, mut several) = (R::Mask::splat(false), R::Mask::splat(false));
         for strike in pairs.iter_mut() {
             let pair = compiled.pair(strike.pair);
-            let gap = steepest(motion, constraints, rates, strike);
-            let least = -(gap.distance + time * gap.rate) * R::of(motion.margin);
-            let tolerance = tolerance(motion, constraints, strike).max(least);
-            (strike.lanes, strike.time) = swept.closes(&path(strike.pair, pair), strike.lanes, gap, tolerance);
+            let gap = farthest_closing_gap(query, constraints, rates, strike);
+            let least = -(gap.distance + time * gap.rate) * R::of(query.margin);
+            let tolerance = pair_tolerance(query, constraints, strike).max(least);
+            (strike.lanes, strike.time) = swept.find_touch(&path(strike.pair, pair), strike.lanes, gap, tolerance);
             several = several.or(once.and(strike.lanes));
             once = once.or(strike.lanes);
         }
-        if motion.all || several.none() {
+        if query.ignores_order || several.none() {
             return;
         }
         for strike in pairs.iter_mut().filter(|strike| strike.lanes.and(several).any()) {
             let (pair, lanes) = (compiled.pair(strike.pair), strike.lanes.and(several));
-            let tolerance = tolerance(motion, constraints, strike);
+            let tolerance = pair_tolerance(query, constraints, strike);
             strike.time = swept.first_touch(&path(strike.pair, pair), lanes, strike.time, tolerance);
         }
     }
 
     /// Keeps the pairs that meet before any other pair of the same trees does: an impact changes where those go.
-    fn keep_first(&mut self, motion: &Motion<'_, R>, constraints: &Constraints<R>) {
+    fn keep_earliest(&mut self, query: &StrikeQuery<'_, R>, constraints: &Constraints<R>) {
         let lanes = self.pairs.iter().fold(0, |bits, strike| bits | strike.lanes.bits());
-        let trees_of = |strike: &PairStrike<R>| trees(motion.compiled, strike.pair);
+        let trees_of = |strike: &PairStrike<R>| trees_of_pair(query.compiled, strike.pair);
         for lane in each_of(lanes) {
             let here = |strike: &&PairStrike<R>| strike.lanes.bits() >> lane & 1 == 1;
             let time = |strike: &PairStrike<R>| strike.time.lane(lane).to_f64();
-            let window = SIMULTANEOUS * constraints.closing_time.lane(lane).to_f64();
+            let window = SIMULTANEOUS_FRACTION * constraints.closing_time.lane(lane).to_f64();
             for i in 0..self.pairs.len() {
                 let strike = self.pairs[i];
                 let shares = |other: &PairStrike<R>| trees_of(other).iter().flatten().any(|tree| trees_of(&strike).contains(&Some(*tree)));
@@ -165,13 +165,18 @@ impl<R: Real> StrikeSearch<R> {
 
 /// Linearised gap of a pair's waiting contact that closes farthest.
 #[inline(always)]
-fn steepest<R: Real>(motion: &Motion<'_, R>, constraints: &Constraints<R>, rates: &[(R, R::Mask)], strike: &PairStrike<R>) -> Gap<R> {
+fn farthest_closing_gap<R: Real>(
+    query: &StrikeQuery<'_, R>,
+    constraints: &Constraints<R>,
+    rates: &[(R, R::Mask)],
+    strike: &PairStrike<R>,
+) -> Gap<R> {
     let mut gap = Gap { distance: R::zero(), rate: R::zero() };
     let mut farthest = R::of(f64::INFINITY);
-    for (contact, &(rate, closes)) in constraints.approaching.iter().zip(rates) {
-        for (pair, lanes) in motion.contacts.pairs(contact.slot, closes.and(strike.lanes).bits()) {
+    for (contact, &(rate, closes)) in constraints.deferred.iter().zip(rates) {
+        for (pair, lanes) in query.contacts.pairs(contact.slot, closes.and(strike.lanes).bits()) {
             if pair == strike.pair {
-                let distance = motion.contacts.data[contact.slot].point.distance;
+                let distance = query.contacts.data[contact.slot].point.distance;
                 let end = distance + constraints.closing_time * rate;
                 let here = R::Mask::from_bits(lanes).and(end.lt(farthest));
                 farthest = R::select(here, end, farthest);
@@ -184,26 +189,26 @@ fn steepest<R: Real>(motion: &Motion<'_, R>, constraints: &Constraints<R>, rates
 
 /// Overlap up to which a pair does not count as meeting, m: that of resting contacts, up to the slop, goes on where supports join flush.
 #[inline(always)]
-fn tolerance<R: Real>(motion: &Motion<'_, R>, constraints: &Constraints<R>, strike: &PairStrike<R>) -> R {
-    let compiled = motion.compiled;
+fn pair_tolerance<R: Real>(query: &StrikeQuery<'_, R>, constraints: &Constraints<R>, strike: &PairStrike<R>) -> R {
+    let compiled = query.compiled;
     let frames_of = |pair: usize| compiled.pair_geoms(pair).expect("made from this compiled").map(|g| compiled.geoms[g].frame);
     let mut overlap = R::zero();
     for lane in each_of(strike.lanes.bits()) {
-        let deepest = constraints.resting_overlap(motion.contacts, frames_of, frames_of(strike.pair), lane);
+        let deepest = constraints.resting_overlap(query.contacts, frames_of, frames_of(strike.pair), lane);
         overlap.set_lane(lane, R::of(deepest).lane(lane));
     }
-    overlap.min(R::of(motion.options.slop)) + touch(motion, constraints)
+    overlap.min(R::of(query.options.slop)) + touch_tolerance(query, constraints)
 }
 
 /// Overlap after the path that counts as a touch, m: what a contact at rest may move, or the rounding of positions.
 #[inline(always)]
-fn touch<R: Real>(motion: &Motion<'_, R>, constraints: &Constraints<R>) -> R {
-    let rounding = ROUNDING[usize::from(size_of::<R::Scalar>() < size_of::<f64>())];
-    (constraints.closing_time * R::of(resting_speed(motion.options))).max(R::of(rounding))
+fn touch_tolerance<R: Real>(query: &StrikeQuery<'_, R>, constraints: &Constraints<R>) -> R {
+    let rounding = POSITION_ROUNDING[usize::from(size_of::<R::Scalar>() < size_of::<f64>())];
+    (constraints.closing_time * R::of(resting_speed(query.options))).max(R::of(rounding))
 }
 
 /// Trees of a pair's bodies, `None` for what does not belong to any.
-fn trees<R: Real>(compiled: &LaneModel<R>, pair: usize) -> [Option<usize>; 2] {
+fn trees_of_pair<R: Real>(compiled: &LaneModel<R>, pair: usize) -> [Option<usize>; 2] {
     let geoms = compiled.pair_geoms(pair).expect("made from this compiled");
     geoms.map(|g| compiled.geoms[g].frame.checked_sub(1).and_then(|link| compiled.links.get(link)).map(|link| link.tree))
 }

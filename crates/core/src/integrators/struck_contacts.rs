@@ -7,7 +7,7 @@ use stepper_real::{Mask, Real};
 use stepper_solve::Outcome;
 
 use crate::compile::LaneModel;
-use crate::integrators::strike_search::Motion;
+use crate::integrators::strike_search::StrikeQuery;
 use crate::integrators::workspace::{Evaluation, Workspace};
 use crate::options::StepSettings;
 use crate::stages::s05_solve::{Estimate, solve};
@@ -70,14 +70,14 @@ fn activate<R: Real>(
     s: &mut Workspace<R>,
     predicted: bool,
     margin: f64,
-    all: bool,
+    ignores_order: bool,
 ) -> R::Mask {
-    if s.constraints.waits(s.alive).none() {
+    if s.constraints.deferred_lanes(s.alive).none() {
         return R::Mask::splat(false);
     }
     let Evaluation { kinematics, contacts, .. } = &s.evaluation;
-    let motion = Motion { compiled, kinematics, poses: &s.poses, contacts, options, lanes: s.alive, margin, all };
-    if !s.strikes.find_linear(&motion, &s.constraints) {
+    let query = StrikeQuery { compiled, kinematics, poses: &s.poses, contacts, options, lanes: s.alive, margin, ignores_order };
+    if !s.strikes.list_candidates(&query, &s.constraints) {
         return R::Mask::splat(false);
     }
     let v = if predicted {
@@ -94,7 +94,7 @@ fn activate<R: Real>(
     } else {
         &s.next.v
     };
-    let struck = s.strikes.find(&motion, v, &s.constraints);
+    let struck = s.strikes.find(&query, v, &s.constraints);
     if struck.any() {
         s.constraints.activate(contacts, struck, |pair| s.strikes.lanes_of(pair));
     }

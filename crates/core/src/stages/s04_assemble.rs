@@ -45,7 +45,7 @@ pub fn assemble<R: Real>(
             constraints.velocity_scales.clear();
             constraints.slots.clear();
             constraints.rolling_slots.clear();
-            constraints.approaching.clear();
+            constraints.deferred.clear();
             constraints.closing_time = assembly.h / assembly.closing_fraction;
             constraints.constrained = R::Mask::splat(false);
             constraints.needs_position_solve = R::Mask::splat(false);
@@ -56,7 +56,7 @@ pub fn assemble<R: Real>(
             let input = RowInput { compiled, options, kinematics, mass, assembly };
             if !compiled.equalities.is_empty() {
                 constraints.add_equalities(input, true);
-                constraints.keep_separate(compiled, mass);
+                constraints.store_eliminated(compiled, mass);
             }
             constraints.add_frictions(compiled, mass, assembly);
             constraints.add_limits(compiled, options, mass, assembly);
@@ -87,8 +87,8 @@ pub fn assemble<R: Real>(
                     }
                 }
             }
-            if !constraints.approaching.is_empty() {
-                constraints.activate_facing(contacts);
+            if !constraints.deferred.is_empty() {
+                constraints.activate_coplanar(contacts);
             }
             constraints.patches.find(compiled, contacts, constraints.constrained.bits());
             constraints.iterate.compute_w(&constraints.problem);

@@ -47,7 +47,7 @@ pub(crate) fn solve_step<R: Real>(
         }
     };
     [s.free_motion.unresolved, s.free_motion.gains] = [R::Mask::splat(false); 2];
-    let step = TakenStep { velocity: &s.next.v, is_free: false, h, ends_here: options.integrator == Integrator::Rk4 };
+    let step = TakenStep { velocity: &s.next.v, is_free: false, h, contacts_at_end: options.integrator == Integrator::Rk4 };
     let tunnelled = probe.span(Span::Tunnelling, || may_have_passed(compiled, &s.evaluation.kinematics, step, s.alive, &mut s.poses));
     probe.count(Counter::NewtonSteps, || (0..R::LANES).map(|l| outcome.newton_steps.lane(l).to_f64()).sum());
     let none = R::Mask::splat(false);

@@ -82,27 +82,29 @@ impl<R: Real> Snapshot<R> {
 }
 
 impl<R: Real> Snapshot<R> {
-    /// Moves the impulses of a lane back towards those of the snapshot: `part` of their difference is left, of the first coordinate that
-    /// each constraint touches. The w of `iterate` stays.
-    pub fn blend(&self, system: System<'_, R>, iterate: &mut Iterate<R>, lane: usize, part: &mut impl FnMut(u32) -> f64) {
-        each_kind!([own: &self] [set: &system.problem] [rows: system] [impulses: &mut iterate] => set.blend(rows, impulses, own, lane, part));
+    /// Replaces the impulses of a lane by a weighted mean with those of the snapshot.
+    ///
+    /// `weight` is that of the present impulses, from 0 to 1. Its argument is the first coordinate with an entry of the constraint. The w
+    /// of `iterate` is unchanged.
+    pub fn blend(&self, system: System<'_, R>, iterate: &mut Iterate<R>, lane: usize, weight: &mut impl FnMut(u32) -> f64) {
+        each_kind!([own: &self] [set: &system.problem] [rows: system] [impulses: &mut iterate] => set.blend(rows, impulses, own, lane, weight));
     }
 }
 
 impl<R: Real> Snapshot<R> {
-    /// Gives a contact an impulse, as [`Iterate::start_contact`] does, where the snapshot has that contact.
+    /// Sets the impulse of contact `i` as [`Iterate::set_first_impulse`] does, if the snapshot has that contact.
     #[inline(always)]
-    pub fn start_contact(&mut self, problem: &Problem<R>, i: usize, lanes: R::Mask, lambda: [R; 6]) {
+    pub fn set_first_impulse(&mut self, problem: &Problem<R>, i: usize, lanes: R::Mask, lambda: [R; 6]) {
         let Self { contacts, rolling_contacts, w, .. } = self;
         if i < contacts.len() + rolling_contacts.len() && contacts.len() == problem.contacts.len() {
-            start_contact(problem, i, lanes, lambda, (contacts, rolling_contacts, w));
+            set_first_impulse(problem, i, lanes, lambda, (contacts, rolling_contacts, w));
         }
     }
 }
 
-/// Gives contact `i` of `problem` the impulse `lambda` among the impulses of three rows, those of six, and w.
+/// Sets the impulse of contact `i` of `problem` to `lambda`: among the impulses of three rows or of six rows, and in w.
 #[inline(always)]
-fn start_contact<R: Real>(
+fn set_first_impulse<R: Real>(
     problem: &Problem<R>,
     i: usize,
     lanes: R::Mask,
@@ -110,8 +112,8 @@ fn start_contact<R: Real>(
     (contacts, rolling_contacts, w): (&mut [[R; 3]], &mut [[R; 6]], &mut [R]),
 ) {
     match i.checked_sub(problem.contacts.len()) {
-        None => problem.contacts.start(i, lanes, [lambda[0], lambda[1], lambda[2]], contacts, w),
-        Some(i) => problem.rolling_contacts.start(i, lanes, lambda, rolling_contacts, w),
+        None => problem.contacts.set_first_impulse(i, lanes, [lambda[0], lambda[1], lambda[2]], contacts, w),
+        Some(i) => problem.rolling_contacts.set_first_impulse(i, lanes, lambda, rolling_contacts, w),
     }
 }
 
@@ -217,12 +219,13 @@ impl<R: Real> Iterate<R> {
         });
     }
 
-    /// Gives contact `i` of `problem`, counted over those of three rows and then of six, the impulse `lambda` in the lanes `lanes`, in
-    /// which it has none. A contact of three rows reads three numbers.
+    /// Sets the impulse of contact `i` of `problem`, which must be zero, to `lambda` in the lanes `lanes`, and updates w.
+    ///
+    /// The index counts contacts of three rows, then of six. A contact of three rows reads the first three numbers.
     #[inline(always)]
-    pub fn start_contact(&mut self, problem: &Problem<R>, i: usize, lanes: R::Mask, lambda: [R; 6]) {
+    pub fn set_first_impulse(&mut self, problem: &Problem<R>, i: usize, lanes: R::Mask, lambda: [R; 6]) {
         let Self { contacts, rolling_contacts, w, .. } = self;
-        start_contact(problem, i, lanes, lambda, (contacts, rolling_contacts, w));
+        set_first_impulse(problem, i, lanes, lambda, (contacts, rolling_contacts, w));
     }
 
     /// Whether the impulses change any velocity.

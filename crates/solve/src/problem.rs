@@ -119,8 +119,9 @@ impl<R: Real> Problem<R> {
 }
 
 impl<R: Real> Problem<R> {
-    /// Activates the deferred rows of contact `i`, counted over those of three rows and then of six, in those of the lanes `lanes` in which
-    /// they wait, and returns these lanes.
+    /// Activates the rows of contact `i` in those lanes of `lanes` in which they are deferred. Returns these lanes.
+    ///
+    /// The index counts contacts of three rows, then of six.
     #[inline(always)]
     pub fn activate_contact(&mut self, i: usize, lanes: R::Mask) -> R::Mask {
         match i.checked_sub(self.contacts.len()) {
@@ -129,8 +130,9 @@ impl<R: Real> Problem<R> {
         }
     }
 
-    /// Normal velocity of contact `i`, counted over those of three rows and then of six, with its bias at the scaled velocity change w,
-    /// m/s.
+    /// Normal velocity of contact `i` with its bias, at the scaled velocity change w, m/s.
+    ///
+    /// The index counts contacts of three rows, then of six.
     #[inline(always)]
     pub fn normal_velocity(&self, i: usize, w: &[R]) -> R {
         match i.checked_sub(self.contacts.len()) {

@@ -1,11 +1,11 @@
-//! Distance of a pair of geoms along the motion of a step, and whether that motion closes its gap.
+//! Distance of a pair of geoms along the motion of a step, and whether that motion closes the gap.
 //!
 //! A contact row keeps the nearest points of one pose apart along one normal. Bodies that pass each other at a small distance violate such
-//! a row and never touch. So the geoms are moved along their path and the narrow phase runs there.
+//! a row without touching. This module therefore moves the geoms along their paths and runs the narrow phase there.
 //!
-//! The signed distance of two convex shapes is a convex function of a translation (the distance to the Minkowski difference; Boyd &
-//! Vandenberghe 2004, section 3.2.5). Its tangent at a pose bounds it from below, and its slope says on which side the minimum lies.
-//! Rotation within a step adds terms of second order.
+//! The signed distance of two convex shapes is a convex function of their relative translation (Boyd & Vandenberghe 2004, section 3.2.5).
+//! Its tangent at a pose is a lower bound, and the sign of its slope tells on which side the minimum lies. Rotation within a step adds
+//! terms of second order.
 
 use stepper_real::{Mask, Real};
 
@@ -15,29 +15,29 @@ use crate::compile::{CompiledPair, LaneModel};
 use crate::dynamics::kinematics::Kinematics;
 use crate::math::spatial::*;
 
-/// Number of contact points that a pair can have at most: those of a surface.
+/// Largest number of contact points of a pair, reached by surfaces.
 const MAX_PAIR_POINTS: usize = 16;
 
-/// Number of poses at which the distance of a pair is evaluated, at most. Newton's method and bisection need two to six.
+/// Largest number of poses at which the distance of a pair is evaluated. Newton and bisection steps need two to six.
 const MAX_POSES: usize = 16;
 
-/// Number of bisections by which the first touch of a pair is found: a part of 1e-3 of the path.
+/// Number of bisections for the time of first touch. Ten give 1e-3 of the path.
 const TOUCH_BISECTIONS: usize = 10;
 
-/// Turn of a body on its path beyond which the path says nothing of where its points go, rad. Its gap then counts as closed.
+/// Rotation of a body on its path above which the straight path is invalid, rad. Its gap then counts as closed.
 const MAX_ROTATION: f64 = 1.0;
 
-/// Straight motion of a pair from where the step is taken.
+/// Motion of a pair at constant velocity from the pose where contacts were found.
 pub(crate) struct Path<'a, R: Real> {
     pub(crate) compiled: &'a LaneModel<R>,
     pub(crate) kinematics: &'a Kinematics<R>,
-    /// Poses where the path begins.
+    /// Poses at the start of the path.
     pub(crate) start: &'a Placed<R>,
     /// Duration of the path, s.
     pub(crate) time: R,
     /// See [`super::detection::GeomPoses::slack`].
     pub(crate) slack: R,
-    /// Number of the pair in the compiled model.
+    /// Index of the pair in the compiled model.
     pub(crate) index: usize,
     pub(crate) pair: CompiledPair<R::Scalar>,
 }
@@ -45,16 +45,16 @@ pub(crate) struct Path<'a, R: Real> {
 /// Distance and normal velocity of a contact point.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Gap<R> {
-    /// Signed distance, m; infinite where the narrow phase has no point.
+    /// Signed distance, m. Infinite if the narrow phase finds no point.
     pub(crate) distance: R,
-    /// Rate of the distance, m/s.
+    /// Time derivative of the distance, m/s.
     pub(crate) rate: R,
 }
 
 /// Workspace of the narrow phase along paths.
 #[derive(Clone, Debug)]
 pub(crate) struct SweptPair<R: Real> {
-    /// Poses along the path; those of the pair alone are kept up.
+    /// Poses along the path. Only those of the tested pair are current.
     placed: Placed<R>,
     search: Search,
     contacts: Contacts<R>,
@@ -66,20 +66,21 @@ impl<R: Real> SweptPair<R> {
         Self { placed: Placed::new(compiled), search: Search::new(compiled, R::LANES), contacts: Contacts::new(MAX_PAIR_POINTS) }
     }
 
-    /// Sets the velocity of the joints with which bodies move along their paths.
+    /// Sets the generalized velocity `v` of the paths.
     #[inline(always)]
     pub(crate) fn set_velocity(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, v: &[R]) {
         kinematics.velocities(compiled, v, &mut self.placed.velocity);
     }
 
-    /// Lanes of `lanes` in which the distance of the pair falls below `-tolerance` on the path, and a time at which it does, s. `gap` is
-    /// its distance and rate at the beginning.
+    /// Lanes of `lanes` in which the distance of the pair falls below `-tolerance` on the path, and a time at which it does, s.
+    ///
+    /// `gap` is the distance and its rate at the start of the path.
     #[inline(always)]
     pub(crate) fn find_touch(&mut self, path: &Path<'_, R>, lanes: R::Mask, gap: Gap<R>, tolerance: R) -> (R::Mask, R) {
         let (mut low, mut high, mut tangent) = (R::zero(), path.time, gap);
         let end = self.gap_at(path, high, lanes);
         let mut hits = lanes.and(end.distance.lt(-tolerance).or(self.exceeds_max_rotation(path)));
-        // A distance that still shrinks at the end is least there.
+        // A distance that still decreases at the end of the path has its minimum there.
         let shrinks = end.distance.lt(R::of(f64::INFINITY)).and(end.rate.le(R::zero()));
         let mut open = lanes.and_not(hits).and_not(shrinks);
         let mut at = high;
@@ -105,7 +106,9 @@ impl<R: Real> SweptPair<R> {
         (hits, at)
     }
 
-    /// First time, of equal parts of `until`, at which the distance of the pair is below `-tolerance`, s; it is at `until`.
+    /// Earliest time at which the distance of the pair is below `-tolerance`, s, within 1e-3 of `until`.
+    ///
+    /// The distance must be below `-tolerance` at the time `until`.
     #[inline(always)]
     pub(crate) fn first_touch(&mut self, path: &Path<'_, R>, lanes: R::Mask, until: R, tolerance: R) -> R {
         let (mut low, mut high) = (R::zero(), until);
@@ -118,7 +121,7 @@ impl<R: Real> SweptPair<R> {
         high
     }
 
-    /// Lanes in which a body of the pair turns by more than [`MAX_ROTATION`].
+    /// Lanes in which a body of the pair rotates by more than [`MAX_ROTATION`] on the path.
     #[inline(always)]
     fn exceeds_max_rotation(&self, path: &Path<'_, R>) -> R::Mask {
         let mut far = R::Mask::splat(false);
@@ -130,7 +133,7 @@ impl<R: Real> SweptPair<R> {
         far
     }
 
-    /// Least distance of the pair `time` seconds along the path.
+    /// Smallest distance of the pair, and its rate, at `time` seconds along the path.
     #[inline(always)]
     fn gap_at(&mut self, path: &Path<'_, R>, time: R, lanes: R::Mask) -> Gap<R> {
         let Path { compiled, kinematics, slack, index, pair, .. } = *path;
@@ -153,7 +156,7 @@ impl<R: Real> SweptPair<R> {
         least
     }
 
-    /// Places a geom `time` seconds along the path.
+    /// Sets the pose of a geom at `time` seconds along the path.
     #[inline(always)]
     fn place(&mut self, path: &Path<'_, R>, geom: usize, time: R) {
         let (start, kinematics) = (path.start, path.kinematics);
@@ -175,7 +178,7 @@ impl<R: Real> SweptPair<R> {
 }
 
 impl<R: Real> Placed<R> {
-    /// Angular velocity of a frame and velocity of its origin; `None` for the world.
+    /// Angular velocity of a frame and linear velocity of its origin. `None` for the world.
     #[inline(always)]
     fn frame_motion(&self, path: &Path<'_, R>, frame: usize) -> Option<[V3<R>; 2]> {
         let Path { compiled, kinematics, .. } = *path;
@@ -187,7 +190,7 @@ impl<R: Real> Placed<R> {
         Some([angular(motion), velocity_at(motion, sub(kinematics.pos[frame], origin))])
     }
 
-    /// Rate of the distance of a contact point of the pair `time` seconds along the path, m/s.
+    /// Time derivative of the distance at a contact point of the pair, `time` seconds along the path, m/s.
     #[inline(always)]
     fn normal_velocity(&self, path: &Path<'_, R>, point: &ContactPoint<R>, time: R) -> R {
         let mut rate = R::zero();

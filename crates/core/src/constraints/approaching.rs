@@ -1,11 +1,11 @@
-//! Contacts whose surfaces approach each other: their rows wait until the solved motion closes the gap.
+//! Approaching contacts, whose rows are deferred until the solved motion closes their gap.
 //!
-//! A contact row keeps a gap open along one normal. It is right for surfaces that meet, and wrong for surfaces that pass each other: the
-//! nearest points of two bodies that fly past approach, and never touch. So rows of approaching contacts are assembled and left out of the
-//! problem. A solution without them says where the bodies go; the rows of the pairs that it lets meet are then activated, and the lanes are
-//! solved again ([`crate::integrators::struck_contacts`]).
+//! A contact row keeps a gap open along one fixed normal. That is right for surfaces that collide and wrong for surfaces that pass each
+//! other: the nearest points of two bodies that fly past approach without touching. Stage 4 therefore assembles the rows of an approaching
+//! contact and defers them: the solver leaves them out. The solution without them gives the motion of the step. Stage 5 activates the rows
+//! of the pairs that collide in this motion and solves their lanes again ([`crate::integrators::struck_contacts`]).
 //!
-//! Contacts that rest, slide or roll do not wait, nor do those of a half space, whose normal is the same everywhere.
+//! Contacts that rest, slide or roll are never deferred, nor are contacts with a half space, which has one normal everywhere.
 
 use stepper_real::{Mask, Real, Scalar};
 
@@ -16,20 +16,21 @@ use crate::math::lanes::each_of;
 use crate::math::spatial::*;
 use crate::options::StepSettings;
 
-/// Approach speed below which a touching contact rests, in tolerances of the solver. The velocity of a contact at rest is within one.
+/// Approach speed below which a touching contact counts as resting, in solver tolerances. A solved contact at rest moves by at most one.
 const RESTING_SPEED_RATIO: f64 = 10.0;
 
-/// Cosine of the angle between two normals of a pair from which on they are those of one flat contact: 0.8 degrees.
-const SAME_NORMAL: f64 = 0.9999;
+/// Cosine of the angle between two normals of a pair above which both contacts are coplanar. 0.9999 is 0.8 degrees.
+const COPLANAR_COSINE: f64 = 0.9999;
 
-/// Normal speed below which a touching contact rests, m/s.
+/// Normal speed below which a touching contact counts as resting, m/s.
 pub(crate) fn resting_speed(options: &StepSettings) -> f64 {
     RESTING_SPEED_RATIO * options.tolerance
 }
 
 impl<R: Real> Constraints<R> {
-    /// Lanes in which slot `k`, which the lanes `lanes` have, waits: its surfaces approach each other and may pass. `before` is its normal
-    /// velocity before the step, `free` are the velocities of its rows without constraints, m/s.
+    /// Lanes of `lanes` in which the contact of slot `k` is deferred: its surfaces approach each other and may pass.
+    ///
+    /// `before` is the normal velocity before the step and `free` the contact velocity after it without constraint forces, m/s.
     #[inline(always)]
     pub(crate) fn approaching_lanes(
         &self,
@@ -48,12 +49,13 @@ impl<R: Real> Constraints<R> {
         let resting_speed = R::of(resting_speed(options));
         let gap = contacts.data[k].point.distance;
         let closes = gap.gt(R::of(options.slop)).and((assembly.gap(gap) + assembly.h * free[0]).lt(R::zero()));
-        let waiting = curved.and(before.lt(-resting_speed).or(closes));
-        if waiting.none() { waiting } else { self.without_certain_hits(input, contacts, k, waiting, free) }
+        let deferred = curved.and(before.lt(-resting_speed).or(closes));
+        if deferred.none() { deferred } else { self.without_certain_hits(input, contacts, k, deferred, free) }
     }
 
-    /// Lanes of `lanes` but those in which round surfaces meet in the free motion for sure. Spheres and capsules hold the balls about the
-    /// contact's centres of curvature, and those meet.
+    /// Lanes of `lanes` without those in which two round geoms certainly collide in the free motion.
+    ///
+    /// A sphere or a capsule contains the ball about the contact's centre of curvature. The geoms collide if these two balls do.
     #[inline(never)]
     fn without_certain_hits(&self, input: RowInput<'_, R>, contacts: &Contacts<R>, k: usize, lanes: R::Mask, free: V3<R>) -> R::Mask {
         R::vectorize(
@@ -65,9 +67,9 @@ impl<R: Real> Constraints<R> {
                     let [a, b] = compiled.pair_geoms(pair).expect("made from this compiled");
                     if compiled.geoms[a].is_round && compiled.geoms[b].is_round {
                         let reach = compiled.params.geom_size(a)[0] + compiled.params.geom_size(b)[0];
-                        let way = scale(free, self.closing_time);
-                        let apart = norm([reach + gap + way[0], way[1], way[2]]);
-                        let meets = apart.lt(reach).and((reach + gap + way[0]).gt(R::zero()));
+                        let displacement = scale(free, self.closing_time);
+                        let distance = norm([reach + gap + displacement[0], displacement[1], displacement[2]]);
+                        let meets = distance.lt(reach).and((reach + gap + displacement[0]).gt(R::zero()));
                         out = out.and_not(meets.and(R::Mask::from_bits(same)));
                     }
                 }
@@ -76,17 +78,17 @@ impl<R: Real> Constraints<R> {
         )
     }
 
-    /// Lanes of `lanes` in which the rows of any contact wait.
+    /// Lanes of `lanes` with at least one deferred contact.
     #[inline(always)]
     pub(crate) fn deferred_lanes(&self, lanes: R::Mask) -> R::Mask {
-        let mut waiting = R::Mask::splat(false);
+        let mut deferred = R::Mask::splat(false);
         for contact in &self.deferred {
-            waiting = waiting.or(contact.lanes);
+            deferred = deferred.or(contact.lanes);
         }
-        waiting.and(lanes)
+        deferred.and(lanes)
     }
 
-    /// Deepest overlap in a lane of the contacts that do not wait and that share a moving frame with the frames `frames`, m.
+    /// Largest overlap of a lane among its active contacts that share a moving frame with `frames`, m.
     pub(crate) fn resting_overlap(
         &self,
         contacts: &Contacts<R>,
@@ -105,15 +107,15 @@ impl<R: Real> Constraints<R> {
         deepest
     }
 
-    /// Activates the waiting contacts of the pairs that meet in the lanes `lanes`; `lanes_of` gives those of a pair.
+    /// Activates the deferred contacts of colliding pairs in the lanes `lanes`. `lanes_of` returns the lanes in which a pair collides.
     pub(crate) fn activate(&mut self, contacts: &Contacts<R>, lanes: R::Mask, lanes_of: impl Fn(usize) -> R::Mask) {
         R::vectorize(
             #[inline(always)]
             || {
                 for i in 0..self.deferred.len() {
-                    let waiting = &self.deferred[i];
+                    let deferred = &self.deferred[i];
                     let mut struck = R::Mask::splat(false);
-                    for (pair, same) in contacts.pairs(waiting.slot, waiting.lanes.and(lanes).bits()) {
+                    for (pair, same) in contacts.pairs(deferred.slot, deferred.lanes.and(lanes).bits()) {
                         struck = struck.or(lanes_of(pair).and(R::Mask::from_bits(same)));
                     }
                     self.activate_contact(i, struck, self.deferred[i].impulse);
@@ -124,72 +126,75 @@ impl<R: Real> Constraints<R> {
         self.problem.hyperstatic = self.problem.hyperstatic.and_not(lanes).or(new.and(lanes));
     }
 
-    /// Activates the waiting contacts that the solution does not violate: they push nothing. Those that it violates and does not strike go
-    /// on waiting: their surfaces pass each other.
+    /// Activates, with zero impulse, the deferred contacts that the solution satisfies.
+    ///
+    /// Deferred contacts that it violates without a collision stay deferred: their surfaces pass each other.
     #[inline(always)]
     pub(crate) fn activate_satisfied(&mut self) {
         R::vectorize(
             #[inline(always)]
             || {
                 for i in 0..self.deferred.len() {
-                    let waiting = &self.deferred[i];
-                    let open = self.problem.normal_velocity(waiting.contact, &self.iterate.w).ge(R::zero());
-                    self.activate_contact(i, waiting.lanes.and(open), [R::zero(); 6]);
+                    let deferred = &self.deferred[i];
+                    let open = self.problem.normal_velocity(deferred.contact, &self.iterate.w).ge(R::zero());
+                    self.activate_contact(i, deferred.lanes.and(open), [R::zero(); 6]);
                 }
             },
         )
     }
 
-    /// Activates the waiting contacts that are among the contacts `known` of a step.
-    pub(crate) fn activate_matching(&mut self, contacts: &Contacts<R>, known: &Contacts<R>) {
+    /// Activates the deferred contacts that are also in `reference`, the contacts of a completed step.
+    pub(crate) fn activate_matching(&mut self, contacts: &Contacts<R>, reference: &Contacts<R>) {
         for i in 0..self.deferred.len() {
-            let waiting = self.deferred[i];
-            let mut there = 0;
-            for lane in each_of(waiting.lanes.bits()) {
-                let id = contacts.ids[waiting.slot][lane];
-                there |= u32::from(known.ids[..known.count[lane]].iter().any(|ids| ids[lane] == id)) << lane;
+            let deferred = self.deferred[i];
+            let mut matching = 0;
+            for lane in each_of(deferred.lanes.bits()) {
+                let id = contacts.ids[deferred.slot][lane];
+                matching |= u32::from(reference.ids[..reference.count[lane]].iter().any(|ids| ids[lane] == id)) << lane;
             }
-            self.activate_contact(i, R::Mask::from_bits(there), waiting.impulse);
+            self.activate_contact(i, R::Mask::from_bits(matching), deferred.impulse);
         }
     }
 
-    /// Activates the waiting contacts of pairs that have another contact with the same normal which does not wait: the two surfaces lie on
-    /// each other, and share their load among all of these contacts.
+    /// Activates the deferred contacts of pairs that also have an active contact with the same normal.
+    ///
+    /// The two faces lie on each other and share their load among all of these contacts.
     #[inline(never)]
     pub(crate) fn activate_coplanar(&mut self, contacts: &Contacts<R>) {
         for i in 0..self.deferred.len() {
-            let waiting = self.deferred[i];
-            let mut facing = 0;
-            for lane in each_of(waiting.lanes.bits()) {
-                let normal = of_lane(&contacts.data[waiting.slot].point.normal, lane);
-                let pair = contacts.ids[waiting.slot][lane].pair();
+            let deferred = self.deferred[i];
+            let mut coplanar = 0;
+            for lane in each_of(deferred.lanes.bits()) {
+                let normal = of_lane(&contacts.data[deferred.slot].point.normal, lane);
+                let pair = contacts.ids[deferred.slot][lane].pair();
                 let rests = (0..contacts.count[lane]).any(|k| {
                     contacts.ids[k][lane].pair() == pair
-                        && dot(of_lane(&contacts.data[k].point.normal, lane), normal) > SAME_NORMAL
+                        && dot(of_lane(&contacts.data[k].point.normal, lane), normal) > COPLANAR_COSINE
                         && !self.deferred.iter().any(|other| other.slot == k && other.lanes.bits() >> lane & 1 == 1)
                 });
-                facing |= u32::from(rests) << lane;
+                coplanar |= u32::from(rests) << lane;
             }
-            self.activate_contact(i, R::Mask::from_bits(facing), waiting.impulse);
+            self.activate_contact(i, R::Mask::from_bits(coplanar), deferred.impulse);
         }
     }
 
-    /// Activates waiting contact `i` in the lanes `lanes`, from the impulse `impulse`. The impulses that a prediction may be taken back to
-    /// get it, too: a load that is shared among several contacts stays shared.
+    /// Activates deferred contact `i` in the lanes `lanes` with the initial impulse `impulse`.
+    ///
+    /// The snapshot `shared`, towards which load sharing blends the impulses, gets the same value: a shared load stays shared.
     #[inline(always)]
     fn activate_contact(&mut self, i: usize, lanes: R::Mask, impulse: [R; 6]) {
         if lanes.any() {
             let Self { deferred, problem, iterate, shared, .. } = self;
-            let waiting = &mut deferred[i];
-            let lanes = problem.activate_contact(waiting.contact, lanes);
-            iterate.start_contact(problem, waiting.contact, lanes, impulse);
-            shared.start_contact(problem, waiting.contact, lanes, impulse);
-            waiting.lanes = waiting.lanes.and_not(lanes);
+            let deferred = &mut deferred[i];
+            let lanes = problem.activate_contact(deferred.contact, lanes);
+            iterate.set_first_impulse(problem, deferred.contact, lanes, impulse);
+            shared.set_first_impulse(problem, deferred.contact, lanes, impulse);
+            deferred.lanes = deferred.lanes.and_not(lanes);
             self.constrained = self.constrained.or(lanes);
         }
     }
 
-    /// Takes the contacts that still wait out of `contacts`: their surfaces have passed each other.
+    /// Removes the contacts that are still deferred from `contacts`: their surfaces have passed each other.
     #[inline(always)]
     pub(crate) fn remove_missed(&mut self, contacts: &mut Contacts<R>) {
         let lanes = self.deferred_lanes(R::Mask::splat(true));
@@ -197,9 +202,9 @@ impl<R: Real> Constraints<R> {
             let Self { deferred, kept, .. } = self;
             kept.clear();
             kept.resize(contacts.count[lane], true);
-            for waiting in deferred.iter().filter(|waiting| waiting.lanes.bits() >> lane & 1 == 1) {
-                // A lane whose step was not taken has no contacts left.
-                if let Some(kept) = kept.get_mut(waiting.slot) {
+            for deferred in deferred.iter().filter(|deferred| deferred.lanes.bits() >> lane & 1 == 1) {
+                // A rejected step leaves its lane without contacts.
+                if let Some(kept) = kept.get_mut(deferred.slot) {
                     *kept = false;
                 }
             }

@@ -82,10 +82,9 @@ pub struct Constraints<R: Real> {
     pub(crate) coefficient_scales: Vec<R>,
     /// Squared scales of a column, entry by entry.
     pub(crate) scales: Vec<V3<R>>,
-    /// Squared scales of what the elimination of equalities takes from a column, entry by entry.
+    /// Squared scales of what the elimination of equalities removes from a column, entry by entry.
     pub(crate) removed_scales: Vec<V3<R>>,
-    /// Coefficients of the projections that the last elimination has taken from a column, for every tied row by its index, or their
-    /// scales.
+    /// Coefficients of the projections that the last elimination removed from a column, or their scales, by index of the eliminated row.
     pub(crate) projections: Vec<V3<R>>,
     /// Of those rows: h/2 J' v, J v before the step, and the bias that corrects the error (minus a velocity).
     pub(crate) demands: Vec<[R; 3]>,
@@ -101,15 +100,15 @@ pub struct Constraints<R: Real> {
     pub(crate) moving: u32,
     /// Lanes (bits) in which the first surface of the gathered contact is a plane.
     pub(crate) flat: u32,
-    /// Contacts whose rows wait until the solved motion closes their gap.
+    /// Approaching contacts, whose rows are deferred until the solved motion closes their gap.
     pub(crate) deferred: Vec<DeferredContact<R>>,
-    /// Which contacts of a lane are kept, while those that it missed are left out.
+    /// Whether each contact of a lane is kept: workspace of [`Constraints::remove_missed`].
     pub(crate) kept: Vec<bool>,
-    /// Time in which the rows let a gap close, s.
+    /// Time within which a row lets its gap close, s.
     pub(crate) closing_time: R,
-    /// Rows of the equalities that are taken out of the row which is made.
+    /// Eliminated equality rows that share a degree of freedom with the row under assembly.
     pub(crate) coupled: Vec<Range<usize>>,
-    /// Entries of the separate equalities, times D^-1/2 and times D^1/2.
+    /// Entries of the eliminated equalities, times D^-1/2 and times D^1/2 of the mass matrix factors L^T D L.
     pub(crate) eliminated_entries: [Vec<R>; 2],
     /// Rows of MuJoCo's contact law, where it is asked for; the problem above is empty then.
     pub(crate) soft: Option<Box<SoftSystem<R>>>,
@@ -156,20 +155,20 @@ pub(crate) struct Impact<R: Real> {
     pub(crate) normal_factor: R,
 }
 
-/// Contact whose rows wait in some lanes.
+/// Contact whose rows are deferred in some lanes.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct DeferredContact<R: Real> {
     /// Index of the contact in the problem: those of three rows come first, then those of six.
     pub(crate) contact: usize,
-    /// Slot of its geometry.
+    /// Slot of the contact in the contact set.
     pub(crate) slot: usize,
-    /// Lanes in which it waits.
+    /// Lanes in which the rows are deferred.
     pub(crate) lanes: R::Mask,
-    /// Lanes in which it bounces: its bias is that of the impact.
+    /// Lanes in which the contact bounces. The bias there is the rebound velocity.
     pub(crate) bounces: R::Mask,
-    /// Bias of the normal row: g less the free velocity, m/s.
+    /// Bias of the normal row, m/s: g minus the free velocity.
     pub(crate) bias: R,
-    /// Impulse that the rows start from, N s and N m s.
+    /// Initial impulse of the rows at activation, N s and N m s.
     pub(crate) impulse: [R; 6],
 }
 

@@ -1,4 +1,4 @@
-//! Search for the pairs of geoms that the motion of a step lets meet.
+//! Search for the pairs of geoms with deferred contacts that collide in the motion of a step.
 
 use stepper_real::{Mask, Real, Scalar};
 
@@ -12,46 +12,47 @@ use crate::dynamics::kinematics::Kinematics;
 use crate::math::lanes::each_of;
 use crate::options::StepSettings;
 
-/// Rounding of the distance of bodies that are some metres from the origin, m, in 64 bits and in 32.
+/// Rounding error of a distance a few metres from the origin, m: in 64 bits and in 32 bits.
 const POSITION_ROUNDING: [f64; 2] = [1e-12, 2e-6];
 
-/// Time between the first touches of two pairs, relative to the path, below which both count as the first.
+/// Difference of two times of first touch, as a fraction of the path, below which both pairs count as first.
 const SIMULTANEOUS_FRACTION: f64 = 2e-3;
 
-/// Pairs whose waiting contacts the motion may close, and which of them it does.
+/// Candidate pairs of deferred contacts, and the lanes in which they collide.
 #[derive(Clone, Debug)]
 pub(crate) struct StrikeSearch<R: Real> {
     swept: SweptPair<R>,
-    /// For each contact that waits, its normal velocity in the motion, m/s, and the lanes in which its linearised gap closes.
+    /// Normal velocity of each deferred contact in the motion, m/s, and the lanes in which its linearised gap closes.
     rates: Vec<(R, R::Mask)>,
-    pairs: Vec<PairStrike<R>>,
+    /// Candidate pairs: those whose linearised gap closes in some lane.
+    pairs: Vec<CandidatePair<R>>,
 }
 
-/// A pair whose linearised gap closes in some lanes.
+/// Candidate pair: its linearised gap closes in some lanes.
 #[derive(Clone, Copy, Debug)]
-struct PairStrike<R: Real> {
-    /// Number of the pair in the compiled model.
+struct CandidatePair<R: Real> {
+    /// Index of the pair in the compiled model.
     pair: usize,
-    /// Lanes in which its linearised gap closes; in the end, those in which its contacts are to be activated.
+    /// Lanes in which the linearised gap closes. The search reduces them to those in which the pair collides.
     lanes: R::Mask,
-    /// Time of the first touch, s.
+    /// Time of the first touch after the start of the path, s.
     time: R,
-    /// Lanes (bits) in which another pair of the same trees meets before.
-    later: u32,
+    /// Lanes (bits) in which another pair of the same trees touches earlier.
+    later_lanes: u32,
 }
 
-/// Motion and contacts in which a search takes place.
+/// Contacts and settings of one search.
 pub(crate) struct StrikeQuery<'a, R: Real> {
     pub(crate) compiled: &'a LaneModel<R>,
     pub(crate) kinematics: &'a Kinematics<R>,
     pub(crate) poses: &'a GeomPoses<R>,
     pub(crate) contacts: &'a Contacts<R>,
     pub(crate) options: &'a StepSettings,
-    /// Lanes that are searched.
+    /// Lanes to search.
     pub(crate) lanes: R::Mask,
-    /// Part of the linearised overlap that the true overlap must exceed to count: the motion is an estimate that errs by less.
+    /// Fraction of the linearised overlap that the overlap on the path must exceed. 0 for a solved motion; a prediction has an error.
     pub(crate) margin: f64,
-    /// Whether all pairs that meet count, also those that others may keep from meeting.
+    /// Whether every colliding pair counts, also behind an earlier collision of the same trees.
     pub(crate) ignores_order: bool,
 }
 
@@ -66,8 +67,9 @@ impl<R: Real> StrikeSearch<R> {
         }
     }
 
-    /// Finds the pairs that meet first in the motion with the velocity `v` after the step, among those that [`StrikeSearch::list_candidates`]
-    /// has listed. Returns the lanes in which there are any.
+    /// Finds the candidate pairs that collide first in the motion with the velocity `v` after the step. Returns the lanes with any.
+    ///
+    /// [`StrikeSearch::list_candidates`] must run before.
     pub(crate) fn find(&mut self, query: &StrikeQuery<'_, R>, v: &[R], constraints: &Constraints<R>) -> R::Mask {
         R::vectorize(
             #[inline(always)]
@@ -76,16 +78,16 @@ impl<R: Real> StrikeSearch<R> {
         if !query.ignores_order {
             self.keep_earliest(query, constraints);
         }
-        self.pairs.iter().fold(R::Mask::splat(false), |lanes, strike| lanes.or(strike.lanes))
+        self.pairs.iter().fold(R::Mask::splat(false), |lanes, candidate| lanes.or(candidate.lanes))
     }
 
-    /// Lanes in which the search has found the contact of `pair`.
+    /// Lanes in which `pair` collides.
     #[inline(always)]
     pub(crate) fn lanes_of(&self, pair: usize) -> R::Mask {
-        self.pairs.iter().find(|strike| strike.pair == pair).map_or(R::Mask::splat(false), |strike| strike.lanes)
+        self.pairs.iter().find(|candidate| candidate.pair == pair).map_or(R::Mask::splat(false), |candidate| candidate.lanes)
     }
 
-    /// Lists the pairs whose linearised gaps close. Returns whether there are any.
+    /// Lists the pairs whose linearised gap closes. Returns whether there are any.
     pub(crate) fn list_candidates(&mut self, query: &StrikeQuery<'_, R>, constraints: &Constraints<R>) -> bool {
         self.rates.clear();
         self.pairs.clear();
@@ -94,10 +96,10 @@ impl<R: Real> StrikeSearch<R> {
             #[inline(always)]
             || {
                 for contact in &constraints.deferred {
-                    let demand = constraints.problem.normal_velocity(contact.contact, &constraints.iterate.w);
-                    let rate = demand - contact.bias;
+                    let velocity = constraints.problem.normal_velocity(contact.contact, &constraints.iterate.w);
+                    let rate = velocity - contact.bias;
                     let end = query.contacts.data[contact.slot].point.distance + constraints.closing_time * rate;
-                    let closes = contact.bounces.and(demand.lt(R::zero())).or(end.lt(-touch).and_not(contact.bounces));
+                    let closes = contact.bounces.and(velocity.lt(R::zero())).or(end.lt(-touch).and_not(contact.bounces));
                     self.rates.push((rate, contact.lanes.and(query.lanes).and(closes)));
                 }
             },
@@ -105,16 +107,16 @@ impl<R: Real> StrikeSearch<R> {
         for (contact, &(_, closes)) in constraints.deferred.iter().zip(&self.rates) {
             for (pair, lanes) in query.contacts.pairs(contact.slot, closes.bits()) {
                 let lanes = R::Mask::from_bits(lanes);
-                match self.pairs.iter_mut().find(|strike| strike.pair == pair) {
-                    Some(strike) => strike.lanes = strike.lanes.or(lanes),
-                    None => self.pairs.push(PairStrike { pair, lanes, time: R::zero(), later: 0 }),
+                match self.pairs.iter_mut().find(|candidate| candidate.pair == pair) {
+                    Some(candidate) => candidate.lanes = candidate.lanes.or(lanes),
+                    None => self.pairs.push(CandidatePair { pair, lanes, time: R::zero(), later_lanes: 0 }),
                 }
             }
         }
         !self.pairs.is_empty()
     }
 
-    /// Keeps the lanes in which the paths of the pairs let them meet, with the times of their first touches where there are several.
+    /// Reduces the lanes of each candidate to those in which its path collides. Finds the times of first touch in lanes with several.
     #[inline(always)]
     fn test_paths(&mut self, query: &StrikeQuery<'_, R>, v: &[R], constraints: &Constraints<R>) {
         let StrikeQuery { compiled, kinematics, poses, .. } = *query;
@@ -123,59 +125,62 @@ impl<R: Real> StrikeSearch<R> {
         swept.set_velocity(compiled, kinematics, v);
         let path = |index: usize, pair| Path { compiled, kinematics, start: &poses.placed, time, slack: poses.slack, index, pair };
         let (mut once, mut several) = (R::Mask::splat(false), R::Mask::splat(false));
-        for strike in pairs.iter_mut() {
-            let pair = compiled.pair(strike.pair);
-            let gap = farthest_closing_gap(query, constraints, rates, strike);
+        for candidate in pairs.iter_mut() {
+            let pair = compiled.pair(candidate.pair);
+            let gap = farthest_closing_gap(query, constraints, rates, candidate);
             let least = -(gap.distance + time * gap.rate) * R::of(query.margin);
-            let tolerance = pair_tolerance(query, constraints, strike).max(least);
-            (strike.lanes, strike.time) = swept.find_touch(&path(strike.pair, pair), strike.lanes, gap, tolerance);
-            several = several.or(once.and(strike.lanes));
-            once = once.or(strike.lanes);
+            let tolerance = pair_tolerance(query, constraints, candidate).max(least);
+            (candidate.lanes, candidate.time) = swept.find_touch(&path(candidate.pair, pair), candidate.lanes, gap, tolerance);
+            several = several.or(once.and(candidate.lanes));
+            once = once.or(candidate.lanes);
         }
         if query.ignores_order || several.none() {
             return;
         }
-        for strike in pairs.iter_mut().filter(|strike| strike.lanes.and(several).any()) {
-            let (pair, lanes) = (compiled.pair(strike.pair), strike.lanes.and(several));
-            let tolerance = pair_tolerance(query, constraints, strike);
-            strike.time = swept.first_touch(&path(strike.pair, pair), lanes, strike.time, tolerance);
+        for candidate in pairs.iter_mut().filter(|candidate| candidate.lanes.and(several).any()) {
+            let (pair, lanes) = (compiled.pair(candidate.pair), candidate.lanes.and(several));
+            let tolerance = pair_tolerance(query, constraints, candidate);
+            candidate.time = swept.first_touch(&path(candidate.pair, pair), lanes, candidate.time, tolerance);
         }
     }
 
-    /// Keeps the pairs that meet before any other pair of the same trees does: an impact changes where those go.
+    /// Removes candidates from the lanes in which another pair of the same trees touches earlier.
+    ///
+    /// The earlier impact changes the motion of these trees.
     fn keep_earliest(&mut self, query: &StrikeQuery<'_, R>, constraints: &Constraints<R>) {
-        let lanes = self.pairs.iter().fold(0, |bits, strike| bits | strike.lanes.bits());
-        let trees_of = |strike: &PairStrike<R>| trees_of_pair(query.compiled, strike.pair);
+        let lanes = self.pairs.iter().fold(0, |bits, candidate| bits | candidate.lanes.bits());
+        let trees_of = |candidate: &CandidatePair<R>| trees_of_pair(query.compiled, candidate.pair);
         for lane in each_of(lanes) {
-            let here = |strike: &&PairStrike<R>| strike.lanes.bits() >> lane & 1 == 1;
-            let time = |strike: &PairStrike<R>| strike.time.lane(lane).to_f64();
+            let here = |candidate: &&CandidatePair<R>| candidate.lanes.bits() >> lane & 1 == 1;
+            let time = |candidate: &CandidatePair<R>| candidate.time.lane(lane).to_f64();
             let window = SIMULTANEOUS_FRACTION * constraints.closing_time.lane(lane).to_f64();
             for i in 0..self.pairs.len() {
-                let strike = self.pairs[i];
-                let shares = |other: &PairStrike<R>| trees_of(other).iter().flatten().any(|tree| trees_of(&strike).contains(&Some(*tree)));
-                let is_later = self.pairs.iter().filter(here).any(|other| time(other) < time(&strike) - window && shares(other));
-                self.pairs[i].later |= u32::from(is_later) << lane;
+                let candidate = self.pairs[i];
+                let shares =
+                    |other: &CandidatePair<R>| trees_of(other).iter().flatten().any(|tree| trees_of(&candidate).contains(&Some(*tree)));
+                let is_later = self.pairs.iter().filter(here).any(|other| time(other) < time(&candidate) - window && shares(other));
+                self.pairs[i].later_lanes |= u32::from(is_later) << lane;
             }
         }
-        for strike in &mut self.pairs {
-            strike.lanes = strike.lanes.and_not(R::Mask::from_bits(strike.later));
+        for candidate in &mut self.pairs {
+            candidate.lanes = candidate.lanes.and_not(R::Mask::from_bits(candidate.later_lanes));
         }
     }
 }
 
-/// Linearised gap of a pair's waiting contact that closes farthest.
+/// Linearised gap of a pair, taken from the deferred contact that overlaps most at the end of the path.
 #[inline(always)]
 fn farthest_closing_gap<R: Real>(
     query: &StrikeQuery<'_, R>,
     constraints: &Constraints<R>,
     rates: &[(R, R::Mask)],
-    strike: &PairStrike<R>,
+    candidate: &CandidatePair<R>,
 ) -> Gap<R> {
     let mut gap = Gap { distance: R::zero(), rate: R::zero() };
     let mut farthest = R::of(f64::INFINITY);
     for (contact, &(rate, closes)) in constraints.deferred.iter().zip(rates) {
-        for (pair, lanes) in query.contacts.pairs(contact.slot, closes.and(strike.lanes).bits()) {
-            if pair == strike.pair {
+        for (pair, lanes) in query.contacts.pairs(contact.slot, closes.and(candidate.lanes).bits()) {
+            if pair == candidate.pair {
                 let distance = query.contacts.data[contact.slot].point.distance;
                 let end = distance + constraints.closing_time * rate;
                 let here = R::Mask::from_bits(lanes).and(end.lt(farthest));
@@ -187,27 +192,30 @@ fn farthest_closing_gap<R: Real>(
     gap
 }
 
-/// Overlap up to which a pair does not count as meeting, m: that of resting contacts, up to the slop, goes on where supports join flush.
+/// Overlap below which a pair does not collide, m.
+///
+/// It is the overlap of resting contacts nearby, at most the slop, plus [`touch_tolerance`]. A body that slides over flush supports keeps
+/// its overlap from one support to the next.
 #[inline(always)]
-fn pair_tolerance<R: Real>(query: &StrikeQuery<'_, R>, constraints: &Constraints<R>, strike: &PairStrike<R>) -> R {
+fn pair_tolerance<R: Real>(query: &StrikeQuery<'_, R>, constraints: &Constraints<R>, candidate: &CandidatePair<R>) -> R {
     let compiled = query.compiled;
     let frames_of = |pair: usize| compiled.pair_geoms(pair).expect("made from this compiled").map(|g| compiled.geoms[g].frame);
     let mut overlap = R::zero();
-    for lane in each_of(strike.lanes.bits()) {
-        let deepest = constraints.resting_overlap(query.contacts, frames_of, frames_of(strike.pair), lane);
+    for lane in each_of(candidate.lanes.bits()) {
+        let deepest = constraints.resting_overlap(query.contacts, frames_of, frames_of(candidate.pair), lane);
         overlap.set_lane(lane, R::of(deepest).lane(lane));
     }
     overlap.min(R::of(query.options.slop)) + touch_tolerance(query, constraints)
 }
 
-/// Overlap after the path that counts as a touch, m: what a contact at rest may move, or the rounding of positions.
+/// Overlap at the end of the path that counts as touch, m: the motion of a resting contact, or the rounding of positions if larger.
 #[inline(always)]
 fn touch_tolerance<R: Real>(query: &StrikeQuery<'_, R>, constraints: &Constraints<R>) -> R {
     let rounding = POSITION_ROUNDING[usize::from(size_of::<R::Scalar>() < size_of::<f64>())];
     (constraints.closing_time * R::of(resting_speed(query.options))).max(R::of(rounding))
 }
 
-/// Trees of a pair's bodies, `None` for what does not belong to any.
+/// Kinematic trees of the bodies of a pair. `None` for the world and mocap bodies.
 fn trees_of_pair<R: Real>(compiled: &LaneModel<R>, pair: usize) -> [Option<usize>; 2] {
     let geoms = compiled.pair_geoms(pair).expect("made from this compiled");
     geoms.map(|g| compiled.geoms[g].frame.checked_sub(1).and_then(|link| compiled.links.get(link)).map(|link| link.tree))

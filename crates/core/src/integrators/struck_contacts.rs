@@ -1,7 +1,7 @@
-//! Contacts whose gap the solved motion closes: their rows are activated, and the lanes are solved again.
+//! Contacts whose gap the solved motion closes: their rows are activated and their lanes solved again.
 //!
-//! [`crate::constraints::approaching`] says which rows wait for this. The pairs that meet first are activated first, since an impact may
-//! keep others from meeting: a ball that a floor stops does not strike the step that lies behind.
+//! [`crate::constraints::approaching`] defines which rows are deferred. The pairs that touch first are activated first, because an impact
+//! may prevent later ones. Example: a ball that lands on the floor does not hit the ledge behind its landing point.
 
 use stepper_real::{Mask, Real};
 use stepper_solve::Outcome;
@@ -13,17 +13,17 @@ use crate::options::StepSettings;
 use crate::stages::s05_solve::{Estimate, solve};
 use crate::stages::s06_integrate_velocity::integrate_velocity;
 
-/// Number of solves in which pairs are activated in the order in which they meet. After that all that meet are activated.
+/// Number of solves that activate pairs in order of first touch. Later solves activate every colliding pair.
 const ORDERED_PASSES: usize = 6;
 
-/// Number of predictions in which pairs are activated. The solves that follow activate the others.
-const PREDICTED_PASSES: usize = 3;
+/// Largest number of predictions that activate pairs. The solves of stage 5 activate the others.
+const MAX_PREDICTIONS: usize = 3;
 
-/// Part of the linearised overlap that the true one must exceed in a predicted motion. A prediction leaves a part of gravity unsupported,
-/// which is less than a tenth of a fast approach.
+/// Fraction of the linearised overlap that the true overlap must exceed in a predicted motion. A prediction leaves part of gravity
+/// unsupported: less than a tenth of a fast approach.
 const PREDICTED_MARGIN: f64 = 0.1;
 
-/// Activates the contacts that the predicted impulses do not keep from being struck, and predicts again with them.
+/// Activates the contacts that collide in the predicted motion, and repeats the prediction with them.
 #[inline(always)]
 pub(crate) fn predict_strikes<R: Real>(
     compiled: &LaneModel<R>,
@@ -32,8 +32,8 @@ pub(crate) fn predict_strikes<R: Real>(
     s: &mut Workspace<R>,
     lanes: R::Mask,
 ) {
-    for _ in 0..PREDICTED_PASSES {
-        let struck = activate(compiled, options, s, true, PREDICTED_MARGIN, false);
+    for _ in 0..MAX_PREDICTIONS {
+        let struck = activate_struck(compiled, options, s, true, PREDICTED_MARGIN, false);
         if struck.none() {
             return;
         }
@@ -41,7 +41,7 @@ pub(crate) fn predict_strikes<R: Real>(
     }
 }
 
-/// Solves again with the contacts that the solved motion `next.v` strikes, until it strikes no other.
+/// Solves the lanes again with the contacts that collide in the solved motion `next.v`, until no other collides.
 #[inline(always)]
 pub(crate) fn solve_strikes<R: Real>(
     compiled: &LaneModel<R>,
@@ -50,21 +50,21 @@ pub(crate) fn solve_strikes<R: Real>(
     mut outcome: Outcome<R>,
 ) -> Outcome<R> {
     for pass in 0.. {
-        let struck = activate(compiled, options, s, false, 0.0, pass >= ORDERED_PASSES);
+        let struck = activate_struck(compiled, options, s, false, 0.0, pass >= ORDERED_PASSES);
         if struck.none() {
             break;
         }
         let (rows, mut room) = s.constraints.split();
-        let again = solve(options, &s.state.v, struck, &rows, &mut room, &mut s.evaluation.contacts);
-        outcome.replace(&again, struck);
+        let solved = solve(options, &s.state.v, struck, &rows, &mut room, &mut s.evaluation.contacts);
+        outcome.replace(&solved, struck);
         integrate_velocity(compiled, &s.free_motion.smooth.mass, &s.free_motion.v, &s.constraints, &mut s.next.v);
     }
     outcome
 }
 
-/// Activates the contacts that a motion strikes: the predicted one or `next.v`. Returns the lanes with any.
+/// Activates the contacts that collide in the predicted motion or in that of `next.v`. Returns the lanes with any.
 #[inline(always)]
-fn activate<R: Real>(
+fn activate_struck<R: Real>(
     compiled: &LaneModel<R>,
     options: &StepSettings,
     s: &mut Workspace<R>,

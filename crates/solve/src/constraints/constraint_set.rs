@@ -270,14 +270,14 @@ pub trait ConstraintSet<R: Real>: Sized {
     /// Appends a constraint that was saved, in every lane.
     fn load(&mut self, saved: &SavedConstraint);
 
-    /// Moves the impulses of a lane back towards those of `from`; see [`Snapshot::blend`](crate::Snapshot::blend).
+    /// Replaces the impulses of a lane by a weighted mean with those of `from`; see [`Snapshot::blend`](crate::Snapshot::blend).
     fn blend(
         &self,
         rows: &Rows<Self::Row>,
         impulses: &mut [Self::Impulse],
         from: &[Self::Impulse],
         lane: usize,
-        part: &mut impl FnMut(u32) -> f64,
+        weight: &mut impl FnMut(u32) -> f64,
     );
 
     /// w += Y lambda.
@@ -345,11 +345,11 @@ pub(crate) fn worse<R: Real>(a: R, b: R) -> R {
     R::select(b.le(a), a, b)
 }
 
-/// Moves the numbers of a lane back towards those of `from`: so much of their difference is left.
-pub(crate) fn blend_lane<R: Real>(numbers: &mut [R], from: &[R], lane: usize, part: f64) {
+/// Replaces the numbers of a lane by `from + weight (number - from)`.
+pub(crate) fn blend_lane<R: Real>(numbers: &mut [R], from: &[R], lane: usize, weight: f64) {
     for (number, from) in numbers.iter_mut().zip(from) {
         let [now, from] = [*number, *from].map(|x| number_of(x, lane));
-        number.set_lane(lane, Scalar::from_f64(from + part * (now - from)));
+        number.set_lane(lane, Scalar::from_f64(from + weight * (now - from)));
     }
 }
 

@@ -103,8 +103,8 @@ pub struct FrictionContact<R: Real, const N: usize, L> {
     pub active: R::Mask,
     /// Lanes in which a contact exists but nothing can move along its normal: it has no rows, and its impulse stays.
     pub(super) immovable: R::Mask,
-    /// Lanes in which the contact has no rows until it is activated.
-    waiting: R::Mask,
+    /// Lanes in which the rows are deferred: the solver leaves them out until they are activated.
+    deferred: R::Mask,
     /// Coefficient of friction of the rows as they are scaled; 0 for a frictionless contact.
     pub mu: R,
     /// Velocity before any impulse, with the bias of the normal row, m/s.
@@ -144,7 +144,7 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContact<R, N, L> {
             coordinates: 0,
             active: none,
             immovable: none,
-            waiting: none,
+            deferred: none,
             mu: zero,
             g: [zero; N],
             position_g: [zero; N],
@@ -226,7 +226,7 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContacts<R, N, L> {
             coordinates: support.len(),
             active: exists,
             immovable: active.and_not(exists),
-            waiting: R::Mask::splat(false),
+            deferred: R::Mask::splat(false),
             mu,
             g,
             position_g,
@@ -293,11 +293,11 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContacts<R, N, L> {
         }
     }
 
-    /// Leaves the rows of the contact pushed last out of the lanes `lanes` until they are activated.
+    /// Defers the rows of the contact pushed last, in the lanes `lanes`: the solver leaves them out until they are activated.
     #[inline(always)]
     pub fn defer(&mut self, lanes: R::Mask) {
         if let Some(contact) = self.rows.items.last_mut() {
-            contact.waiting = lanes.and(contact.active);
+            contact.deferred = lanes.and(contact.active);
             contact.active = contact.active.and_not(lanes);
         }
     }
@@ -314,19 +314,19 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContacts<R, N, L> {
         v + contact.g[0]
     }
 
-    /// Activates contact `i` in those of the lanes `lanes` in which it waits, and returns them.
+    /// Activates the rows of contact `i` in those lanes of `lanes` in which they are deferred. Returns these lanes.
     #[inline(always)]
     pub(crate) fn activate(&mut self, i: usize, lanes: R::Mask) -> R::Mask {
         let contact = &mut self.rows.items[i];
-        let lanes = lanes.and(contact.waiting);
-        contact.waiting = contact.waiting.and_not(lanes);
+        let lanes = lanes.and(contact.deferred);
+        contact.deferred = contact.deferred.and_not(lanes);
         contact.active = contact.active.or(lanes);
         lanes
     }
 
-    /// Gives contact `i`, which had none, the impulse `lambda` in the lanes `lanes`, which moves w.
+    /// Sets the impulse of contact `i`, which must be zero, to `lambda` in the lanes `lanes`, and updates w.
     #[inline(always)]
-    pub(crate) fn start(&self, i: usize, lanes: R::Mask, lambda: [R; N], impulses: &mut [[R; N]], w: &mut [R]) {
+    pub(crate) fn set_first_impulse(&self, i: usize, lanes: R::Mask, lambda: [R; N], impulses: &mut [[R; N]], w: &mut [R]) {
         let mut d = lambda;
         for k in 0..N {
             d[k] = masked(lanes, lambda[k]);
@@ -579,13 +579,13 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> ConstraintSet<R> for Frictio
         impulses: &mut [[R; N]],
         from: &[[R; N]],
         lane: usize,
-        part: &mut impl FnMut(u32) -> f64,
+        weight: &mut impl FnMut(u32) -> f64,
     ) {
         for (contact, (impulse, from)) in rows.items.iter().zip(impulses.iter_mut().zip(from)) {
             let (support, y) = self.entries(contact);
             let first = support.iter().zip(y).find(|(_, y)| y.iter().any(|&y| number_of(y, lane) != 0.0));
             if let (Some((&c, _)), true) = (first, contact.active.bits() >> lane & 1 == 1) {
-                blend_lane(impulse, from, lane, part(c));
+                blend_lane(impulse, from, lane, weight(c));
             }
         }
     }

@@ -418,12 +418,12 @@ impl<R: Real> ConstraintSet<R> for ScalarRows<R> {
         }
     }
 
-    fn blend(&self, rows: &Rows<ScalarRow<R>>, impulses: &mut [R], from: &[R], lane: usize, part: &mut impl FnMut(u32) -> f64) {
+    fn blend(&self, rows: &Rows<ScalarRow<R>>, impulses: &mut [R], from: &[R], lane: usize, weight: &mut impl FnMut(u32) -> f64) {
         for (row, (impulse, from)) in rows.items.iter().zip(impulses.iter_mut().zip(from)) {
             let (support, y) = self.entries(row);
             let first = support.iter().zip(y).find(|(_, y)| number_of(**y, lane) != 0.0);
             if let (Some((&c, _)), true) = (first, row.active.bits() >> lane & 1 == 1) {
-                blend_lane(std::slice::from_mut(impulse), std::slice::from_ref(from), lane, part(c));
+                blend_lane(std::slice::from_mut(impulse), std::slice::from_ref(from), lane, weight(c));
             }
         }
     }

@@ -1,14 +1,17 @@
-//! Hard equalities, taken out of every other row: what is left to be solved goes on in the motions that they allow.
+//! Elimination of hard equalities from all other rows. The solver then works within the motions that the equalities allow.
 //!
-//! The rows e_k of separate equalities are orthogonal and demand e_k . w + g_k = 0. For another row y . w + g,
+//! The eliminated rows e_k are orthogonal and require e_k . w + g_k = 0. For another row y . w + g,
 //!
 //! ```text
 //! y' = y - sum_k a_k e_k,    g' = g - sum_k a_k g_k,    a_k = y . e_k / |e_k|^2
 //! ```
 //!
-//! is the same velocity for every w that they allow, and an impulse along y' leaves them as they are (the Schur complement of their block
-//! of G; Golub & Van Loan 2013, section 3.2). So they are solved once, exactly, and impulses of the other rows are what they were. Sweeps
-//! that go back and forth between a leg's coupling and the contact of its foot need two to five times as many.
+//! is the same velocity for every allowed w, and an impulse along y' does not change the equalities. This is the Schur complement of their
+//! block of G (Golub & Van Loan 2013, section 3.2). The equalities are solved once, exactly, and the impulses of the other rows keep their
+//! meaning. Without elimination, Gauss-Seidel iterations alternate between the coupling of a leg and the contact of its foot, and need two
+//! to five times as many.
+//!
+//! The code keeps a row as `column`: a row times L^-1, without the factor D^-1/2 of the mass matrix L^T D L.
 
 use std::ops::Range;
 
@@ -21,7 +24,7 @@ use crate::dynamics::inertia::MassMatrix;
 use crate::math::spatial::*;
 
 impl<R: Real> Constraints<R> {
-    /// Finds the separate equalities that share a degree of freedom with `support`, and adds what they move to it, with zeros in `column`.
+    /// Finds the eliminated equalities that share a degree of freedom with `support`. Adds their support to it, with zeros in `column`.
     #[inline(always)]
     pub(crate) fn couple(&mut self, compiled: &LaneModel<R>) {
         if self.problem.scalars.separate() > 0 {
@@ -36,7 +39,7 @@ impl<R: Real> Constraints<R> {
         }
     }
 
-    /// The same of the dofs in `words`.
+    /// Finds the eliminated equalities that share a degree of freedom with the bits of `words`, and adds their support.
     #[inline(always)]
     pub(crate) fn find_coupled(&mut self, compiled: &LaneModel<R>) {
         self.coupled.clear();
@@ -45,6 +48,7 @@ impl<R: Real> Constraints<R> {
         }
     }
 
+    /// Searches the blocks of eliminated equalities: most scenes have none, so that this code is not inlined.
     #[inline(never)]
     fn search_blocks(&mut self, compiled: &LaneModel<R>) {
         let mut start = 0;
@@ -68,7 +72,7 @@ impl<R: Real> Constraints<R> {
         }
     }
 
-    /// Keeps the entries of separate equalities as `eliminate` reads them.
+    /// Stores the entries of eliminated equalities, with both scalings that `eliminate` reads.
     #[inline(always)]
     pub(crate) fn store_eliminated(&mut self, compiled: &LaneModel<R>, mass: &MassMatrix<R>) {
         self.problem.scalars.mark_separate();
@@ -80,7 +84,7 @@ impl<R: Real> Constraints<R> {
         for block in compiled.equalities.iter().filter(|block| block.separate) {
             let end = first + block.rows;
             while first < end {
-                // Entries of up to four rows lie side by side.
+                // The entries of up to four rows are interleaved.
                 let rows = &problem.scalars[first..end.min(first + 4)];
                 for (i, &d) in block.support.iter().enumerate() {
                     for row in rows {
@@ -94,15 +98,16 @@ impl<R: Real> Constraints<R> {
         }
     }
 
-    /// Takes the coupled equalities out of the first `N` components of `column` on `support`, half solved but for D^-1/2, and out of what
-    /// these rows demand: their velocities g of the step, and when positions are solved apart. Of a row that depends on them nothing is
-    /// left. Returns the squared lengths of the rows before, and of what is left; nothing where no equality is coupled.
+    /// Subtracts the coupled equalities from the first `N` components of `column` on `support`, and from the target velocities `demands`.
+    ///
+    /// `demands` has two velocities per row, m/s: of the velocity solve and of the position solve. A row that depends on the equalities
+    /// becomes zero. Returns the squared lengths of the rows before and after; `None` without coupled equalities.
     #[inline(always)]
     pub(crate) fn eliminate<const N: usize>(&mut self, mass: &MassMatrix<R>, demands: &mut [[R; 2]; N]) -> Option<SquaredLengths<R, N>> {
         if self.coupled.is_empty() { None } else { Some(self.eliminate_coupled(mass, demands)) }
     }
 
-    /// A kernel of its own: inlined where rows are made, it would be most of the code there, which few scenes need.
+    /// Elimination as a separate kernel: inlined it would dominate the row assembly, and few scenes need it.
     #[inline(never)]
     fn eliminate_coupled<const N: usize>(&mut self, mass: &MassMatrix<R>, demands: &mut [[R; 2]; N]) -> SquaredLengths<R, N> {
         R::vectorize(
@@ -111,32 +116,33 @@ impl<R: Real> Constraints<R> {
         )
     }
 
+    /// Subtracts the coupled equalities, in chunks of up to four rows, and projects short rows again.
     #[inline(always)]
     fn eliminate_blocks<const N: usize>(&mut self, mass: &MassMatrix<R>, demands: &mut [[R; 2]; N]) -> SquaredLengths<R, N> {
-        let mut whole = [R::zero(); N];
+        let mut before = [R::zero(); N];
         for &d in &self.support {
             let (x, weight) = (&self.column[d as usize], mass.sqrt_inv_d[d as usize]);
             for n in 0..N {
-                whole[n] += (x[n] * weight).square();
+                before[n] += (x[n] * weight).square();
             }
         }
-        let mut rest = whole;
+        let mut after = before;
         for block in 0..self.coupled.len() {
             let rows = self.coupled[block].clone();
             for first in rows.clone().step_by(4) {
                 match rows.end - first {
-                    1 => self.eliminate_rows::<N, 1>(first, demands, &mut rest),
-                    2 => self.eliminate_rows::<N, 2>(first, demands, &mut rest),
-                    3 => self.eliminate_rows::<N, 3>(first, demands, &mut rest),
-                    _ => self.eliminate_rows::<N, 4>(first, demands, &mut rest),
+                    1 => self.eliminate_rows::<N, 1>(first, demands, &mut after),
+                    2 => self.eliminate_rows::<N, 2>(first, demands, &mut after),
+                    3 => self.eliminate_rows::<N, 3>(first, demands, &mut after),
+                    _ => self.eliminate_rows::<N, 4>(first, demands, &mut after),
                 }
             }
         }
-        let mut lengths = SquaredLengths { whole, rest };
+        let mut lengths = SquaredLengths { before, after };
         let mut short = [R::Mask::splat(false); N];
         let mut any = short[0];
         for n in 0..N {
-            short[n] = rest[n].lt(whole[n] * R::of(inexact_part::<R>()));
+            short[n] = after[n].lt(before[n] * R::of(reprojection_threshold::<R>()));
             any = any.or(short[n]);
         }
         if any.any() {
@@ -145,9 +151,11 @@ impl<R: Real> Constraints<R> {
         lengths
     }
 
-    /// Projects what is left of rows a second time, in the lanes `short`, in which it is short: it is then orthogonal to the equalities
-    /// relative to its own length, and that is summed from what is left instead of by subtraction. Of a row of which no entry is more than
-    /// a thousandth of the terms that it is the sum of, nothing is left, nor of what it demands if that is rounding.
+    /// Projects the remaining rows a second time, in the lanes `short`.
+    ///
+    /// They are then orthogonal to the equalities relative to their own length, and that length is summed from the entries, without
+    /// cancellation. A row becomes zero if none of its entries exceeds a thousandth of the terms that were summed in it. Its target
+    /// velocity becomes zero if it is rounding error.
     #[cold]
     #[inline(never)]
     fn eliminate_again<const N: usize>(
@@ -167,36 +175,36 @@ impl<R: Real> Constraints<R> {
                 }
                 let mut speed = [[R::zero(); 2]; N];
                 for k in coupled.iter().flat_map(Range::clone) {
-                    let (row, share) = (&problem.scalars[k], projections[k]);
+                    let (row, coefficient) = (&problem.scalars[k], projections[k]);
                     let (support, entries) = problem.scalars.entries(row);
-                    let mut along = [R::zero(); N];
+                    let mut product = [R::zero(); N];
                     for (&d, &y) in support.iter().zip(entries) {
                         let (x, weight) = (&column[d as usize], mass.sqrt_inv_d[d as usize]);
                         for n in 0..N {
-                            along[n] += x[n] * weight * y;
+                            product[n] += x[n] * weight * y;
                         }
                     }
                     for n in 0..N {
-                        along[n] = R::select(short[n], row.projection(along[n]), R::zero());
+                        product[n] = R::select(short[n], row.projection(product[n]), R::zero());
                         let g = [row.g, row.position_g];
-                        demands[n] = sub(demands[n], scale(g, along[n]));
-                        let other = share[n].square() * velocity_scales[k];
+                        demands[n] = sub(demands[n], scale(g, product[n]));
+                        let other = coefficient[n].square() * velocity_scales[k];
                         for (speed, g) in speed[n].iter_mut().zip(g) {
-                            *speed += (share[n] * g).square() + other;
+                            *speed += (coefficient[n] * g).square() + other;
                         }
                     }
                     for (&d, &y) in support.iter().zip(entries) {
                         let (x, scale, y) = (&mut column[d as usize], &mut removed_scales[d as usize], y * mass.sqrt_d[d as usize]);
                         for n in 0..N {
-                            let again = along[n] * y;
+                            let again = product[n] * y;
                             x[n] = R::select(short[n], x[n] - again, x[n]);
-                            scale[n] += (share[n] * y).square() + again.square() * rounding;
+                            scale[n] += (coefficient[n] * y).square() + again.square() * rounding;
                         }
                     }
                 }
-                // What the rounding of a coefficient makes of an entry: terms may have no part in it.
+                // Rounding error that the coefficient transfers to entries without terms of their own.
                 for k in coupled.iter().flat_map(Range::clone) {
-                    let (row, share) = (&problem.scalars[k], &mut projections[k]);
+                    let (row, coefficient) = (&problem.scalars[k], &mut projections[k]);
                     let (support, entries) = problem.scalars.entries(row);
                     let mut square = [R::zero(); N];
                     for (&d, &y) in support.iter().zip(entries) {
@@ -206,33 +214,33 @@ impl<R: Real> Constraints<R> {
                         }
                     }
                     for n in 0..N {
-                        share[n] = row.projection(square[n].sqrt());
+                        coefficient[n] = row.projection(square[n].sqrt());
                     }
                 }
                 for k in coupled.iter().flat_map(Range::clone) {
-                    let share = projections[k];
+                    let coefficient = projections[k];
                     let (support, entries) = problem.scalars.entries(&problem.scalars[k]);
                     for (&d, &y) in support.iter().zip(entries) {
                         let (scale, y) = (&mut removed_scales[d as usize], y * mass.sqrt_d[d as usize]);
                         for n in 0..N {
-                            scale[n] += (share[n] * y).square();
+                            scale[n] += (coefficient[n] * y).square();
                         }
                     }
                 }
                 for n in 0..N {
-                    let (mut rest, mut independent) = (R::zero(), R::Mask::splat(false));
+                    let (mut after, mut independent) = (R::zero(), R::Mask::splat(false));
                     for &d in &*support {
                         let (x, scale) = (column[d as usize][n], removed_scales[d as usize][n]);
-                        rest += (x * mass.sqrt_inv_d[d as usize]).square();
+                        after += (x * mass.sqrt_inv_d[d as usize]).square();
                         independent = independent.or(x.square().gt(scale * R::of(MIN_REMAINING_LENGTH)));
                     }
                     let threshold = dependence_threshold::<R>().max(MIN_REMAINING_LENGTH);
-                    let depends = short[n].and(lengths.rest[n].lt(lengths.whole[n] * R::of(threshold))).and_not(independent);
+                    let depends = short[n].and(lengths.after[n].lt(lengths.before[n] * R::of(threshold))).and_not(independent);
                     for &d in &*support {
                         let x = &mut column[d as usize][n];
                         *x = R::select(depends, R::zero(), *x);
                     }
-                    lengths.rest[n] = R::select(short[n], R::select(depends, R::zero(), rest), lengths.rest[n]);
+                    lengths.after[n] = R::select(short[n], R::select(depends, R::zero(), after), lengths.after[n]);
                     for (g, speed) in demands[n].iter_mut().zip(speed[n]) {
                         let none = depends.and(g.square().le(speed * R::of(velocity_rounding::<R>().powi(2))));
                         *g = R::select(none, R::zero(), *g);
@@ -242,32 +250,33 @@ impl<R: Real> Constraints<R> {
         )
     }
 
-    /// Adds to the scales of the first component of `column` those of what the last elimination has taken from it.
+    /// Adds to the scales of the first component of `column` the scales of what the last elimination subtracted.
     #[inline(always)]
     pub(crate) fn add_removed_scales(&mut self, mass: &MassMatrix<R>) {
         let Self { problem, coupled, projections, scales, .. } = self;
         for k in coupled.iter().flat_map(Range::clone) {
-            let (row, share) = (&problem.scalars[k], &mut projections[k]);
+            let (row, coefficient) = (&problem.scalars[k], &mut projections[k]);
             let (support, entries) = problem.scalars.entries(row);
             let mut square = R::zero();
             for (&d, &y) in support.iter().zip(entries) {
                 square += scales[d as usize][0] * (y * mass.sqrt_inv_d[d as usize]).square();
             }
-            share[0] = row.projection(square.sqrt()).max(share[0].abs());
+            coefficient[0] = row.projection(square.sqrt()).max(coefficient[0].abs());
         }
         for k in coupled.iter().flat_map(Range::clone) {
-            let share = projections[k];
+            let coefficient = projections[k];
             let (support, entries) = problem.scalars.entries(&problem.scalars[k]);
             for (&d, &y) in support.iter().zip(entries) {
-                scales[d as usize][0] += (share[0] * y * mass.sqrt_d[d as usize]).square();
+                scales[d as usize][0] += (coefficient[0] * y * mass.sqrt_d[d as usize]).square();
             }
         }
     }
 
-    /// The same of `K` rows from `first` on, which have one support: what they hold is found in one pass over it, and taken away in
-    /// another. What does not touch them keeps its bits. `rest` are the squared lengths of what is left.
+    /// Subtracts `K` equalities of one support, from row `first` on, and their squared lengths from `after`.
+    ///
+    /// One pass over the support finds the coefficients and another subtracts. Entries outside the support keep their bits.
     #[inline(always)]
-    fn eliminate_rows<const N: usize, const K: usize>(&mut self, first: usize, demands: &mut [[R; 2]; N], rest: &mut [R; N]) {
+    fn eliminate_rows<const N: usize, const K: usize>(&mut self, first: usize, demands: &mut [[R; 2]; N], after: &mut [R; N]) {
         let Self { problem, column, eliminated_entries, projections, .. } = self;
         let rows: &[ScalarRow<R>; K] = problem.scalars[first..].first_chunk().expect("a block has its rows");
         let (support, _) = problem.scalars.entries(&rows[0]);
@@ -276,12 +285,12 @@ impl<R: Real> Constraints<R> {
             #[inline(always)]
             |entries| entries[at..].as_chunks::<K>().0,
         );
-        let mut along = [[R::zero(); K]; N];
+        let mut product = [[R::zero(); K]; N];
         for (&d, y) in support.iter().zip(found) {
             let x = &column[d as usize];
             for n in 0..N {
                 for k in 0..K {
-                    along[n][k] += x[n] * y[k];
+                    product[n][k] += x[n] * y[k];
                 }
             }
         }
@@ -289,60 +298,62 @@ impl<R: Real> Constraints<R> {
             let g = [rows[k].g, rows[k].position_g];
             let kept = &mut projections[first + k];
             for n in 0..N {
-                let share = rows[k].projection(along[n][k]);
-                kept[n] = share;
-                rest[n] -= share * along[n][k];
-                demands[n] = sub(demands[n], scale(g, share));
-                along[n][k] = share;
+                let coefficient = rows[k].projection(product[n][k]);
+                kept[n] = coefficient;
+                after[n] -= coefficient * product[n][k];
+                demands[n] = sub(demands[n], scale(g, coefficient));
+                product[n][k] = coefficient;
             }
         }
         for (&d, y) in support.iter().zip(taken) {
             let x = &mut column[d as usize];
             for n in 0..N {
                 for k in 0..K {
-                    x[n] -= along[n][k] * y[k];
+                    x[n] -= product[n][k] * y[k];
                 }
             }
         }
     }
 }
 
-/// Part of the squared length of a row that equalities leave, below which they may prevent it: a contact whose normal they let move by a
-/// thousandth of what the bodies could has impulses a million times as large as it should, and nothing but rounding decides between them.
-/// That a light body is coupled to a heavy one leaves as little, so the same part of the square of every entry decides.
+/// Ratio of the squared length of a row after elimination to that before, below which equalities may block its motion. With a thousandth of
+/// the mobility left, impulses are a million times too large and depend on rounding. A light body coupled to a heavy one leaves the same
+/// ratio. Therefore the same ratio also applies to the square of every entry, which decides.
 const MIN_REMAINING_LENGTH: f64 = 1e-6;
 
-/// Part of the squared length of a row that equalities leave, below which it is projected twice: in 32 bits one projection leaves a part
-/// of 1e-6 along the equalities there, and moves a light body that much more than the heavy one that it is coupled to.
-fn inexact_part<R: Real>() -> f64 {
+/// Ratio of the squared length of a row after elimination to that before, below which the row is projected twice. In 32 bits one projection
+/// leaves an error of 1e-6 along the equalities there, which moves a light body relative to the heavy one it is coupled to.
+fn reprojection_threshold<R: Real>() -> f64 {
     if <R::Scalar as Scalar>::EPSILON.to_f64() > 1e-12 { 1e-2 } else { MIN_REMAINING_LENGTH }
 }
 
-/// Squared lengths of rows in the metric of G.
+/// Squared lengths of rows in the metric of G, 1/kg.
 #[derive(Clone, Copy)]
 pub(crate) struct SquaredLengths<R, const N: usize> {
-    pub(crate) whole: [R; N],
-    /// Of what is left when equalities are taken out.
-    pub(crate) rest: [R; N],
+    /// Before the elimination.
+    pub(crate) before: [R; N],
+    /// After the elimination.
+    pub(crate) after: [R; N],
 }
 
 impl<R: Real, const N: usize> SquaredLengths<R, N> {
-    /// See [`trace_ratio`].
+    /// Ratio of trace(G) before the elimination to that after; see [`trace_ratio`].
     #[inline(always)]
     pub(crate) fn trace_ratio(self) -> R {
-        trace_ratio(&self.whole, &self.rest)
+        trace_ratio(&self.before, &self.after)
     }
 }
 
-/// Ratio of trace(G) before the elimination of separate equalities to that after it; 1 where nothing is left, and exactly 1 where nothing
-/// was eliminated.
+/// Ratio of trace(G) before the elimination to that after it.
+///
+/// It is 1 if nothing is left, and exactly 1 if nothing was eliminated.
 #[inline(always)]
-pub(crate) fn trace_ratio<R: Real>(whole: &[R], rest: &[R]) -> R {
-    let [mut before, mut after] = [R::zero(); 2];
-    for (&whole, &rest) in whole.iter().zip(rest) {
-        before += whole;
-        after += rest;
+pub(crate) fn trace_ratio<R: Real>(before: &[R], after: &[R]) -> R {
+    let [mut trace_before, mut trace_after] = [R::zero(); 2];
+    for (&before, &after) in before.iter().zip(after) {
+        trace_before += before;
+        trace_after += after;
     }
-    let there = after.gt(R::zero());
-    R::select(there, before / R::select(there, after, R::one()), R::one())
+    let positive = trace_after.gt(R::zero());
+    R::select(positive, trace_before / R::select(positive, trace_after, R::one()), R::one())
 }

@@ -345,7 +345,7 @@ impl<R: Real> Constraints<R> {
         let mut mobility = R::zero();
         for k in 0..N {
             mobility += match &lengths {
-                Some(lengths) => lengths.whole[k],
+                Some(lengths) => lengths.before[k],
                 None => self.gram(input.mass, k),
             };
         }
@@ -353,7 +353,7 @@ impl<R: Real> Constraints<R> {
         for k in 0..N {
             self.push_row(input.mass, k, equality.owner + first + k, &RowLaw { g: g[k], ..laws[k] });
             if let Some(lengths) = &lengths {
-                self.set_trace_ratio(laws[k].compliance, lengths.whole[k], lengths.rest[k]);
+                self.set_trace_ratio(laws[k].compliance, lengths.before[k], lengths.after[k]);
             }
             self.problem.scalars.set_mobility(mobility);
             if equality.spring.is_some() {
@@ -409,7 +409,7 @@ impl<R: Real> Constraints<R> {
         let lengths = self.eliminate(mass, &mut g);
         self.push_row(mass, 0, owner, &RowLaw { g: g[0], ..law });
         if let Some(lengths) = lengths {
-            self.set_trace_ratio(law.compliance, lengths.whole[0], lengths.rest[0]);
+            self.set_trace_ratio(law.compliance, lengths.before[0], lengths.after[0]);
         }
         self.problem.scalars.set_position_demand(g[0][1]);
     }

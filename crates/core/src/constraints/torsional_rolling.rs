@@ -62,8 +62,9 @@ impl<R: Real> Constraints<R> {
             self.problem.rolling_contacts.forgive(rounding);
         }
         if let (Some(sliding), Some(turned)) = (sliding, turned) {
-            let (whole, rest) = ([scale_tangents(sliding.whole, rub), turned.whole], [scale_tangents(sliding.rest, rub), turned.rest]);
-            self.problem.rolling_contacts.set_trace_ratio(trace_ratio(whole.as_flattened(), rest.as_flattened()));
+            let (before, after) =
+                ([scale_tangents(sliding.before, rub), turned.before], [scale_tangents(sliding.after, rub), turned.after]);
+            self.problem.rolling_contacts.set_trace_ratio(trace_ratio(before.as_flattened(), after.as_flattened()));
         }
         if let Some(compliance) = compliance {
             self.problem.rolling_contacts.set_compliance(compliance);

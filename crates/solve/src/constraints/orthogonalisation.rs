@@ -1,16 +1,15 @@
-//! Equality rows, made orthogonal to one another (modified Gram-Schmidt; Golub & Van Loan 2013, algorithm 5.2.6).
+//! Orthogonalisation of equality rows (modified Gram-Schmidt; Golub & Van Loan 2013, algorithm 5.2.6).
 //!
-//! Hard equalities demand y_k . w + g_k = 0 whatever the impulses, so any invertible combination of them demands the same. Combined so that
-//! their entries are orthogonal, a sweep over them is the exact solution of all of them together, where a sweep over the rows of a closed
-//! loop as they come converges slowly. A row that depends on those before it (a planar loop closed in three dimensions, two welds of the
-//! same bodies) is left with no entries and drops out.
+//! Hard equalities require y_k . w + g_k = 0 whatever the impulses, so that every invertible combination of them is equivalent. With
+//! orthogonal rows one Gauss-Seidel iteration (a "sweep" over the rows) solves them all exactly. With the original rows of a closed loop it
+//! converges slowly. A row that depends linearly on earlier rows (a planar loop closed in three dimensions, two welds of the same bodies)
+//! loses all its entries and is removed.
 //!
-//! The length of what is left of a row cannot tell a dependent row from one that joins a light body to a heavy one: entries of a body go
-//! with 1 / sqrt(mass). So a row that comes out short is projected a second time, after which it is orthogonal to the others relative to
-//! its own length ("twice is enough"; Parlett 1998, section 6.9), and is then judged entry by entry: it is independent if any entry is more
-//! than the rounding of the terms that it is the sum of. Each entry has a scale for that, the root of the sum of the squares of its terms,
-//! and of what the rounding of coefficients brings from other entries. Masses and units do not matter, since an entry and its scale have
-//! the same.
+//! The remaining length of a row does not distinguish a dependent row from a row that couples a light body to a heavy one: the entries of a
+//! body scale with 1 / sqrt(mass). A short row is therefore projected a second time, which makes it orthogonal to the others relative to
+//! its own length ("twice is enough"; Parlett 1998, section 6.9). Its entries then decide: it is independent if any entry exceeds the
+//! rounding error of the terms that were summed in it. The scale of an entry is the root of the sum of the squares of these terms, and of
+//! the rounding error that coefficients transfer from other entries. Masses and units cancel, because an entry and its scale have the same.
 
 use std::ops::Range;
 
@@ -18,57 +17,57 @@ use crate::cone::masked;
 use crate::constraints::scalar::{ScalarRow, ScalarRows};
 use stepper_real::{Mask, Real, Scalar};
 
-/// Ratio of the squared length of a row, its projections on other rows removed, to that before, above which it is independent.
-/// Below it entries decide: see `entry_threshold`.
+/// Ratio of the squared length of a row after projection to that before, above which the row is independent. Below it the entries decide.
 pub fn dependence_threshold<R: Real>() -> f64 {
     let root = <R::Scalar as Scalar>::EPSILON.to_f64().sqrt();
     root * root.sqrt()
 }
 
-/// Ratio of the square of an entry to that of its scale below which it counts as zero: 1.3e-6 of the scale in 64 bits, as many as loops
-/// near a singularity need; in 32 bits 3.8e-6, eight times the rounding of a Jacobian of twenty links.
+/// Square of the ratio of an entry to its scale below which the entry counts as zero. The ratio is 1.3e-6 in 64 bits, enough for loops near
+/// a singularity. In 32 bits it is 3.8e-6, eight times the rounding error of a Jacobian of twenty links.
 fn entry_threshold<R: Real>() -> f64 {
     dependence_threshold::<f64>().max((32.0 * <R::Scalar as Scalar>::EPSILON.to_f64()).powi(2))
 }
 
-/// Square of the ratio to what a second projection moves in an entry, which is rounding, below which the entry is rounding too.
+/// Square of the ratio of an entry to its change by the second projection, below which the entry is rounding error.
 pub const ROUNDING_RATIO: f64 = 16.0;
 
-/// Ratio of a velocity to its scale below which it is rounding: the velocity that a dependent row demands after those before it are met.
+/// Ratio of a target velocity to its scale below which it is rounding error. It applies to dependent rows.
 pub fn velocity_rounding<R: Real>() -> f64 {
     32.0 * <R::Scalar as Scalar>::EPSILON.to_f64()
 }
 
-/// Scales of the rows of a block of equalities, which tell dependent rows.
+/// Scales of the rows of a block of equalities, which identify dependent rows.
 #[derive(Debug)]
 pub struct RowScales<'a, R> {
-    /// Squared lengths of numbers that each row's entries are differences of.
+    /// Squared length of each row before cancellation: its entries are differences of numbers of this size.
     pub lengths: &'a [R],
-    /// Squared scale of the velocity that each row demands, (m/s)^2.
+    /// Squared scale of the target velocity of each row, (m/s)^2.
     pub velocities: &'a mut [R],
-    /// Scales of entries, which only a row that comes out short needs.
+    /// Scales of the entries. Only short rows need them.
     pub entries: Option<EntryScales<'a, R>>,
 }
 
-/// Scales of the entries of a block's rows.
+/// Scales of the entries of all rows of a block.
 #[derive(Debug)]
 pub struct EntryScales<'a, R> {
-    /// Squared scales, one row after the other.
+    /// Squared scales, row after row.
     pub squares: &'a mut [R],
-    /// Workspace: a number for each row.
+    /// Workspace, one number per row.
     pub coefficients: &'a mut [R],
 }
 
 impl<R: Real> ScalarRows<R> {
-    /// Orthogonalises the rows `rows`; `right_hand_sides` holds more right-hand sides of each of them, which are combined like g.
+    /// Orthogonalises the rows `rows`. `right_hand_sides` has more right-hand sides of each row, which are combined like g.
     ///
-    /// The rows must be equalities (any impulse) without compliance, pushed one after the other with the same support. Their impulses are
-    /// then those of the combined rows. A row drops out if it is shorter than its length in `scales` by a factor of 1e6 (f32: 4e2) and no
-    /// entry of it is more than 1e-6 (f32: 4e-6) of its scale: it is rounding, or so nearly dependent that no impulse should be asked for
-    /// it. `scales` become those of the combined rows. `decide` may change the right-hand sides of a row that is done, before those after
-    /// it reckon with them.
+    /// The rows must be equalities without compliance and bounds, pushed consecutively with the same support. Afterwards the impulses are
+    /// those of the combined rows. A row is removed if it is shorter than its length in `scales` by a factor of 1e6 (f32: 4e2), and none of
+    /// its entries exceeds 1e-6 (f32: 4e-6) of its scale. Such a row is rounding error, or so nearly dependent that its impulse would be
+    /// meaningless. `scales` become those of the combined rows.
     ///
-    /// Returns false if a row comes out short and `scales` has none of entries: push the rows again and call this with them.
+    /// `adjust` may change the right-hand sides of a finished row before later rows use them.
+    ///
+    /// Returns false if a row is short and `scales` has no entries. Push the rows again then, and call this with scales of entries.
     #[inline(always)]
     #[must_use]
     pub fn orthogonalise<const N: usize>(
@@ -120,8 +119,10 @@ impl<R: Real> ScalarRows<R> {
         true
     }
 
-    /// Removes from row `k` its projections on the rows `others` once more, in the lanes `lanes`, in which it is short. Returns those in
-    /// which it does not depend on them. The squared scales of its entries take in what the rounding of coefficients makes of them.
+    /// Projects row `k` a second time, in the lanes `lanes`, in which it is short. Returns the lanes in which it is independent of
+    /// `others`.
+    ///
+    /// Adds to the squared scales of its entries the rounding error of the coefficients.
     #[cold]
     #[inline(never)]
     fn project_again<const N: usize>(
@@ -163,7 +164,7 @@ impl<R: Real> ScalarRows<R> {
         )
     }
 
-    /// Squared length of the `n` entries from `at` on.
+    /// Squared length of the `n` entries from index `at`.
     #[inline(always)]
     fn squared_length(&self, at: usize, n: usize) -> R {
         let mut sum = R::zero();
@@ -173,7 +174,7 @@ impl<R: Real> ScalarRows<R> {
         sum
     }
 
-    /// Removes from row `k` its projection on the earlier row `j`, in some lanes or in all; returns the coefficient of the projection.
+    /// Subtracts from row `k` its projection on the earlier row `j`, in `lanes` or in all lanes. Returns the coefficient.
     #[inline(always)]
     fn remove_projection(&mut self, k: usize, j: usize, lanes: Option<R::Mask>) -> R {
         let n = self.rows.items[k].coordinates;
@@ -200,7 +201,7 @@ impl<R: Real> ScalarRows<R> {
     }
 }
 
-/// Subtracts the right-hand sides of row `j`, times the coefficient of a projection, from those of row `k`.
+/// Subtracts the right-hand sides of row `j`, times `coefficient`, from those of row `k`.
 #[inline(always)]
 fn subtract_right_hand_sides<R: Real, const N: usize>(right_hand_sides: &mut [[R; N]], k: usize, j: usize, coefficient: R) {
     let other = right_hand_sides[j];

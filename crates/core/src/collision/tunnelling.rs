@@ -1,4 +1,4 @@
-//! What a step may have let through, once its velocity is known.
+//! Tunnelling check: lanes in which the solved motion may have carried one geom through another.
 
 use std::borrow::Cow;
 
@@ -12,23 +12,24 @@ use crate::math::lanes::each_of;
 use crate::math::spatial::*;
 use crate::model::JointKind;
 
-/// The step as the check for tunnelling takes it.
+/// Motion of a step, as input of the tunnelling check.
 #[derive(Clone, Copy, Debug)]
 pub struct TakenStep<'a, R: Real> {
-    /// Velocity after the step, with which everything moves from where contacts were found.
+    /// Generalized velocity after the step. The geoms move with it from the poses where contacts were found.
     pub velocity: &'a [R],
-    /// Whether this is the free velocity that stage 3 looked ahead with.
+    /// Whether `velocity` is the free velocity that stage 3 used to find contacts.
     pub is_free: bool,
-    /// Length, s.
+    /// Time step, s.
     pub h: R,
-    /// Whether contacts were found at its end, not at its beginning or in its middle.
+    /// Whether contacts were found at the end of the step, not at its beginning or in its middle.
     pub contacts_at_end: bool,
 }
 
-/// Lanes in which the step, now that its velocity is known, may have taken something through something thin: a pair moved past one another
-/// by more than it is thick, and passes on its path from where contacts were found
-/// ([`Narrow::may_pass`](crate::geometry::Narrow::may_pass)). Hard contact stops what it foresees; an impulse may make a body faster than
-/// [`detect`](crate::stages::s03_detect::detect) looked ahead for, or turn it aside, and a path may bend around a row.
+/// Lanes in which a geom may have passed through a thin one in the solved motion.
+///
+/// A pair may pass if its relative displacement exceeds its thickness and if its path passes
+/// ([`Narrow::may_pass`](crate::geometry::Narrow::may_pass)). Contact rows stop the collisions that stage 3 finds. An impulse may make a
+/// body faster than [`detect`](crate::stages::s03_detect::detect) assumed, or deflect it, and a curved path may lead around a row.
 #[inline(always)]
 pub fn may_have_passed<R: Real>(
     compiled: &LaneModel<R>,
@@ -52,29 +53,29 @@ pub fn may_have_passed<R: Real>(
     if moved.and(alive).none() {
         return R::Mask::splat(false);
     }
-    // Where nothing got further than stage 3 looked out for, what was not near then is not met now.
+    // If no geom moves farther than stage 3 assumed, the candidate pairs of stage 3 suffice.
     let within_search = beyond_search.and(alive).none();
     if let (Some(crowd), false) = (&compiled.crowd, within_search) {
         broad.find(compiled, crowd, alive.bits(), &placed.pos, &placed.lead, slack);
     }
     let placed = &*placed;
-    let scene = Path { compiled, kinematics, placed, step, slack };
+    let paths = Path { compiled, kinematics, placed, step, slack };
     R::vectorize(
         #[inline(always)]
         || {
             let mut passed = R::Mask::splat(false);
             if within_search {
                 for &(index, _) in &near[..*near_count] {
-                    passed = scene.test(&compiled.pairs[index as usize], alive, passed, &mut search.narrow);
+                    passed = paths.test(&compiled.pairs[index as usize], alive, passed, &mut search.narrow);
                 }
             } else {
                 for pair in &compiled.pairs {
-                    passed = scene.test(pair, alive, passed, &mut search.narrow);
+                    passed = paths.test(pair, alive, passed, &mut search.narrow);
                 }
             }
             if let Some(crowd) = &compiled.crowd {
                 for pair in broad.pairs.iter().filter_map(|p| crowd.pair(p.0)) {
-                    passed = scene.test(&pair, alive, passed, &mut search.narrow);
+                    passed = paths.test(&pair, alive, passed, &mut search.narrow);
                 }
             }
             passed
@@ -82,8 +83,9 @@ pub fn may_have_passed<R: Real>(
     )
 }
 
-/// Relative displacement, m, below which a pair does not pass. Past a height field, which is solid, it is four times the thickness: on a
-/// shorter path that leaves the ground again a ball within the shape is in the ground at one end, where it is pushed out.
+/// Relative displacement below which a pair cannot pass, m: its thickness, or four times that for a height field.
+///
+/// A height field is solid: on a shorter path out of the ground, a ball inside the shape is in the ground at one end, and is pushed out.
 #[inline(always)]
 fn min_displacement<R: Real>(compiled: &LaneModel<R>, pair: &CompiledPair<R::Scalar>) -> R {
     let is_field = |&g: &usize| compiled.geoms[g].solid.as_ref().is_some_and(Solid::is_field);
@@ -91,7 +93,7 @@ fn min_displacement<R: Real>(compiled: &LaneModel<R>, pair: &CompiledPair<R::Sca
     if pair.kernel == Kernel::Surface && pair.geoms.iter().any(is_field) { thickness * R::of(4.0) } else { thickness }
 }
 
-/// Paths of all geoms from where contacts were found.
+/// Paths of all geoms from the poses where contacts were found.
 struct Path<'a, R: Real> {
     compiled: &'a LaneModel<R>,
     kinematics: &'a Kinematics<R>,
@@ -101,7 +103,7 @@ struct Path<'a, R: Real> {
 }
 
 impl<R: Real> Path<'_, R> {
-    /// The lanes `passed`, with those of the lanes `alive` in which a pair may pass.
+    /// Lanes of `passed`, and the lanes of `alive` in which the pair may pass.
     #[inline(always)]
     fn test(&self, pair: &CompiledPair<R::Scalar>, alive: R::Mask, passed: R::Mask, narrow: &mut Narrow) -> R::Mask {
         let suspected = self.placed.may_get_past(self.compiled, pair).and(alive).and_not(passed);
@@ -112,8 +114,9 @@ impl<R: Real> Path<'_, R> {
         if suspected.any() { passed.or(self.test_path(pair.geoms, suspected, narrow)) } else { passed }
     }
 
-    /// Lanes in which a pair moves past one another by more than it is thick, and by more than the gap between both: limbs that fly along
-    /// together do not.
+    /// Lanes in which the relative displacement of a pair exceeds its thickness and its gap.
+    ///
+    /// Limbs that fly in the same direction have a small relative displacement.
     #[inline(always)]
     fn exceed_gap(&self, pair: &CompiledPair<R::Scalar>) -> R::Mask {
         let (Self { compiled, kinematics, placed, step, slack }, [a, b]) = (self, pair.geoms);
@@ -124,7 +127,7 @@ impl<R: Real> Path<'_, R> {
         displacement.gt(min_displacement(compiled, pair).max(scene.gap(pair)))
     }
 
-    /// Those of the lanes `suspected` in which a pair may pass, lane by lane, in f64.
+    /// Lanes of `suspected` in which the path of a pair may pass. Each lane is tested alone, in 64 bits.
     #[inline(never)]
     fn test_path(&self, [a, b]: [usize; 2], suspected: R::Mask, narrow: &mut Narrow) -> R::Mask {
         let mut passed = R::Mask::splat(false);
@@ -142,7 +145,7 @@ impl<R: Real> Path<'_, R> {
         passed
     }
 
-    /// A geom of the size that it has in a lane.
+    /// Solid of a geom with its size in a lane.
     fn solid(&self, geom: usize, lane: usize) -> Option<Cow<'_, Solid>> {
         let solid = self.compiled.geoms[geom].solid.as_ref()?;
         Some(solid.sized(of_lane(&self.compiled.params.geom_size(geom), lane)).map_or(Cow::Borrowed(solid), Cow::Owned))
@@ -154,7 +157,7 @@ impl<R: Real> Path<'_, R> {
         let own = &compiled.geoms[geom];
         let (pos, mut mat) = (of_lane(&placed.pos[geom], lane), of_lane(&placed.mat[geom], lane));
         if !own.full_orientation {
-            // A round shape, of which the axis alone is kept up.
+            // A round geom has a current axis only.
             let [z, x, y] = contact_frame(column(&mat, 2));
             mat = [x[0], y[0], z[0], x[1], y[1], z[1], x[2], y[2], z[2]];
         }
@@ -176,7 +179,7 @@ impl<R: Real> Path<'_, R> {
         SolidMotion { pose, angular, root_velocity, linear }
     }
 
-    /// Velocity with which the root of a tree moves straight: zero for one that turns about a hinge.
+    /// Linear velocity of the root of a tree, m/s. Zero unless its first joint is free or a slide.
     fn velocity_of_root(&self, tree: usize) -> V3<R> {
         let root = self.compiled.links.iter().position(|link| link.is_root && link.tree == tree);
         let floats = |link: &usize| {
@@ -188,7 +191,9 @@ impl<R: Real> Path<'_, R> {
 }
 
 impl<R: Real> Placed<R> {
-    /// Whether no geom moved by half its thickness in a free step: stage 3 has its way in two of them, twice as long to the bit.
+    /// Whether no geom moves by more than half its thickness in a free step.
+    ///
+    /// Stage 3 has the displacement over two free steps, exactly twice as large.
     fn moved_little(&self, compiled: &LaneModel<R>, alive: R::Mask) -> bool {
         R::vectorize(
             #[inline(always)]
@@ -202,8 +207,10 @@ impl<R: Real> Placed<R> {
         )
     }
 
-    /// Bounds on the ways of the step as it was made, left in `lead`. Returns the lanes in which some geom moved by half its thickness,
-    /// since no two others get past one another, and those in which some geom got further than stage 3 looked out for.
+    /// Updates the bounds on the displacements of the solved step, in `lead`.
+    ///
+    /// Returns two sets of lanes: those in which some geom moves by more than half its thickness, without which no pair can pass; and those
+    /// in which some geom moves farther than stage 3 assumed.
     #[inline(always)]
     fn update_displacements(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, v_next: &[R], h: R, slack: R) -> [R::Mask; 2] {
         self.update_lead(compiled, kinematics, v_next, h);
@@ -218,7 +225,7 @@ impl<R: Real> Placed<R> {
         [any, beyond_search]
     }
 
-    /// Lanes in which a pair could get past one another, by bounds on the ways of both: their paths are not looked at.
+    /// Lanes in which a pair may pass, by bounds on both displacements. Paths are not tested.
     #[inline(always)]
     fn may_get_past(&self, compiled: &LaneModel<R>, pair: &CompiledPair<R::Scalar>) -> R::Mask {
         let [a, b] = pair.geoms;
@@ -231,11 +238,11 @@ impl<R: Real> Placed<R> {
             return far;
         }
         let reach = compiled.reach(pair.geoms) + R::splat(pair.margin) + displacement;
-        let apart = sub(self.pos[b], self.pos[a]);
-        far.and(dot(apart, apart).lt(reach * reach))
+        let offset = sub(self.pos[b], self.pos[a]);
+        far.and(dot(offset, offset).lt(reach * reach))
     }
 
-    /// How far an arc leaves its tangent: half the square of the angle, times what it swings, m.
+    /// Largest distance of an arc from its tangent, m: half the square of the rotation angle, times the radius.
     #[inline(always)]
     fn arc_deviation(&self, compiled: &LaneModel<R>, geom: usize, h: R) -> R {
         let g = &compiled.geoms[geom];

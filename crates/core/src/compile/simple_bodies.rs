@@ -1,15 +1,17 @@
-//! Simple bodies, of which MuJoCo keeps the diagonal of the mass matrix alone.
+//! Simple bodies, for which MuJoCo stores only the diagonal of the mass matrix.
 
 use crate::model::{JointKind, Model};
 
-/// Distance below which two frames are the same, m, and difference of quaternions: that of MuJoCo's compiler (`kFrameEps`).
+/// Largest position difference, m, or quaternion difference of two equal frames: `kFrameEps` of MuJoCo's compiler.
 const FRAME_EPSILON: f64 = 1e-6;
 
-/// Component of an axis that counts as zero (`mjEPS`).
+/// Largest component of an axis that counts as zero: `mjEPS` of MuJoCo's compiler.
 const AXIS_EPSILON: f64 = 1e-14;
 
-/// Whether every body is simple, as MuJoCo's compiler decides (`body_simple`): no body below it, nothing that moves above it, the frame of
-/// its inertia is its own, its joints are at its origin along its axes, and a rotation comes last.
+/// Whether each body is simple, by the rule of MuJoCo's compiler (`body_simple`).
+///
+/// A simple body has no child body, and its parent is the world or fixed to it. Its inertial frame is its body frame. Its joints are at the
+/// origin, along the axes of the frame, and a rotation comes last.
 pub(crate) fn simple_bodies(model: &Model) -> Vec<bool> {
     let mut simple: Vec<bool> =
         (0..model.bodies.len()).map(|b| b > 0 && has_principal_frame(model, b) && is_child_of_world(model, b)).collect();
@@ -28,11 +30,12 @@ pub(crate) fn simple_bodies(model: &Model) -> Vec<bool> {
     simple
 }
 
+/// Whether all components are zero within [`FRAME_EPSILON`].
 fn is_zero(x: [f64; 3]) -> bool {
     x.iter().all(|x| x.abs() < FRAME_EPSILON)
 }
 
-/// Whether the principal axes of a body are those of its frame.
+/// Whether the inertial frame of a body is its body frame.
 fn has_principal_frame(model: &Model, body: usize) -> bool {
     let body = &model.bodies[body];
     let [w, x, y, z] = body.iquat;

@@ -1,14 +1,14 @@
-//! Whether two solids get past one another while both move, each along a straight line and on it with a constant twist.
+//! Test whether two moving solids pass through each other. Each solid has a constant twist in a frame that moves along a straight line.
 //!
-//! Convex shapes pass if they are apart at both ends and meet in between, or if the direction between them turns around: where they overlap
-//! at an end, contact forces would push them on instead of back. They meet if they overlap by an eighth of their thickness: contacts touch,
-//! up to rounding and slop. In a time t their distance falls by at most c t, with a bound c on the relative speed of their points, so that
-//! nothing is missed in steps of distance / c (conservative advancement: Mirtich 1996). Steps are no shorter than a quarter of their
-//! thickness.
+//! Two convex shapes pass if they are apart at both ends of the path and collide in between. If they overlap at an end, they pass if the
+//! direction between them reverses: contact forces would then push them on instead of back. They collide if they overlap by an eighth of
+//! their thickness, because resting contacts overlap by rounding and slop. The search is conservative advancement (Mirtich 1996): in a time
+//! t the distance falls by at most c t, with a bound c on the relative speed of their points. A step of distance / c therefore misses no
+//! collision. Steps are at least a quarter of the thickness long.
 //!
-//! A shape passes a surface of triangles if a point inside the shape goes in and comes out again. What ends behind the surface is still met
-//! there by the next step, and pushed back: always by a height field, which is solid down to its base, by a mesh if its deepest contact at
-//! the end is against the way that the shape came.
+//! A shape passes a triangle surface if a point inside the shape enters it and leaves it again. A shape that ends behind the surface does
+//! not pass if the next step pushes it back. A height field always does, since it is solid down to its base. A mesh does if the normal of
+//! its deepest contact opposes the displacement.
 
 use crate::geometry::expand::Polytope;
 use crate::geometry::manifold::Manifold;
@@ -23,40 +23,40 @@ use crate::geometry::surface::{Surface, collide_surface};
 use crate::geometry::vectors::{Pose, V};
 use crate::math::spatial::*;
 
-/// Share of the thickness by which a search for a meeting advances at least.
+/// Smallest advance of the collision search, relative to the thickness.
 const MIN_ADVANCE: f64 = 0.25;
 
-/// Steps of a search for a meeting, after which it counts as found. Four for every thickness: a path 250 times as long as two are thick.
+/// Largest number of advances; beyond it the test reports a collision. Four advances per thickness cover a path of 250 thicknesses.
 const MAX_ADVANCES: usize = 1000;
 
-/// Overlap of shapes that meet, as a share of their thickness.
-const MEETING_OVERLAP: f64 = 0.125;
+/// Overlap above which two shapes collide, relative to their thickness.
+const COLLISION_OVERLAP: f64 = 0.125;
 
-/// Angle of a part of a path that is taken as straight, rad: the chord leaves an arc by 1/32 of its radius.
+/// Largest rotation along a part of a path that counts as straight, rad. The chord of 0.5 rad deviates by 1/32 of the radius.
 const MAX_PART_ANGLE: f64 = 0.5;
 
-/// Parts of a path at the most.
+/// Largest number of parts of a path.
 const MAX_PARTS: usize = 64;
 
-/// Distance, as a multiple of the thickness, that goes in and out of a surface with a point half as deep as the shape: of a ball whose path
-/// is so far above a point, 2 sqrt(1 - 1/4) of its radius, which is twice the thickness.
+/// Path length, relative to the thickness, above which points at half the depth of the shape are tested too. The path of a ball at half its
+/// radius above a point crosses its surface over a chord of 2 sqrt(1 - 1/4) radii. That is twice the thickness.
 const PASS_THROUGH_RATIO: f64 = 3.0;
 
-/// Motion of a solid: its pose at time 0, and its constant twist beside a frame that moves straight.
+/// Motion of a solid: its pose at time 0 and its constant twist in a frame that moves along a straight line.
 #[derive(Clone, Copy, Debug)]
 pub struct SolidMotion {
     /// Pose at time 0.
     pub pose: Pose,
     /// Angular velocity, rad/s.
     pub angular: V,
-    /// Velocity of the frame, m/s: of the root of a floating tree.
+    /// Velocity of the frame, m/s: that of the root of a floating tree.
     pub root_velocity: V,
-    /// Velocity of its origin in that frame at time 0, m/s; it turns with the solid.
+    /// Velocity of the origin of the solid in that frame at time 0, m/s. It rotates with the solid.
     pub linear: V,
 }
 
 impl SolidMotion {
-    /// Pose at time `t`, s: the exponential of the twist, in a frame that moves straight.
+    /// Pose at time `t`, s: the exponential of the twist in the moving frame.
     fn at(&self, t: f64) -> Pose {
         let Self { pose, angular: w, root_velocity, linear: v } = self;
         let (speed, start) = (norm(*w), add_scaled(pose.pos, *root_velocity, t));
@@ -76,15 +76,16 @@ impl SolidMotion {
         Pose { pos, mat }
     }
 
-    /// Velocity of its origin at time 0, m/s.
+    /// Velocity of the origin of the solid at time 0, m/s.
     fn velocity(&self) -> V {
         add(self.root_velocity, self.linear)
     }
 }
 
 impl Narrow {
-    /// Whether two solids may get past one another from the time `from` to the time `to`, s. `thickness` is the relative displacement that
-    /// never takes one through the other, m. A half space lets nothing pass.
+    /// Whether two solids may pass through each other between the times `from` and `to`, s.
+    ///
+    /// `thickness` is the relative displacement below which neither can pass the other, m. Nothing passes a half space.
     pub fn may_pass(&mut self, solids: [&Solid; 2], motions: [SolidMotion; 2], [from, to]: [f64; 2], thickness: f64) -> bool {
         match solids {
             [Solid::Convex(a), Solid::Convex(b)] => convex_pass([a, b], &motions, [from, to], thickness, &mut self.room.polytope),
@@ -97,7 +98,7 @@ impl Narrow {
     }
 }
 
-/// Whether two convex shapes pass one another.
+/// Whether two convex shapes pass through each other.
 fn convex_pass(
     [a, b]: [&ConvexShape; 2],
     motions: &[SolidMotion; 2],
@@ -113,55 +114,55 @@ fn convex_pass(
         }
         let found = separation::nearest(&pair, &f64::INFINITY.into(), polytope).found;
         let normal = rotate(&first.mat, found.normal);
-        // As the larger of the two sees it.
-        let seen = rotate_back(if a.bound() > b.bound() { &first.mat } else { &second.mat }, normal);
-        (found.separation - pair.thickness(), seen)
+        // Normal in the frame of the larger shape.
+        let normal = rotate_back(if a.bound() > b.bound() { &first.mat } else { &second.mat }, normal);
+        (found.separation - pair.thickness(), normal)
     };
     let ((mut distance, start), (last, end)) = (separation_at(from), separation_at(to));
     if distance.is_nan() || last.is_nan() {
         return false;
     }
-    let meeting = -MEETING_OVERLAP * thickness;
-    if distance <= meeting || last <= meeting {
+    let threshold = -COLLISION_OVERLAP * thickness;
+    if distance <= threshold || last <= threshold {
         return dot(start, end) < 0.0;
     }
     let spin = norm(sub(motions[1].angular, motions[0].angular));
     let speed = norm(relative_velocity(motions)) + spin * b.bound();
-    // Both turn on while they move.
+    // Both shapes rotate during the motion, so that the relative velocity changes.
     let displacement = (to - from) * motions.iter().map(|s| norm(s.root_velocity) + norm(s.linear)).sum::<f64>();
     let speed = speed + 2.0 * displacement * (norm(motions[0].angular) + norm(motions[1].angular));
     let mut t = from;
     for _ in 0..MAX_ADVANCES {
-        t += (distance - meeting).max(MIN_ADVANCE * thickness) / speed;
-        // Not a number where nothing moves.
+        t += (distance - threshold).max(MIN_ADVANCE * thickness) / speed;
+        // NaN if nothing moves.
         if t >= to || t.is_nan() {
             return false;
         }
         distance = separation_at(t).0;
-        if distance <= meeting {
+        if distance <= threshold {
             return true;
         }
     }
     true
 }
 
-/// Velocity of the second's origin as the first sees it, m/s.
+/// Velocity of the origin of the second solid in the rotating frame of the first, m/s.
 fn relative_velocity([a, b]: &[SolidMotion; 2]) -> V {
     sub(b.velocity(), add(a.velocity(), cross(a.angular, sub(b.pose.pos, a.pose.pos))))
 }
 
-/// How a point goes along a path past a surface.
+/// Crossing of a surface by the path of a point.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Crossing {
-    /// Path that stays on its side.
+    /// Path that stays on one side.
     None,
-    /// Path that ends on the other side.
+    /// Path that ends behind the surface.
     Enters,
-    /// Path that goes in and comes out.
+    /// Path that enters and leaves.
     PassesThrough,
 }
 
-/// Poses of a shape in the frame of a surface, where its path is cut into straight parts.
+/// Path of a shape in the frame of a surface, cut into straight parts.
 struct RelativePath {
     poses: [Pose; MAX_PARTS + 1],
     parts: usize,
@@ -181,14 +182,14 @@ impl RelativePath {
         Self { poses, parts }
     }
 
-    /// Crossing of the point `p` of the shape, and its way.
+    /// Crossing of the surface by the point `p` of the shape, and the displacement of the point in the frame of the surface, m.
     fn crossing(&self, surface: &Surface, p: V) -> (Crossing, V) {
         let place = |k: usize| add(self.poses[k].pos, rotate(&self.poses[k].mat, p));
         let start = place(0);
         if let Surface::Grid(grid) = surface
             && grid.is_inside(start)
         {
-            // It is pushed out.
+            // The height field pushes a point that starts inside out.
             return (Crossing::None, [0.0; 3]);
         }
         let (mut here, mut count) = (start, 0);
@@ -207,7 +208,7 @@ impl RelativePath {
 }
 
 impl Narrow {
-    /// Whether a convex shape passes a surface, the first of the two that move.
+    /// Whether a convex shape passes a surface. The motion of the surface comes first.
     fn may_pass_surface(
         &mut self,
         surface: &Surface,
@@ -244,7 +245,7 @@ impl Narrow {
     }
 }
 
-/// Whether a shape that came the `displacement` (in the surface's frame) overlaps a mesh, and its deepest contact pushes it back.
+/// Whether the deepest contact with a mesh opposes the `displacement` of a shape, given in the frame of the mesh.
 fn is_pushed_back(
     surface: &Surface,
     shape: &ConvexShape,
@@ -259,7 +260,7 @@ fn is_pushed_back(
     deepest.is_some_and(|p| dot(p.normal, displacement) < 0.0)
 }
 
-/// Points deep inside a shape, in its frame, and their number: along the axis of a long one, and halfway to the corners of a box.
+/// Points deep inside a shape, in its frame, and their number: along the axis of a long shape, halfway to the corners of a box.
 fn inner_points(shape: &ConvexShape) -> ([V; 9], usize) {
     let mut points = [[0.0; 3]; 9];
     let along = |points: &mut [V; 9], half: f64| {

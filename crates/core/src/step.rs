@@ -1,4 +1,4 @@
-//! One step of a group of environments, read aloud.
+//! One step of a group of environments, stage by stage.
 
 use stepper_real::Real;
 
@@ -15,10 +15,10 @@ use crate::options::{ContactLaw, StepSettings};
 use crate::probe::{Counter, Probe, Span};
 use crate::stages::s10_record::Record;
 
-/// One step of `options.timestep` seconds: state and inputs in, next state, observation and record out.
+/// Advances a group of environments by `options.timestep` seconds: state and inputs to next state, observation and record.
 ///
-/// Each stage is a kernel that is compiled once for every lane type and CPU level. What stands between them is compiled into this one,
-/// since sets of lanes are vectors, too: a function that does not know the CPU calls another for each operation on them.
+/// Each stage is a kernel, compiled once for every lane type and CPU level. The code between the stages is compiled into this kernel,
+/// because lane masks are vectors too: outside a kernel every operation on them is a function call.
 pub fn step<R: Real>(
     compiled: &LaneModel<R>,
     options: &StepSettings,
@@ -32,7 +32,7 @@ pub fn step<R: Real>(
     )
 }
 
-/// The ten stages.
+/// The ten stages in order.
 #[inline(always)]
 fn stages<R: Real>(
     compiled: &LaneModel<R>,
@@ -50,7 +50,7 @@ fn stages<R: Real>(
     probe.span(Span::ActuatorPipelines, || pass_controls(compiled, options, s, devices));
     let (solution, tunnelled) = match options.contact {
         ContactLaw::Hard => solve_step(compiled, options, s, probe),
-        // 1 to 7 with MuJoCo's law, which needs no 8: what is left of a depth or of a loop's error is softness.
+        // Stages 1 to 7 with MuJoCo's contact law. It needs no stage 8, because remaining depth and loop errors are its softness.
         ContactLaw::Mujoco => mujoco::solve_step(compiled, options, s, probe),
     };
     let finite = probe.span(Span::Accept, || accept(compiled, s, options.timestep));
@@ -62,16 +62,15 @@ fn stages<R: Real>(
     record
 }
 
-/// Stages 1 to 8 with hard contact. Returns the lanes in which something may have passed through something thin, too.
+/// Stages 1 to 8 with hard contact. Returns the solution and the lanes in which a geom may have passed through a thin one.
 #[inline(always)]
 fn solve_step<R: Real>(compiled: &LaneModel<R>, options: &StepSettings, s: &mut Workspace<R>, probe: impl Probe) -> (Solution<R>, R::Mask) {
     let mut scheme = scheme(options);
-    // 1 actuate, 2 smooth dynamics, 3 detect: at the configuration where the scheme takes the step.
+    // 1 actuate, 2 smooth dynamics, 3 detect: at the configuration at which the scheme evaluates the step.
     let at_beginning = evaluate(compiled, options, &mut scheme, s, probe);
-    // 4 assemble; 1 and 2 again for forces that depend on the velocity to come.
+    // 4 assemble; 1 and 2 again for forces that depend on the velocity after the step.
     assemble_rows(compiled, options, &scheme, s, at_beginning, probe);
-    // 5 solve, 6 integrate velocity; again where impacts make the velocity jump; with Baumgarte's method, what stage 8 says of its
-    // velocities.
+    // 5 solve, 6 integrate velocity; both again where impacts change the velocity. With Baumgarte's method its bias is limited here.
     let mut solution = solve_velocities(compiled, options, &scheme, s, probe);
     // 7 integrate position
     let tunnelled = integrate_positions(compiled, &scheme, s, &solution, probe);

@@ -48,19 +48,21 @@ pub fn worst_constraint<'a, R: Real>(system: impl Into<System<'a, R>>, iterate: 
     )
 }
 
-/// Residual up to which impulses determine the energy, m/s: see [`undecided`].
+/// Largest residual at which the impulses determine the kinetic energy, m/s; see [`energy_is_ambiguous`].
 #[inline(always)]
-pub fn decisive_residual<'a, R: Real>(system: impl Into<System<'a, R>>, iterate: &Iterate<R>, negligible: R) -> R {
+pub fn max_residual_for_energy<'a, R: Real>(system: impl Into<System<'a, R>>, iterate: &Iterate<R>, negligible: R) -> R {
     let (system, mut impulse) = (system.into(), R::zero());
     each_kind!([set: &system.problem] [rows: system] [impulses: &iterate] => impulse = set.sum_normal_impulses(rows, impulses, impulse));
     (energy(&iterate.w) + negligible) / impulse.max(R::of(f64::from(f32::MIN_POSITIVE)))
 }
 
-/// Lanes in which the work that a residual of `residual` m/s (at most 1e-6) leaves open, `residual sum_i |lambda_i|`, is more than the
-/// kinetic energy |w|^2 / 2 of the whole change: impulses cancel there, a million times what they hold, where a jam has hardly a lever arm.
-/// An energy of `negligible` J is none: where nothing is loaded, impulses and velocities are both rounding, neither small beside the other.
+/// Lanes in which the residual leaves the kinetic energy ambiguous.
+///
+/// The work that a residual of `residual` m/s, at most 1e-6, leaves open is `residual sum_i |lambda_i|`. It is ambiguous if it exceeds the
+/// kinetic energy |w|^2 / 2 of the velocity change plus `negligible`, J. This occurs in a jam with almost no lever arm, where impulses a
+/// million times the load cancel. `negligible` excludes unloaded contacts, whose impulses and velocities are both rounding error.
 #[inline(always)]
-pub fn undecided<'a, R: Real>(system: impl Into<System<'a, R>>, iterate: &Iterate<R>, residual: R, negligible: R) -> R::Mask {
+pub fn energy_is_ambiguous<'a, R: Real>(system: impl Into<System<'a, R>>, iterate: &Iterate<R>, residual: R, negligible: R) -> R::Mask {
     let (system, mut impulse) = (system.into(), R::zero());
     each_kind!([set: &system.problem] [rows: system] [impulses: &iterate] => impulse = set.sum_normal_impulses(rows, impulses, impulse));
     (residual.min(R::of(1e-6)) * impulse).gt(energy(&iterate.w) + negligible)

@@ -1,4 +1,4 @@
-//! Position errors of equalities at a configuration: the certificate of closed loops.
+//! Position errors of equality constraints: the certificate of closed loops.
 
 use stepper_real::Real;
 
@@ -7,13 +7,16 @@ use crate::dynamics::frame_path::follow_path;
 use crate::dynamics::mocap::MocapTrajectory;
 use crate::math::spatial::*;
 
-/// Largest position error of the equalities at the configuration `q`, m or rad; 0 without equalities.
+/// Largest position error of the equality constraints at the configuration `q`, m or rad. 0 without equalities.
 ///
-/// The error of a connect is the distance of its two points. That of a weld is the larger of this distance and of the angle between the two
-/// orientations, unless `torquescale` is 0, which lets them turn. That of a coupling is in the unit of its first joint or tendon. With hard
-/// contact, equalities with a finite stiffness are springs: their stretch is no violation. MuJoCo's law takes no notice of these springs.
+/// - connect: distance of its two points.
+/// - weld: the larger of this distance and the angle between the two orientations. With `torquescale` 0 the distance alone.
+/// - joint or tendon coupling: error in the unit of the first joint or tendon.
 ///
-/// `mocap` has the poses of mocap bodies, `elapsed` seconds after the beginning of the call.
+/// With hard contact an equality of finite stiffness is a spring, and its stretch is no violation. With MuJoCo's contact law every equality
+/// counts.
+///
+/// `mocap` has the trajectories of mocap bodies, `elapsed` is the time since the beginning of the call, s.
 pub fn max_equality_violation<R: Real>(compiled: &LaneModel<R>, q: &[R], mocap: &[MocapTrajectory<R>], elapsed: f64) -> R {
     if compiled.equalities.is_empty() {
         return R::zero();
@@ -34,6 +37,7 @@ pub fn max_equality_violation<R: Real>(compiled: &LaneModel<R>, q: &[R], mocap: 
     )
 }
 
+/// Position error of one equality, m or rad.
 #[inline(always)]
 fn violation<R: Real>(
     compiled: &LaneModel<R>,
@@ -44,7 +48,7 @@ fn violation<R: Real>(
 ) -> R {
     match &equality.rows {
         EqualityRows::Points { anchors, turn, paths, .. } => {
-            // Relative to the nearest common frame, so that rounding does not grow with the distance from the origin of the world.
+            // Both poses are relative to the nearest common frame: rounding then does not grow with the distance from the world origin.
             let first = follow_path(compiled, &paths[0], q, mocap, elapsed);
             let second = follow_path(compiled, &paths[1], q, mocap, elapsed);
             let points = [add(first.0, rotate(&first.1, splat(anchors[0]))), add(second.0, rotate(&second.1, splat(anchors[1])))];
@@ -61,7 +65,7 @@ fn violation<R: Real>(
     }
 }
 
-/// Position error of a coupling: x - ref - polynomial(y - ref).
+/// Position error of a coupling, x - ref - polynomial(y - ref), in the unit of x.
 #[inline(always)]
 fn coupling_error<R: Real>(first: &Combination<R::Scalar>, second: Option<&Combination<R::Scalar>>, c: [R; 5], q: &[R]) -> R {
     let error = first.value(q) - R::splat(first.reference) - c[0];

@@ -13,37 +13,40 @@ use crate::options::StepSettings;
 use crate::stages::s05_solve::solve_to;
 use crate::stages::s06_integrate_velocity::integrate_velocity;
 
-/// Residual from which on impulses may be anything, m/s: energy is kept from growing by them, as in steps that are too long.
-const UNSOLVED: f64 = 1e-2;
+/// Residual above which the impulses are not trusted, m/s. The energy of the lane is then limited, as in a step that is too long.
+const MAX_TRUSTED_RESIDUAL: f64 = 1e-2;
 
-/// Lanes whose impulses cannot be trusted with the energy: the residual is large, or it is small beside velocities but not beside what
-/// enormous impulses make of it.
-pub(crate) fn undecided<R: Real>(options: &StepSettings, s: &Workspace<R>, residual: R) -> R::Mask {
+/// Lanes whose impulses do not determine the kinetic energy.
+///
+/// The residual is above [`MAX_TRUSTED_RESIDUAL`], or small against the velocities but not against their energy, because enormous impulses
+/// cancel.
+pub(crate) fn ambiguous<R: Real>(options: &StepSettings, s: &Workspace<R>, residual: R) -> R::Mask {
     let Constraints { problem, iterate, constrained, .. } = &s.constraints;
     R::vectorize(
         #[inline(always)]
         || {
-            let unsolved = s.alive.and(residual.gt(R::of(UNSOLVED.max(10.0 * options.tolerance))));
+            let unsolved = s.alive.and(residual.gt(R::of(MAX_TRUSTED_RESIDUAL.max(10.0 * options.tolerance))));
             let negligible = s.free_motion.smooth.mass.energy_at(R::of(options.tolerance));
-            unsolved.or(s.alive.and(*constrained).and(stepper_solve::undecided(problem, iterate, residual, negligible)))
+            unsolved.or(s.alive.and(*constrained).and(stepper_solve::energy_is_ambiguous(problem, iterate, residual, negligible)))
         },
     )
 }
 
-/// Part of the residual up to which impulses determine the energy that a second solution goes down to.
-const DECIDED: f64 = 0.1;
+/// Residual of the second solve, relative to the largest residual at which the impulses determine the energy.
+const TARGET_RATIO: f64 = 0.1;
 
-/// Solves the lanes again whose impulses meet the tolerance and do not determine the energy: in a jam they cancel, a million times what
-/// they hold, and the residual has to be as much smaller.
+/// Solves lanes again whose residual meets the tolerance but leaves the energy ambiguous.
+///
+/// In a jam, impulses a million times the load cancel, and the residual must be smaller by that factor.
 #[inline(always)]
-pub(crate) fn decide<R: Real>(compiled: &LaneModel<R>, options: &StepSettings, s: &mut Workspace<R>, outcome: &mut Outcome<R>) {
-    let lanes = undecided(options, s, outcome.residual).and(outcome.residual.le(R::of(options.tolerance)));
+pub(crate) fn resolve_ambiguous<R: Real>(compiled: &LaneModel<R>, options: &StepSettings, s: &mut Workspace<R>, outcome: &mut Outcome<R>) {
+    let lanes = ambiguous(options, s, outcome.residual).and(outcome.residual.le(R::of(options.tolerance)));
     if lanes.any() {
         solve_further(compiled, options, s, lanes, outcome);
     }
 }
 
-/// Solves the lanes `lanes` to the residual at which impulses determine the energy, as far as rounding lets it.
+/// Solves the lanes `lanes` to the residual at which the impulses determine the energy, as far as rounding permits.
 #[cold]
 #[inline(never)]
 fn solve_further<R: Real>(compiled: &LaneModel<R>, options: &StepSettings, s: &mut Workspace<R>, lanes: R::Mask, outcome: &mut Outcome<R>) {
@@ -53,7 +56,9 @@ fn solve_further<R: Real>(compiled: &LaneModel<R>, options: &StepSettings, s: &m
             let Constraints { problem, iterate, .. } = &s.constraints;
             let negligible = s.free_motion.smooth.mass.energy_at(R::of(options.tolerance));
             let least = R::of(10.0 * <R::Scalar as Scalar>::EPSILON.to_f64());
-            (stepper_solve::decisive_residual(problem, iterate, negligible) * R::of(DECIDED)).max(least).min(R::of(options.tolerance))
+            (stepper_solve::max_residual_for_energy(problem, iterate, negligible) * R::of(TARGET_RATIO))
+                .max(least)
+                .min(R::of(options.tolerance))
         },
     );
     let (rows, mut room) = s.constraints.split();

@@ -1,13 +1,13 @@
-//! Corrections of positions that bring nothing, which are taken back.
+//! Reversal of position corrections that do not reduce the overlap.
 //!
-//! A correction follows from rows that are linearised at one pose. Where demands contradict one another, what it gains there need not be
-//! gained at the corrected pose: the normals of deep overlaps turn or jump, and a joint is pushed to and fro for ever. So where a witness
-//! proves that the demands cannot be met, the overlaps are measured again at the corrected pose (sufficient decrease, as in a line search;
-//! Armijo 1966), and an island of bodies whose sum of penalties does not become less stays where its velocity leads it. The sum is bounded
-//! below, so that a jam comes to rest; and it is that of two poses, so that nothing is remembered.
+//! Stage 8 linearises its rows at one pose. With contradictory constraints the predicted reduction may not occur at the corrected pose: the
+//! normals of deep overlaps turn or jump, and a joint would move to and fro for ever. In lanes with a proof of infeasibility the step
+//! therefore measures the overlaps again at the corrected pose. It keeps the correction of an island only if the sum of its penalties
+//! decreases sufficiently (as in a line search; Armijo 1966). Otherwise the island keeps its uncorrected positions. The sum is bounded
+//! below, so that a jam comes to rest. It depends on two poses of the step and on no memory.
 //!
-//! The penalty of an overlap x is what the damped solve descends on, `x - x0 ln(1 + x / x0)`: quadratic up to x0, where compliance is
-//! relative to mobility alone, and linear beyond, where it grows with the correction.
+//! The penalty of an overlap x is the merit function of the damped solve, `x - x0 ln(1 + x / x0)`. It is quadratic below x0, where the
+//! relative compliance is constant, and linear above, where the compliance grows with the correction.
 
 use stepper_real::{Mask, Real, Scalar};
 
@@ -23,16 +23,15 @@ use crate::options::StepSettings;
 use crate::probe::NoProbe;
 use crate::stages::s03_detect::detect;
 
-/// Relative decrease of the sum of penalties below which a correction brings nothing.
-///
-/// A slide between two walls that overlap it by a millimetre each way comes within 0.5 % of their middle in steps of 0.1 ms. A wheel of
-/// Unitree's G1-D, a decimetre within its base, gains less than 1e-7 a step.
+/// Relative decrease of the sum of penalties below which a correction is reverted. Evidence: a slide between two walls that overlap it by 1
+/// mm each reaches 0.5 % of their middle in steps of 0.1 ms. A wheel 0.1 m inside the base of Unitree's G1-D decreases it by less than 1e-7
+/// per step.
 const MIN_DECREASE: f64 = 2e-7;
 
-/// Least relative decrease in roundings of a lane: depths are differences of positions.
+/// Lower bound on this relative decrease, in machine epsilons of the lanes: depths are differences of positions.
 const MIN_DECREASE_ROUNDINGS: f64 = 1e3;
 
-/// Takes the correction of `work.q_corrected` back, in the lanes `stuck`, from islands whose overlaps it does not lessen.
+/// Reverts the correction in `work.q_corrected`, in the lanes `infeasible`, for islands whose overlap it does not reduce.
 #[cold]
 #[inline(never)]
 pub(crate) fn revert_ineffective_corrections<R: Real>(
@@ -40,25 +39,25 @@ pub(crate) fn revert_ineffective_corrections<R: Real>(
     options: &StepSettings,
     scheme: &Scheme<R>,
     s: &mut Workspace<R>,
-    stuck: R::Mask,
+    infeasible: R::Mask,
 ) {
     mocap::pose_bodies(compiled, &s.mocap_trajectories, R::of(s.elapsed) + scheme.time_before, &mut s.corrected_kinematics);
     s.corrected_kinematics.update(compiled, &s.work.q_corrected);
-    // Nothing reads the contacts of the last step any more, nor the correction.
-    let (contacts, rest) = (&mut s.state.contacts, &mut s.work.correction);
-    rest.fill(R::zero());
-    let still = [R::of(options.timestep), R::zero()];
-    // Searches begin where those of this step have ended, and leave nothing to the next.
+    // The contacts of the previous step and the correction are no longer used: both serve as workspace.
+    let (contacts, zero_velocity) = (&mut s.state.contacts, &mut s.work.correction);
+    zero_velocity.fill(R::zero());
+    let duration = [R::of(options.timestep), R::zero()];
+    // This detection starts from the separations that stage 3 found, and its own are discarded.
     s.poses.search.exchange();
-    detect(compiled, &s.corrected_kinematics, [&*rest, &*rest], still, stuck, &mut s.poses, contacts, NoProbe);
+    detect(compiled, &s.corrected_kinematics, [&*zero_velocity, &*zero_velocity], duration, infeasible, &mut s.poses, contacts, NoProbe);
     s.poses.search.exchange();
     let (rows, room) = s.constraints.split();
     let system = room.positions.system(rows.problem);
     let min_decrease = MIN_DECREASE.max(MIN_DECREASE_ROUNDINGS * <R::Scalar as Scalar>::EPSILON.to_f64());
-    for lane in each_of(stuck.bits()) {
+    for lane in each_of(infeasible.bits()) {
         let islands = &mut *room.islands;
         islands.find(compiled, system, lane);
-        // Loops that have opened are to be closed, whatever overlaps.
+        // An island with an open loop keeps its correction: closing the loop has priority over overlaps.
         for row in rows.problem.scalars.iter().filter(|row| row.lo.lane(lane).to_f64() < 0.0) {
             let correction = (row.g.lane(lane).to_f64() - row.position_g.lane(lane).to_f64()).abs();
             if correction * options.timestep > options.slop {
@@ -66,6 +65,7 @@ pub(crate) fn revert_ineffective_corrections<R: Real>(
                 support.iter().for_each(|&d| islands.exempt(compiled.dofs[d as usize].tree));
             }
         }
+        // The sums have no penalties of ball limits and tendons, so their islands keep the correction.
         compiled.ball_limits.iter().for_each(|limit| islands.exempt(compiled.dofs[limit.dof].tree));
         for tendon in &compiled.tendons {
             tendon.support.iter().for_each(|&d| islands.exempt(compiled.dofs[d as usize].tree));
@@ -76,7 +76,7 @@ pub(crate) fn revert_ineffective_corrections<R: Real>(
         add_limits(compiled, options, &s.work.q_corrected, lane, islands, 1);
         for joint in &compiled.joints {
             let Some([before, after]) = islands.penalties(compiled.dofs[joint.v].tree) else { continue };
-            // Also where it is NaN.
+            // A NaN counts as no decrease.
             if before > 0.0 && after.partial_cmp(&(before * (1.0 - min_decrease))) != Some(std::cmp::Ordering::Less) {
                 for k in joint.q..joint.q + joint.kind.nq() {
                     s.work.q_corrected[k].set_lane(lane, s.next.q[k].lane(lane));
@@ -86,13 +86,13 @@ pub(crate) fn revert_ineffective_corrections<R: Real>(
     }
 }
 
-/// Penalty of an overlap, or of a joint's way beyond its range as a distance, of `x` m.
+/// Penalty of an overlap, or of a joint limit violation as a length, of `x` m.
 fn penalty(options: &StepSettings, x: f64) -> f64 {
-    let knee = DAMPING * ARM / options.baumgarte.max(MIN_DECREASE);
-    x - knee * (x / knee).ln_1p()
+    let x0 = DAMPING * ARM / options.baumgarte.max(MIN_DECREASE);
+    x - x0 * (x / x0).ln_1p()
 }
 
-/// Adds the penalty of every pair's deepest overlap beyond the slop to its islands.
+/// Adds to each island the penalty of the deepest overlap of every pair beyond the slop. `pose` is 0 before and 1 after the correction.
 fn add_overlaps<R: Real>(
     compiled: &ModelStructure<R::Scalar>,
     options: &StepSettings,
@@ -121,7 +121,7 @@ fn add_overlaps<R: Real>(
     }
 }
 
-/// Adds the penalties of joints' ways beyond their ranges, of which a radian counts as the length ARM.
+/// Adds to each island the penalties of joint limit violations. One radian counts as the length [`ARM`].
 fn add_limits<R: Real>(compiled: &LaneModel<R>, options: &StepSettings, q: &[R], lane: usize, islands: &mut Islands, pose: usize) {
     for (i, limit) in compiled.limits.iter().enumerate() {
         let [lowest, highest] = compiled.params.limit(i);

@@ -1,4 +1,4 @@
-//! The solution of a step: velocities, positions, and what it says of itself.
+//! Solution of a step: velocities, positions and the record.
 
 use stepper_real::{Mask, Real, Scalar};
 use stepper_solve::{Outcome, System};
@@ -7,7 +7,7 @@ use crate::collision::tunnelling::{TakenStep, may_have_passed};
 use crate::compile::LaneModel;
 use crate::constraints::equality_violation::max_equality_violation;
 use crate::dynamics::kinematics::{blend, displace};
-use crate::integrators::acceptance::{decide, keep_impulse, undecided};
+use crate::integrators::acceptance::{ambiguous, keep_impulse, resolve_ambiguous};
 use crate::integrators::impact;
 use crate::integrators::overlap_progress::revert_ineffective_corrections;
 use crate::integrators::scheme::Scheme;
@@ -23,22 +23,22 @@ use crate::stages::s07_integrate_position::integrate_position;
 use crate::stages::s08_stabilise::{Solved, limit_baumgarte, stabilise};
 use crate::stages::s10_record::{DEEP, EQUALITY_VIOLATED, OVER_LIMIT, Record, depth, limit_overshoot};
 
-/// What a step knows of its solution.
+/// Solver outcome and lane sets of a step.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Solution<R: Real> {
-    /// Residual and sweeps.
+    /// Residual and effort of the solver.
     pub(crate) outcome: Outcome<R>,
-    /// Whether impulses changed any velocity.
+    /// Whether constraint impulses changed any velocity.
     pub(crate) pushed: bool,
-    /// Lanes whose impulses do not decide what becomes of their energy.
-    pub(crate) undecided: R::Mask,
-    /// Lanes in which speed and energy are kept from growing: those, and those for which the step is too long.
+    /// Lanes whose impulses do not determine the kinetic energy.
+    pub(crate) ambiguous: R::Mask,
+    /// Lanes whose speed and energy are limited: the ambiguous ones, and those whose motion is too fast for the step.
     pub(crate) guarded: R::Mask,
-    /// Lanes with demands that no motion meets.
+    /// Lanes whose constraints no motion satisfies.
     pub(crate) infeasible: R::Mask,
 }
 
-/// Stages 5 and 6, and again 2, 4, 5 and 6 where impacts made the velocity jump.
+/// Stages 5 and 6. Repeats stages 2, 4, 5 and 6 where impacts change the velocity within the step.
 #[inline(always)]
 pub(crate) fn solve_velocities<R: Real>(
     compiled: &LaneModel<R>,
@@ -59,7 +59,7 @@ pub(crate) fn solve_velocities<R: Real>(
         outcome = probe.span(Span::Solve, || solve_strikes(compiled, options, s, outcome));
     }
     s.constraints.activate_satisfied();
-    probe.span(Span::Solve, || decide(compiled, options, s, &mut outcome));
+    probe.span(Span::Solve, || resolve_ambiguous(compiled, options, s, &mut outcome));
     let pushed = s.constraints.iterate.changes_velocity();
     count_effort(&outcome, probe);
     let (rows, mut room) = s.constraints.split();
@@ -74,12 +74,14 @@ pub(crate) fn solve_velocities<R: Real>(
         keep_row_impulses(&rows, &mut room, &mut s.evaluation.contacts);
     }
     probe.span(Span::IntegrateVelocity, || keep_impulse(compiled, s));
-    let [undecided, guarded] = probe.span(Span::GuardEnergy, || guard_speed(compiled, options, scheme, s, outcome.residual));
-    Solution { outcome, pushed, undecided, guarded, infeasible }
+    let [ambiguous, guarded] = probe.span(Span::GuardEnergy, || guard_speed(compiled, options, scheme, s, outcome.residual));
+    Solution { outcome, pushed, ambiguous, guarded, infeasible }
 }
 
-/// Where the step is too long for the motion, or the impulses do not decide it, speed and energy are kept from growing by force: the former
-/// here, the latter once positions have moved. Returns the lanes that impulses do not decide, and all that are guarded.
+/// Limits joint speeds in lanes whose motion is too fast for the step or whose energy is ambiguous. [`guard_energy`] limits their energy
+/// later.
+///
+/// Returns the ambiguous lanes and all guarded lanes.
 #[inline(always)]
 fn guard_speed<R: Real>(
     compiled: &LaneModel<R>,
@@ -88,20 +90,21 @@ fn guard_speed<R: Real>(
     s: &mut Workspace<R>,
     residual: R,
 ) -> [R::Mask; 2] {
-    let undecided = undecided(options, s, residual);
+    let ambiguous = ambiguous(options, s, residual);
     if scheme.corrects && s.constraints.constrained.any() {
         s.free_motion.unresolved =
             s.free_motion.unresolved.or(s.alive.and(diverging(compiled, [&s.state.v, &s.free_motion.v], &s.next.v, scheme.h)));
     }
-    let guarded = s.free_motion.unresolved.or(undecided);
+    let guarded = s.free_motion.unresolved.or(ambiguous);
     if guarded.any() {
         limit_joint_rates(compiled, guarded, scheme.h, &mut s.next.v);
     }
-    [undecided, guarded]
+    [ambiguous, guarded]
 }
 
-/// Finds the lanes in which the error of the midpoint rule makes energy, before positions are corrected. Lanes that the Runge-Kutta scheme
-/// takes over are not among them.
+/// Finds the lanes in which the error of the midpoint rule adds energy, before positions are corrected.
+///
+/// Lanes that the Runge-Kutta scheme replaces are excluded.
 #[inline(always)]
 fn find_gain<R: Real>(compiled: &LaneModel<R>, scheme: &Scheme<R>, s: &mut Workspace<R>) {
     s.free_motion.gains = R::Mask::splat(false);
@@ -112,7 +115,7 @@ fn find_gain<R: Real>(compiled: &LaneModel<R>, scheme: &Scheme<R>, s: &mut Works
     if s.rk4.is_some() {
         lanes = lanes.and(s.constraints.constrained);
     }
-    // A step that is taken elsewhere than in its middle has an energy error of first order in what turns within it.
+    // A step that is evaluated off its middle has an energy error of first order in its rotation.
     lanes = lanes.and(scheme.time_before.eq(scheme.time_after));
     if lanes.any() {
         displace(compiled, &s.evaluation.q, &s.next.v, scheme.time_after, &mut s.work.q_corrected);
@@ -132,7 +135,7 @@ fn count_effort<R: Real>(outcome: &Outcome<R>, probe: impl Probe) {
     probe.count(Counter::NewtonSteps, || lanes(outcome.newton_steps).sum());
 }
 
-/// Stage 7, with the activations. Returns the lanes in which something may have passed through something thin.
+/// Stage 7, with actuator activations. Returns the lanes in which a geom may have passed through a thin one.
 #[inline(always)]
 pub(crate) fn integrate_positions<R: Real>(
     compiled: &LaneModel<R>,
@@ -152,8 +155,7 @@ pub(crate) fn integrate_positions<R: Real>(
     tunnelled
 }
 
-/// Stage 8. With the Runge-Kutta scheme, lanes without any constraint row that the step resolves then take the Runge-Kutta result in place
-/// of the midpoint step's.
+/// Stage 8. With the Runge-Kutta scheme, resolved lanes without constraint rows then take its result instead of that of the midpoint step.
 #[inline(always)]
 pub(crate) fn correct_positions<R: Real>(
     compiled: &LaneModel<R>,
@@ -174,7 +176,7 @@ pub(crate) fn correct_positions<R: Real>(
     }
 }
 
-/// Corrects the positions after the step. Returns the lanes in which demands cannot be met.
+/// Corrects the positions after the step. Returns the lanes whose constraints cannot be satisfied.
 #[inline(always)]
 fn stabilise_positions<R: Real>(compiled: &LaneModel<R>, options: &StepSettings, scheme: &Scheme<R>, s: &mut Workspace<R>) -> R::Mask {
     let impacts = impact::prepare_position_solve(compiled, scheme, s);
@@ -187,10 +189,10 @@ fn stabilise_positions<R: Real>(compiled: &LaneModel<R>, options: &StepSettings,
     let solved = Solved { rows, mass: &s.free_motion.smooth.mass, contacts: &s.evaluation.contacts, v_free, h: scheme.h };
     let (lanes, rebounding) = (rows.needs_position_solve, rows.rebounding);
     let infeasible = stabilise(compiled, options, &solved, &mut room, &s.next.v, work, &s.next.q);
-    // What strikes is corrected to where it would have bounced to, too.
-    let stuck = infeasible.and_not(impacts).and_not(rebounding);
-    if stuck.any() {
-        revert_ineffective_corrections(compiled, options, scheme, s, stuck);
+    // Bouncing contacts keep their correction: it leads to the position after the rebound.
+    let jammed = infeasible.and_not(impacts).and_not(rebounding);
+    if jammed.any() {
+        revert_ineffective_corrections(compiled, options, scheme, s, jammed);
     }
     R::vectorize(
         #[inline(always)]
@@ -203,7 +205,7 @@ fn stabilise_positions<R: Real>(compiled: &LaneModel<R>, options: &StepSettings,
     infeasible
 }
 
-/// Keeps the energy of guarded lanes from growing.
+/// Limits the kinetic energy of guarded lanes.
 #[inline(always)]
 pub(crate) fn guard_energy<R: Real>(compiled: &LaneModel<R>, s: &mut Workspace<R>, solution: &Solution<R>) {
     if solution.guarded.any() {
@@ -221,8 +223,9 @@ pub(crate) fn guard_energy<R: Real>(compiled: &LaneModel<R>, s: &mut Workspace<R
     }
 }
 
-/// The residual with what is demanded where nothing can move: rows that depend on others or that no body follows have no impulse, and the
-/// solver does not see them.
+/// Residual including the target velocities of rows that have no impulse.
+///
+/// Rows without mobility and rows that depend on others are not part of the solve.
 #[inline(always)]
 fn with_unmet<R: Real>(s: &Workspace<R>, residual: R) -> R {
     if !s.constraints.may_be_held {
@@ -237,7 +240,7 @@ fn with_unmet<R: Real>(s: &Workspace<R>, residual: R) -> R {
     )
 }
 
-/// Stage 10: what the step says of itself, once the next state was taken over in the lanes `finite`.
+/// Stage 10: status and certificate of the step. `finite` are the lanes that accepted the next state.
 #[inline(always)]
 pub(crate) fn record<R: Real>(
     compiled: &LaneModel<R>,
@@ -248,9 +251,9 @@ pub(crate) fn record<R: Real>(
 ) -> Record<R> {
     let (depth, overshoot) = (depth(&s.constraints, &s.state.contacts, finite), limit_overshoot(compiled, &s.state.q));
     let violation = R::select(finite, max_equality_violation(compiled, &s.state.q, &s.mocap_trajectories, s.elapsed), R::zero());
-    // A step that was not taken has no residual: what its numbers say depends on which of them are no numbers.
+    // A rejected step has no residual: its value would depend on which numbers are NaN.
     let residual = R::select(finite, with_unmet(s, solution.outcome.residual), R::zero());
-    let unsolved = solution.undecided.or(s.alive.and_not(residual.le(R::of(options.tolerance))));
+    let unsolved = solution.ambiguous.or(s.alive.and_not(residual.le(R::of(options.tolerance))));
     Record {
         residual,
         sweeps: solution.outcome.sweeps,

@@ -1,17 +1,17 @@
-//! Motion that a step is too long for.
+//! Motion that is too fast for the time step.
 //!
-//! Velocity-dependent inertial forces are quadratic in the velocity and taken explicitly, with one corrector pass. Where that pass does not
-//! converge - some joint turns by a good part of a radian in a step, and the pass changes the velocity by as much as it is - the forces of
-//! a wrong velocity make a larger one, and a few steps later the numbers overflow. There the step goes without these forces, and what it
-//! must not violate is kept by force: kinetic energy does not exceed that before the step and the work of all other forces, contacts not
-//! counted where they would add to it, and no joint but a slide leaves the step with more than a radian a step. Status UNRESOLVED says so.
+//! Inertial forces are quadratic in the velocity; the step evaluates them explicitly, with one corrector pass. If a joint rotates by a
+//! large part of a radian per step, this pass may not converge: the forces of a wrong velocity produce a larger one and the numbers
+//! overflow. Such a step omits the inertial forces and sets status UNRESOLVED. Two bounds then hold by rescaling the velocity. The kinetic
+//! energy is at most that before the step plus the work of all other forces, without positive work of contacts. No joint except a slide
+//! leaves the step with more than one radian per step.
 //!
-//! A step that passes this test may still make energy, since its inertial forces are those of an estimated velocity: in the whip of a
-//! chain so much that it grows by a tenth within 0.1 s. Where the corrector changes the velocity by a twentieth, the step computes its
-//! energy balance ([`StepResolution::gains_energy`]), and status UNRESOLVED tells of a gain. The motion is left as it is.
+//! A step that passes this test may still gain energy, because its inertial forces use an estimated velocity: the whip of a chain may gain
+//! a tenth within 0.1 s. If the corrector changes the velocity by a twentieth, the step computes its energy balance
+//! ([`StepResolution::gains_energy`]). A gain sets status UNRESOLVED and leaves the motion unchanged.
 //!
-//! Speed and energy are bounded in the same way, but no force is left out, where impulses turn a joint by half a turn and more within the
-//! step, as levers in a jam do: the rows are linearised at one pose, and say nothing of what the joint meets that far on.
+//! The same two bounds hold, with inertial forces, where impulses rotate a joint by half a turn or more within the step, for example levers
+//! in a jam. The rows are linearised at one pose and are invalid that far away.
 
 use stepper_real::{Mask, Real};
 
@@ -21,35 +21,38 @@ use crate::dynamics::kinematics::{Kinematics, kinetic_energy};
 use crate::math::spatial::*;
 use crate::model::JointKind;
 
-/// Turn of a joint in a step from which on it is looked at, rad.
+/// Joint rotation per step above which the convergence of the corrector is checked, rad.
 const FAST_ROTATION: f64 = 0.5;
 
-/// Fastest turn that a joint leaves such a step with, rad a step.
+/// Largest joint rotation per step after an unresolved step, rad.
 const MAX_ROTATION: f64 = 1.0;
 
-/// Change of the velocity by the corrector, relative to its size, that is not convergence.
+/// Change of the velocity by the corrector, relative to the velocity, above which it has not converged.
 const MAX_RELATIVE_CHANGE: f64 = 0.25;
 
-/// Turn of a joint in a step from which on the energy balance may be computed, rad. Chains that gain energy turn by 0.07 and more.
+/// Joint rotation per step above which the energy balance may be computed, rad. Chains that gain energy rotate by 0.07 and more.
 const BALANCE_ROTATION: f64 = 0.05;
 
-/// Change of the velocity by the corrector, relative to its size, from which on the energy balance is computed. Robots under random control
-/// at their own time steps reach it in less than 1 % of their steps; chains of 5 to 40 links that gain a tenth of their energy reach it in
-/// the steps that gain most.
+/// Change of the velocity by the corrector, relative to the velocity, above which the energy balance is computed. Evidence: robots under
+/// random control exceed it in less than 1 % of their steps. Chains of 5 to 40 links that gain a tenth of their energy exceed it in the
+/// steps that gain most.
 const BALANCE_RELATIVE_CHANGE: f64 = 0.05;
 
-/// Growth of the kinetic energy by the error of the step, relative to it, that makes a step unresolved: 1/s, and at the most in one step.
-/// Eleven chains that gain more than a tenth within 0.1 s have steps of 10 to 300 / s. Twelve robots under random control at 2, 5 and 10 ms
-/// have 8 / s at the most where nothing pushes.
+/// Relative growth rate of the kinetic energy by the error of the step above which the step is unresolved, 1/s. Evidence: eleven chains
+/// that gain more than a tenth within 0.1 s reach 10 to 300 / s. Twelve robots under random control at 2, 5 and 10 ms stay below 8 / s
+/// without impacts.
 const MAX_GROWTH_RATE: f64 = 10.0;
+
+/// Upper bound on this growth in one step, relative to the kinetic energy.
 const MAX_GROWTH: f64 = 0.1;
 
-/// Change of the velocity by constraints, relative to its size, from which on a step may grow by twice as much: impulses are taken at one
-/// configuration of the step, so that a blow changes the energy by what turns within the step, with either sign (15 / s at 10 ms).
+/// Change of the velocity by constraints, relative to the velocity, above which the allowed growth is doubled. Impulses act at one
+/// configuration of the step, so that an impact changes the energy with either sign. Evidence: up to 15 / s at 10 ms.
 const IMPACT_RELATIVE_CHANGE: f64 = 0.1;
 
-/// Lanes in which the corrector's `change` of the free velocity `v_free` says that the step is too long for its motion, and those in which
-/// the step may make energy by its error.
+/// Lanes in which the corrector has not converged, and lanes that need an energy balance.
+///
+/// `v` and `v_free` are the velocity before the step and the free velocity, `change` is the change of `v_free` by the corrector.
 pub fn assess_corrector<R: Real>(compiled: &LaneModel<R>, v: &[R], v_free: &[R], change: &[R], h: R) -> [R::Mask; 2] {
     R::vectorize(
         #[inline(always)]
@@ -59,23 +62,27 @@ pub fn assess_corrector<R: Real>(compiled: &LaneModel<R>, v: &[R], v_free: &[R],
             if active.none() {
                 return [active; 2];
             }
-            let (mut size, mut most) = (R::zero(), R::zero());
+            let (mut speed, mut largest_change) = (R::zero(), R::zero());
             for i in 0..compiled.nv {
-                size = size.max(v[i].abs()).max(v_free[i].abs());
-                // Not max, which loses a NaN.
-                most = R::select(change[i].abs().le(most), most, change[i].abs());
+                speed = speed.max(v[i].abs()).max(v_free[i].abs());
+                // Unlike max, this keeps a NaN.
+                largest_change = R::select(change[i].abs().le(largest_change), largest_change, change[i].abs());
             }
             let fast = turn.gt(R::of(FAST_ROTATION));
-            [fast.and_not(most.le(size * R::of(MAX_RELATIVE_CHANGE))), active.and_not(most.le(size * R::of(BALANCE_RELATIVE_CHANGE)))]
+            [
+                fast.and_not(largest_change.le(speed * R::of(MAX_RELATIVE_CHANGE))),
+                active.and_not(largest_change.le(speed * R::of(BALANCE_RELATIVE_CHANGE))),
+            ]
         },
     )
 }
 
-/// Turn of a joint in a step by impulses that is no longer resolved, rad.
+/// Joint rotation per step by constraint impulses above which the step is unresolved, rad.
 const MAX_IMPULSE_ROTATION: f64 = std::f64::consts::PI;
 
-/// Lanes in which constraints made a hinge or a ball joint turn by half a turn in the step, faster than anything did in `v`, before it, and
-/// in `v_free`, without them.
+/// Lanes in which constraint impulses rotate a hinge or ball joint by more than half a turn per step.
+///
+/// The joint must also be faster than any joint in `v`, before the step, and in `v_free`, without constraints.
 pub fn diverging<R: Real>(compiled: &LaneModel<R>, [v, v_free]: [&[R]; 2], v_next: &[R], h: R) -> R::Mask {
     R::vectorize(
         #[inline(always)]
@@ -108,7 +115,7 @@ fn max_joint_rate<R: Real>(compiled: &LaneModel<R>, v: &[R]) -> R {
     turn
 }
 
-/// Slows `v` down in `lanes` until its fastest joint turns by a radian a step.
+/// Scales `v` down in `lanes` until the fastest joint rotates by at most one radian per step.
 pub fn limit_joint_rates<R: Real>(compiled: &LaneModel<R>, lanes: R::Mask, h: R, v: &mut [R]) {
     R::vectorize(
         #[inline(always)]
@@ -123,7 +130,7 @@ pub fn limit_joint_rates<R: Real>(compiled: &LaneModel<R>, lanes: R::Mask, h: R,
     )
 }
 
-/// Kinetic energy with rotors at a placed configuration, J.
+/// Kinetic energy of bodies and rotors at the configuration of `kinematics`, J.
 fn kinetic_energy_with_rotors<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, v: &[R], velocity: &mut [V6<R>]) -> R {
     R::vectorize(
         #[inline(always)]
@@ -138,23 +145,23 @@ fn kinetic_energy_with_rotors<R: Real>(compiled: &LaneModel<R>, kinematics: &Kin
     )
 }
 
-/// Room for [`StepResolution::limit_energy`].
+/// Workspace of the energy balance and of the energy limit.
 #[derive(Clone, Debug)]
 pub struct StepResolution<R: Real> {
-    /// No velocity at all.
+    /// Zero velocity, nv.
     pub zero_velocity: Vec<R>,
     kinematics: Kinematics<R>,
     velocity: Vec<V6<R>>,
     change: Vec<V6<R>>,
-    /// Mean velocity of the step and its change, nv.
+    /// Mean velocity of the step and its change, nv each.
     mean: [Vec<R>; 2],
     newton_euler: NewtonEuler<R>,
-    /// Links alone in their trees: their inertia does not depend on the configuration.
+    /// Whether each link is alone in its tree, on a free or ball joint.
     single_link: Vec<bool>,
 }
 
 impl<R: Real> StepResolution<R> {
-    /// Room for a compiled model.
+    /// Workspace for a compiled model.
     pub fn new(compiled: &ModelStructure<R::Scalar>) -> Self {
         let mut single_link = vec![false; compiled.links.len()];
         compiled.spinners.iter().for_each(|spinner| single_link[spinner.link] = true);
@@ -169,18 +176,19 @@ impl<R: Real> StepResolution<R> {
         }
     }
 
-    /// Lanes in which a step of `h` seconds makes energy by its own error, so much that it is unresolved.
+    /// Lanes in which the error of a step of `h` seconds adds enough kinetic energy to make the step unresolved.
     ///
-    /// Work of forces and impulses f is f (v + v+) / 2, and by the equation of motion f = M (v+ - v) + h c, with mass matrix M and inertial
-    /// forces c as the rule took them in the `middle`, c at the velocity `v_mean`. So what is left of the change of the kinetic energy,
+    /// The work of forces and impulses f is f . (v + v+) / 2. The equation of motion is f = M (v+ - v) + h c, with mass matrix M and
+    /// inertial forces c in the `middle`, at the velocity `v_mean`. The energy gained by the error of the step is therefore
     ///
     /// ```text
-    /// K(q+, v+) - K(q, v) - (v + v+) / 2 (M (v+ - v) + h c),
+    /// K(q+, v+) - K(q, v) - (v + v+) / 2 . (M (v+ - v) + h c),
     /// ```
     ///
-    /// nobody put in, whatever acts: actuators, damping, friction, contacts. The work of gravity and springs at the middle differs from the
-    /// change of their potential by less: chains that gain 98 J by the first have 0.01 J of the second. Bodies that are alone do not count:
-    /// the midpoint rule keeps their energy.
+    /// whatever acts: actuators, damping, friction, contacts. The error in the work of gravity and springs is neglected: chains that gain
+    /// 98 J have 0.01 J of it. Links alone in their tree do not count: the midpoint rule conserves their energy.
+    ///
+    /// `before` and `after` are states (q, v); `v_free` is the velocity after the step without constraints.
     pub fn gains_energy(
         &mut self,
         compiled: &LaneModel<R>,
@@ -218,14 +226,14 @@ impl<R: Real> StepResolution<R> {
                     pushed = pushed.max((after[1][d] - v_free[d]).abs());
                     fastest = fastest.max(after[1][d].abs()).max(before[1][d].abs());
                 }
-                let most = (h * R::of(MAX_GROWTH_RATE)).min(R::of(MAX_GROWTH)) * start.max(end);
+                let max_gain = (h * R::of(MAX_GROWTH_RATE)).min(R::of(MAX_GROWTH)) * start.max(end);
                 let is_impact = pushed.gt(fastest * R::of(IMPACT_RELATIVE_CHANGE));
-                ((end - start) - work).gt(R::select(is_impact, most + most, most))
+                ((end - start) - work).gt(R::select(is_impact, max_gain + max_gain, max_gain))
             },
         )
     }
 
-    /// Places the mocap bodies where they are in the middle of the step.
+    /// Sets the poses of mocap bodies to those in the middle of the step.
     fn place_mocap(&mut self, compiled: &LaneModel<R>, middle: &Kinematics<R>) {
         for mocap in &compiled.mocap {
             self.kinematics.pos[mocap.frame] = middle.pos[mocap.frame];
@@ -233,7 +241,7 @@ impl<R: Real> StepResolution<R> {
         }
     }
 
-    /// Kinetic energy with rotors of the bodies that are not alone, J.
+    /// Kinetic energy of rotors and of the links that are not alone in their tree, J.
     #[inline(always)]
     fn kinetic_energy_of_chains(&mut self, compiled: &LaneModel<R>, [q, v]: [&[R]; 2]) -> R {
         self.kinematics.update(compiled, q);
@@ -250,8 +258,10 @@ impl<R: Real> StepResolution<R> {
         twice * R::of(0.5)
     }
 
-    /// The velocity `v` after the step, slowed down in `lanes` until its energy is that of `before` and of the work that the step did with
-    /// the inertia of `middle`; constraints, which made `v` of `v_free`, take energy out if anything. States are (q, v).
+    /// Scales the velocity `v` after the step down, in `lanes`, until the energy balance holds, and writes it to `out`.
+    ///
+    /// The allowed kinetic energy is that of the state `before` plus the work of the step with the inertia of `middle`. Constraints changed
+    /// `v_free` to `v`; their work counts only if it is negative. States are (q, v).
     #[expect(clippy::too_many_arguments, reason = "the states that the step joins, named at the call")]
     pub fn limit_energy(
         &mut self,

@@ -38,7 +38,7 @@ bitflags! {
     #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
     pub struct Status: u32 {
         /// The residual is above the tolerance, or it is below it but the impulses cancel so strongly that they do not determine the energy
-        /// (`stepper_solve::undecided`).
+        /// (`stepper_solve::energy_is_ambiguous`).
         const NOT_CONVERGED = 1;
         /// The step was not finite; the environment keeps its last finite state.
         const NON_FINITE = 2;

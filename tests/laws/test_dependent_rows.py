@@ -1,6 +1,6 @@
-"""Rows that depend on others: masses and the length of a chain do not make rows dependent, in either precision; geometry does.
+"""Linearly dependent constraint rows: geometry makes rows dependent, mass ratios and chain length do not, in either precision.
 
-A row that is left out although nothing meets its demand shows in the residual or in the status.
+A removed row whose constraint is violated shows in the residual or in the status.
 """
 
 import numpy as np
@@ -15,8 +15,8 @@ SEEDS = st.integers(0, 2**32 - 1)
 GHOST = 'contype="0" conaffinity="0"'
 
 
-def tied_slides(light: float, heavy: float, *, radius: float = 0.05) -> str:
-    """A sphere on the floor whose slide is equal to that of a heavy body, which nothing else holds."""
+def coupled_slides(light: float, heavy: float, *, radius: float = 0.05) -> str:
+    """MJCF of a light sphere on the floor, whose slide joint is coupled to that of a heavy body without support."""
     return f"""<mujoco><worldbody><geom type="plane" size="3 3 1"/>
     <body pos="0 0 {radius}"><joint name="l" type="slide" axis="0 0 1"/><geom size="{radius}" mass="{light}"/></body>
     <body pos="1 0 1"><joint name="h" type="slide" axis="0 0 1"/><geom size=".05" mass="{heavy}" {GHOST}/></body></worldbody>
@@ -26,7 +26,7 @@ def tied_slides(light: float, heavy: float, *, radius: float = 0.05) -> str:
 def cable(
     rods: int, *, length: float = 0.05, mass: float = 0.01, joint: str = 'type="ball"', curl: float = 0.0, tilt: str = "0 0 0"
 ) -> str:
-    """Rods in a chain, turned by `curl` degrees from one to the next, whose far end is connected to where it begins."""
+    """MJCF of a chain of rods, rotated by `curl` degrees from one to the next. Its end is connected to its initial position."""
     body, end = "", "</body>" * rods
     for i in range(rods):
         place = f'pos="{length} 0 0" euler="0 {curl} 0"' if i else f'pos="0 0 1" euler="{tilt}"'
@@ -38,7 +38,7 @@ def cable(
 
 
 def welded_through(light: float, heavy: float, *, tilt: str = "0 0 0") -> str:
-    """A heavy body that a light one between it and the world holds, both welds hard."""
+    """MJCF of a heavy body that is welded to a light one, which is welded to the world."""
     return f"""<mujoco><worldbody>
     <body name="a" pos="0 0 1" euler="{tilt}"><freejoint/><geom type="box" size=".1 .1 .1" mass="{light}" {GHOST}/></body>
     <body name="b" pos=".5 0 1"><freejoint/><geom type="box" size=".3 .2 .3" mass="{heavy}" {GHOST}/></body></worldbody>
@@ -46,7 +46,7 @@ def welded_through(light: float, heavy: float, *, tilt: str = "0 0 0") -> str:
 
 
 def pulley(wheel: float, load: float = 1.0) -> str:
-    """Two loads on slides, of which the second is heavier by a tenth, over a light wheel."""
+    """MJCF of two loads on slides, coupled by a light wheel. The second load is 10 % heavier."""
     return f"""<mujoco><worldbody>
     <body pos="0 0 1"><joint name="w" axis="0 1 0"/><geom type="cylinder" size=".05 .01" euler="90 0 0" mass="{wheel}" {GHOST}/></body>
     <body pos=".05 0 0"><joint name="a" type="slide" axis="0 0 1"/><geom size=".02" mass="{load}" {GHOST}/></body>
@@ -56,7 +56,7 @@ def pulley(wheel: float, load: float = 1.0) -> str:
 
 
 def welded_foot(foot: float, load: float = 1.0, *, height: float = 0.02, half: str = ".05 .05", up: float = 0.2, shape: str = "box") -> str:
-    """A body welded to a light foot that stands on the floor."""
+    """MJCF of a body that is welded to a light foot on the floor."""
     size = f"{half} {height}" if shape == "box" else f"{height}"
     return f"""<mujoco><option timestep=".002"/><worldbody><geom type="plane" size="3 3 1"/>
     <body name="a" pos="0 0 {up}"><freejoint/><geom type="box" size=".1 .1 .1" mass="{load}" {GHOST}/></body>
@@ -69,30 +69,30 @@ def simulation(xml: str, precision: str, **options) -> stepper.Stepper:
 
 
 def flags(sim: stepper.Stepper, steps: int) -> int:
-    """All flags of some steps."""
-    said = 0
+    """All status flags set during `steps` steps."""
+    status = 0
     for _ in range(steps):
         sim.step()
-        said |= int(sim.status)
-    return said
+        status |= int(sim.status)
+    return status
 
 
 @PRECISIONS
 @pytest.mark.parametrize("ratio", [1e-4, 9.9e-7, 1e-7, 1e-9])
-def test_a_floor_holds_a_light_sphere_that_is_tied_to_a_heavy_body(ratio, precision):
-    sim = simulation(tied_slides(10 * ratio, 10.0), precision)
+def test_a_floor_holds_a_light_sphere_that_is_coupled_to_a_heavy_body(ratio, precision):
+    sim = simulation(coupled_slides(10 * ratio, 10.0), precision)
     assert not flags(sim, 500) & ~Status.NOT_CONVERGED
-    # The slop of contacts, 1e-4 m; without the floor it falls 4.9 m.
+    # Twenty times the slop of contacts, m. Without the floor it falls 4.9 m.
     assert np.abs(sim.qpos).max() < 2e-4
     assert np.abs(sim.qvel).max() < 1e-4
 
 
 @PRECISIONS
 @pytest.mark.parametrize("curl", [0.0, 42.5])
-def test_a_cable_of_four_rods_does_not_let_go(curl, precision):
+def test_a_cable_of_four_rods_stays_connected(curl, precision):
     sim = simulation(cable(4, curl=curl), precision)
     assert flags(sim, 200) == Status.OK
-    # Without its far end the cable falls freely: a rod of 5 cm turns by radians within 0.1 s.
+    # Without the connection the cable falls: a rod of 5 cm rotates by radians within 0.1 s.
     if curl == 0:
         assert np.abs(sim.qpos[1:4]).max() < 0.05
 
@@ -104,16 +104,16 @@ def test_a_light_body_holds_a_heavy_one_by_welds(ratio, tilt, precision):
     sim = simulation(welded_through(1.0, ratio, tilt=tilt), precision)
     start = np.array(sim.qpos)
     assert flags(sim, 300) == Status.OK
-    # Rounding of positions of 1 m in 32 bits, gathered over 300 steps; it falls 1.8 m if the weld lets go.
+    # Rounding error of positions of 1 m in 32 bits over 300 steps. Without the weld it falls 1.8 m.
     assert np.abs(sim.qpos - start).max() < 1e-4
 
 
 @PRECISIONS
 @pytest.mark.parametrize("wheel", [1e-2, 1e-6, 1e-9])
-def test_a_light_wheel_joins_the_loads_of_a_pulley(wheel, precision):
+def test_a_light_wheel_couples_the_loads_of_a_pulley(wheel, precision):
     sim = simulation(pulley(wheel), precision)
     assert flags(sim, 300) == Status.OK
-    rate = 0.1 * 9.81 / (2.1 + wheel / 2)  # m/s^2, the wheel's inertia as a mass at its rim
+    rate = 0.1 * 9.81 / (2.1 + wheel / 2)  # Acceleration, m/s^2, with the inertia of the wheel as a mass at its rim.
     assert sim.qvel[1] == pytest.approx(0.6 * rate, rel=1e-4)
     assert sim.qvel[2] == pytest.approx(-0.6 * rate, rel=1e-4)
 
@@ -126,23 +126,23 @@ def test_a_light_foot_carries_the_body_that_is_welded_to_it(height, half, up, fo
     for _ in range(1000):
         sim.step()
         assert not sim.status & ~Status.NOT_CONVERGED
-    assert sim.qpos[2] == pytest.approx(up, abs=2e-4)  # the slop, twice
+    assert sim.qpos[2] == pytest.approx(up, abs=2e-4)  # Twenty times the slop, m.
 
 
 def feasible(seed: int, precision: str) -> str:
-    """A scene whose demands can be met: its equalities are met at the start, and what stands on the floor may stand there."""
+    """MJCF of a random feasible scene: it starts without constraint violation."""
     rng = np.random.default_rng(seed)
     ratio, scale = 10.0 ** rng.uniform([0, -3], [9, 1])
     tilt = " ".join(f"{angle}" for angle in rng.uniform(-60, 60, 3))
     kind = rng.choice(["slides", "cable", "weld", "pulley", "foot"])
     if kind == "slides":
-        return tied_slides(scale, scale * ratio, radius=rng.uniform(0.01, 0.2))
+        return coupled_slides(scale, scale * ratio, radius=rng.uniform(0.01, 0.2))
     if kind == "cable":
         joint, whole = rng.choice(['type="ball"', 'axis="0 1 0"']), 2.0
         rods = rng.choice([3, 5, 9, 20, 40, 80, 160])
         if precision == "f32":
-            # Beyond, 32 bits do not resolve what a joint turns beside the inertia of the chain, connected or not: of balls the turn of a
-            # rod of 1 mm about itself, 1e-7 of it where five rods are 2 m long.
+            # Longer chains exceed 32 bits: the inertia of one joint is too small compared with that of the chain. For ball joints that is
+            # the spin of a rod of 1 mm about its axis, 1e-7 of the chain if five rods are 2 m long.
             rods, whole = (min(rods, 5), 0.25) if "ball" in joint else (min(rods, 40), whole)
         return cable(rods, length=whole / rods, mass=scale / rods, joint=joint, curl=rng.uniform(90, 250) / rods, tilt=tilt)
     if kind == "weld":
@@ -154,13 +154,13 @@ def feasible(seed: int, precision: str) -> str:
 
 @PRECISIONS
 @given(seed=SEEDS)
-def test_what_can_be_met_is_never_called_infeasible(precision, seed):
+def test_feasible_scenes_are_never_flagged_as_infeasible(precision, seed):
     sim = simulation(feasible(seed, precision), precision)
     assert not flags(sim, 40) & (Status.INFEASIBLE | Status.NON_FINITE | Status.UNRESOLVED)
 
 
 def infeasible(seed: int) -> str:
-    """A scene that demands what no motion gives: 1 mm to 1 m too far, or two things at once."""
+    """MJCF of a random infeasible scene: a target 1 mm to 1 m out of reach, or two contradictory constraints."""
     rng = np.random.default_rng(seed)
     ratio, scale, gap = 10.0 ** rng.uniform([0, -3, -3], [9, 1, 0])
     kind = rng.choice(["reach", "slides", "welds", "locked limit", "slot", "plane"])
@@ -173,7 +173,7 @@ def infeasible(seed: int) -> str:
         <equality><connect site1="tip" site2="far"/></equality></mujoco>"""
     if kind == "slides":
         second = f'<joint joint1="l" joint2="h" polycoef="{gap} 1 0 0 0"/></equality>'
-        return tied_slides(scale, scale * ratio).replace("</equality>", second)
+        return coupled_slides(scale, scale * ratio).replace("</equality>", second)
     if kind == "welds":
         place = f'<site name="here" pos="0 0 1"/><site name="there" pos="{gap} 0 1"/>'
         return f"""<mujoco><option gravity="0 0 0"/><worldbody>{place}<body pos="0 0 1"><freejoint/>
@@ -187,7 +187,7 @@ def infeasible(seed: int) -> str:
         <geom type="box" size=".05 1 1" pos=".15 0 0"/><geom type="box" size=".05 1 1" pos="-.15 0 0"/>
         <body><joint type="slide" axis="1 0 0"/><geom type="box" size="{0.1 + min(gap, 0.03)} .05 .05" mass="{scale}"/></body>
         </worldbody></mujoco>"""
-    # A planar chain whose end is to leave its plane.
+    # The end of a planar chain is connected to a point off its plane.
     return f"""<mujoco><option gravity="0 0 0"/><worldbody><site name="far" pos=".3 {gap} 0"/>
     <body><joint axis="0 1 0"/><geom type="capsule" size=".01" fromto="0 0 0 .2 0 0" mass="{scale}" {GHOST}/>
     <body pos=".2 0 0" euler="0 40 0"><joint axis="0 1 0"/>
@@ -197,16 +197,16 @@ def infeasible(seed: int) -> str:
 
 @PRECISIONS
 @given(seed=SEEDS)
-def test_what_cannot_be_met_is_said(precision, seed):
-    # Positions give way where they can before what is left of the demand is proven to be out of reach: 0.4 s, some twenty times the time
-    # in which a correction halves an error.
+def test_infeasible_scenes_are_flagged(precision, seed):
+    # The correction first moves as close as it can. The proof of infeasibility follows within 0.4 s, about twenty half-lives of a
+    # position error.
     sim = simulation(infeasible(seed), precision)
     sim.step(nstep=200)
     assert sim.status & Status.INFEASIBLE
 
 
 def planar_loop(rods: int, tilt: str, times: int) -> str:
-    """Rods in a plane, on hinges, the last of which ends at the first: closed in three dimensions, and that `times` times."""
+    """MJCF of a planar loop of rods on hinges, closed by `times` identical connect equalities in three dimensions."""
     length, turn = 2.0 / rods, 360 / rods * 0.9
     body = "".join(
         f'<body name="{i}" pos="{length if i else 0} 0 0" euler="0 {turn} 0"><joint axis="0 1 0"/>'
@@ -222,13 +222,13 @@ def planar_loop(rods: int, tilt: str, times: int) -> str:
 @pytest.mark.parametrize("tilt", ["0 0 0", "17 31 43", "80 5 61"])
 @pytest.mark.parametrize("rods", [3, 6, 12, 24])
 @pytest.mark.parametrize("times", [1, 2, 3])
-def test_redundant_rows_drop_out_wherever_the_plane_of_a_loop_lies(times, rods, tilt, precision):
+def test_redundant_rows_of_a_planar_loop_are_removed_in_any_orientation(times, rods, tilt, precision):
     sim = simulation(planar_loop(rods, tilt, times), precision)
     before = sum(sim.energy())
-    said = flags(sim, 150)
-    assert not said & ~Status.UNRESOLVED
+    status = flags(sim, 150)
+    assert not status & ~Status.UNRESOLVED
     assert np.abs(sim.qvel).max() < 200
-    # Joules of a loop of 1 kg whose size is a metre: what inertial forces at 2 ms lose and gain.
+    # Energy error of a loop of 1 kg and 1 m by inertial forces at 2 ms, J.
     assert abs(sum(sim.energy()) - before) < 0.3
 
 
@@ -241,14 +241,14 @@ def test_a_second_weld_of_the_same_bodies_changes_nothing(tilt, precision):
     sims = [simulation(xml, precision) for xml in (once, twice)]
     for sim in sims:
         sim.set_state(qvel=np.linspace(-1, 1, 12))
-        # The velocities that were set part the welded bodies in the first half of a step, by a millimetre.
+        # The initial velocities violate the welds, and separate the bodies by 1 mm in the first half step.
         assert not flags(sim, 100) & ~Status.EQUALITY_VIOLATED
-    # Rounding of positions of 1 m in 32 bits.
+    # Rounding error of positions of 1 m.
     assert np.abs(sims[0].qpos - sims[1].qpos).max() < (1e-5 if precision == "f32" else 1e-12)
 
 
-def test_a_speed_that_nothing_can_stop_is_part_of_the_residual():
-    """A rod on a hinge touches a sphere with a lever arm of 5e-6 of its length: no impulse is asked for that, but the spheres approach."""
+def test_the_residual_includes_an_approach_that_no_impulse_can_stop():
+    """The lever arm of a contact about a hinge is 5e-6 of the rod: its row is removed, and the spheres approach."""
     tilt, speed = 5e-6, 50.0
     xml = f"""<mujoco><option gravity="0 0 0" timestep="1e-5"/><worldbody><geom size=".02" pos=".34 0 {-0.04 * tilt}"/>
     <body><joint axis="0 1 0"/><geom size=".02" pos=".3 0 0" mass="1"/></body></worldbody></mujoco>"""
@@ -260,15 +260,15 @@ def test_a_speed_that_nothing_can_stop_is_part_of_the_residual():
     assert sim.status == Status.NOT_CONVERGED
 
 
-def test_a_loop_off_its_plane_and_a_held_joint_beyond_its_range_are_said():
-    """Their rows have no entries at all: nothing moves along them."""
+def test_rows_without_mobility_are_flagged_as_infeasible():
+    """A loop off its plane, and a fixed joint beyond its range: their rows have no entries."""
     off = """<mujoco><option gravity="0 0 0"/><worldbody><site name="far" pos=".3 .01 0"/>
     <body><joint axis="0 1 0"/><geom type="capsule" size=".01" fromto="0 0 0 .2 0 0"/>
     <body pos=".2 0 0" euler="0 40 0"><joint axis="0 1 0"/><geom type="capsule" size=".01" fromto="0 0 0 .2 0 0" contype="0"/>
     <site name="tip" pos=".2 0 0"/></body></body></worldbody><equality><connect site1="tip" site2="far"/></equality></mujoco>"""
     beyond = f"""<mujoco><worldbody><body><joint name="l" type="slide" axis="0 0 1" range=".005 1"/><geom size=".05" {GHOST}/></body>
     </worldbody><equality><joint joint1="l"/></equality></mujoco>"""
-    # The loop is open by 1 cm; the coupling of the held joint is met.
+    # The loop is open by 1 cm. The coupling of the fixed joint is satisfied.
     for xml, more in ((off, Status.EQUALITY_VIOLATED), (beyond, Status.OK)):
         sim = stepper.Stepper(stepper.load(xml))
         sim.step(nstep=100)

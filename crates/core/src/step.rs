@@ -18,7 +18,7 @@ use crate::stages::s10_record::Record;
 /// Advances a group of environments by `options.timestep` seconds: state and inputs to next state, observation and record.
 ///
 /// Each stage is a kernel, compiled once for every lane type and CPU level. The code between the stages is compiled into this kernel,
-/// because lane masks are vectors too: outside a kernel every operation on them is a function call.
+/// because lane masks are vectors too. Outside a kernel every operation on them is a function call.
 pub fn step<R: Real>(
     compiled: &LaneModel<R>,
     options: &StepSettings,

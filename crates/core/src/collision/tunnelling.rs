@@ -85,7 +85,8 @@ pub fn may_have_passed<R: Real>(
 
 /// Relative displacement below which a pair cannot pass, m: its thickness, or four times that for a height field.
 ///
-/// A height field is solid: on a shorter path out of the ground, a ball inside the shape is in the ground at one end, and is pushed out.
+/// A height field is solid. On a shorter path through a bump, a ball inside the shape is in the ground at one end, and contacts push it
+/// out.
 #[inline(always)]
 fn min_displacement<R: Real>(compiled: &LaneModel<R>, pair: &CompiledPair<R::Scalar>) -> R {
     let is_field = |&g: &usize| compiled.geoms[g].solid.as_ref().is_some_and(Solid::is_field);
@@ -207,10 +208,10 @@ impl<R: Real> Placed<R> {
         )
     }
 
-    /// Updates the bounds on the displacements of the solved step, in `lead`.
+    /// Updates the bounds on the displacements of the solved step, in `lead`. Returns two sets of lanes.
     ///
-    /// Returns two sets of lanes: those in which some geom moves by more than half its thickness, without which no pair can pass; and those
-    /// in which some geom moves farther than stage 3 assumed.
+    /// In the first, some geom moves by more than half its thickness; without one, no pair can pass. In the second, some geom moves farther
+    /// than stage 3 assumed.
     #[inline(always)]
     fn update_displacements(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, v_next: &[R], h: R, slack: R) -> [R::Mask; 2] {
         self.update_lead(compiled, kinematics, v_next, h);

@@ -1,7 +1,7 @@
 //! Approaching contacts, whose rows are deferred until the solved motion closes their gap.
 //!
 //! A contact row keeps a gap open along one fixed normal. That is right for surfaces that collide and wrong for surfaces that pass each
-//! other: the nearest points of two bodies that fly past approach without touching. Stage 4 therefore assembles the rows of an approaching
+//! other. The nearest points of two bodies that fly past approach without touching. Stage 4 therefore assembles the rows of an approaching
 //! contact and defers them: the solver leaves them out. The solution without them gives the motion of the step. Stage 5 activates the rows
 //! of the pairs that collide in this motion and solves their lanes again ([`crate::integrators::struck_contacts`]).
 //!

@@ -98,27 +98,27 @@ impl<R: Real> Constraints<R> {
         }
     }
 
-    /// Subtracts the coupled equalities from the first `N` components of `column` on `support`, and from the target velocities `demands`.
+    /// Subtracts the coupled equalities from the first `N` components of `column` on `support`, and from the target velocities `targets`.
     ///
-    /// `demands` has two velocities per row, m/s: of the velocity solve and of the position solve. A row that depends on the equalities
+    /// `targets` has two velocities per row, m/s: of the velocity solve and of the position solve. A row that depends on the equalities
     /// becomes zero. Returns the squared lengths of the rows before and after; `None` without coupled equalities.
     #[inline(always)]
-    pub(crate) fn eliminate<const N: usize>(&mut self, mass: &MassMatrix<R>, demands: &mut [[R; 2]; N]) -> Option<SquaredLengths<R, N>> {
-        if self.coupled.is_empty() { None } else { Some(self.eliminate_coupled(mass, demands)) }
+    pub(crate) fn eliminate<const N: usize>(&mut self, mass: &MassMatrix<R>, targets: &mut [[R; 2]; N]) -> Option<SquaredLengths<R, N>> {
+        if self.coupled.is_empty() { None } else { Some(self.eliminate_coupled(mass, targets)) }
     }
 
-    /// Elimination as a separate kernel: inlined it would dominate the row assembly, and few scenes need it.
+    /// Elimination as a kernel of its own. Inlined it would dominate the row assembly, and few scenes need it.
     #[inline(never)]
-    fn eliminate_coupled<const N: usize>(&mut self, mass: &MassMatrix<R>, demands: &mut [[R; 2]; N]) -> SquaredLengths<R, N> {
+    fn eliminate_coupled<const N: usize>(&mut self, mass: &MassMatrix<R>, targets: &mut [[R; 2]; N]) -> SquaredLengths<R, N> {
         R::vectorize(
             #[inline(always)]
-            || self.eliminate_blocks(mass, demands),
+            || self.eliminate_blocks(mass, targets),
         )
     }
 
     /// Subtracts the coupled equalities, in chunks of up to four rows, and projects short rows again.
     #[inline(always)]
-    fn eliminate_blocks<const N: usize>(&mut self, mass: &MassMatrix<R>, demands: &mut [[R; 2]; N]) -> SquaredLengths<R, N> {
+    fn eliminate_blocks<const N: usize>(&mut self, mass: &MassMatrix<R>, targets: &mut [[R; 2]; N]) -> SquaredLengths<R, N> {
         let mut before = [R::zero(); N];
         for &d in &self.support {
             let (x, weight) = (&self.column[d as usize], mass.sqrt_inv_d[d as usize]);
@@ -131,10 +131,10 @@ impl<R: Real> Constraints<R> {
             let rows = self.coupled[block].clone();
             for first in rows.clone().step_by(4) {
                 match rows.end - first {
-                    1 => self.eliminate_rows::<N, 1>(first, demands, &mut after),
-                    2 => self.eliminate_rows::<N, 2>(first, demands, &mut after),
-                    3 => self.eliminate_rows::<N, 3>(first, demands, &mut after),
-                    _ => self.eliminate_rows::<N, 4>(first, demands, &mut after),
+                    1 => self.eliminate_rows::<N, 1>(first, targets, &mut after),
+                    2 => self.eliminate_rows::<N, 2>(first, targets, &mut after),
+                    3 => self.eliminate_rows::<N, 3>(first, targets, &mut after),
+                    _ => self.eliminate_rows::<N, 4>(first, targets, &mut after),
                 }
             }
         }
@@ -146,7 +146,7 @@ impl<R: Real> Constraints<R> {
             any = any.or(short[n]);
         }
         if any.any() {
-            self.eliminate_again(mass, demands, &mut lengths, short);
+            self.eliminate_again(mass, targets, &mut lengths, short);
         }
         lengths
     }
@@ -161,7 +161,7 @@ impl<R: Real> Constraints<R> {
     fn eliminate_again<const N: usize>(
         &mut self,
         mass: &MassMatrix<R>,
-        demands: &mut [[R; 2]; N],
+        targets: &mut [[R; 2]; N],
         lengths: &mut SquaredLengths<R, N>,
         short: [R::Mask; N],
     ) {
@@ -187,7 +187,7 @@ impl<R: Real> Constraints<R> {
                     for n in 0..N {
                         product[n] = R::select(short[n], row.projection(product[n]), R::zero());
                         let g = [row.g, row.position_g];
-                        demands[n] = sub(demands[n], scale(g, product[n]));
+                        targets[n] = sub(targets[n], scale(g, product[n]));
                         let other = coefficient[n].square() * velocity_scales[k];
                         for (speed, g) in speed[n].iter_mut().zip(g) {
                             *speed += (coefficient[n] * g).square() + other;
@@ -241,7 +241,7 @@ impl<R: Real> Constraints<R> {
                         *x = R::select(depends, R::zero(), *x);
                     }
                     lengths.after[n] = R::select(short[n], R::select(depends, R::zero(), after), lengths.after[n]);
-                    for (g, speed) in demands[n].iter_mut().zip(speed[n]) {
+                    for (g, speed) in targets[n].iter_mut().zip(speed[n]) {
                         let none = depends.and(g.square().le(speed * R::of(velocity_rounding::<R>().powi(2))));
                         *g = R::select(none, R::zero(), *g);
                     }
@@ -276,7 +276,7 @@ impl<R: Real> Constraints<R> {
     ///
     /// One pass over the support finds the coefficients and another subtracts. Entries outside the support keep their bits.
     #[inline(always)]
-    fn eliminate_rows<const N: usize, const K: usize>(&mut self, first: usize, demands: &mut [[R; 2]; N], after: &mut [R; N]) {
+    fn eliminate_rows<const N: usize, const K: usize>(&mut self, first: usize, targets: &mut [[R; 2]; N], after: &mut [R; N]) {
         let Self { problem, column, eliminated_entries, projections, .. } = self;
         let rows: &[ScalarRow<R>; K] = problem.scalars[first..].first_chunk().expect("a block has its rows");
         let (support, _) = problem.scalars.entries(&rows[0]);
@@ -301,7 +301,7 @@ impl<R: Real> Constraints<R> {
                 let coefficient = rows[k].projection(product[n][k]);
                 kept[n] = coefficient;
                 after[n] -= coefficient * product[n][k];
-                demands[n] = sub(demands[n], scale(g, coefficient));
+                targets[n] = sub(targets[n], scale(g, coefficient));
                 product[n][k] = coefficient;
             }
         }
@@ -322,7 +322,7 @@ impl<R: Real> Constraints<R> {
 const MIN_REMAINING_LENGTH: f64 = 1e-6;
 
 /// Ratio of the squared length of a row after elimination to that before, below which the row is projected twice. In 32 bits one projection
-/// leaves an error of 1e-6 along the equalities there, which moves a light body relative to the heavy one it is coupled to.
+/// leaves an error of 1e-6 along the equalities there. That error moves a light body relative to the heavy one it is coupled to.
 fn reprojection_threshold<R: Real>() -> f64 {
     if <R::Scalar as Scalar>::EPSILON.to_f64() > 1e-12 { 1e-2 } else { MIN_REMAINING_LENGTH }
 }

@@ -2,9 +2,10 @@
 //!
 //! Two convex shapes pass if they are apart at both ends of the path and collide in between. If they overlap at an end, they pass if the
 //! direction between them reverses: contact forces would then push them on instead of back. They collide if they overlap by an eighth of
-//! their thickness, because resting contacts overlap by rounding and slop. The search is conservative advancement (Mirtich 1996): in a time
-//! t the distance falls by at most c t, with a bound c on the relative speed of their points. A step of distance / c therefore misses no
-//! collision. Steps are at least a quarter of the thickness long.
+//! their thickness, because resting contacts overlap by rounding and slop.
+//!
+//! The search is conservative advancement (Mirtich 1996). With a bound c on the relative speed of their points, the distance falls by at
+//! most c t in a time t. A step of distance / c therefore misses no collision. Steps are at least a quarter of the thickness long.
 //!
 //! A shape passes a triangle surface if a point inside the shape enters it and leaves it again. A shape that ends behind the surface does
 //! not pass if the next step pushes it back. A height field always does, since it is solid down to its base. A mesh does if the normal of

@@ -1,10 +1,12 @@
 //! Reversal of position corrections that do not reduce the overlap.
 //!
-//! Stage 8 linearises its rows at one pose. With contradictory constraints the predicted reduction may not occur at the corrected pose: the
-//! normals of deep overlaps turn or jump, and a joint would move to and fro for ever. In lanes with a proof of infeasibility the step
-//! therefore measures the overlaps again at the corrected pose. It keeps the correction of an island only if the sum of its penalties
-//! decreases sufficiently (as in a line search; Armijo 1966). Otherwise the island keeps its uncorrected positions. The sum is bounded
-//! below, so that a jam comes to rest. It depends on two poses of the step and on no memory.
+//! Stage 8 linearises its rows at one pose. With contradictory constraints the predicted reduction may not occur at the corrected pose,
+//! because the normals of deep overlaps turn or jump. Without a reversal a jammed joint would oscillate for ever. In lanes with a proof of
+//! infeasibility the step therefore measures the overlaps again at the corrected pose.
+//!
+//! The correction of an island is kept only if the sum of its penalties decreases sufficiently (as in a line search; Armijo 1966).
+//! Otherwise the island keeps its uncorrected positions. The sum is bounded below, so that a jam comes to rest. It depends on two poses of
+//! the step and on no memory.
 //!
 //! The penalty of an overlap x is the merit function of the damped solve, `x - x0 ln(1 + x / x0)`. It is quadratic below x0, where the
 //! relative compliance is constant, and linear above, where the compliance grows with the correction.

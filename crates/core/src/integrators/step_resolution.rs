@@ -1,17 +1,18 @@
 //! Motion that is too fast for the time step.
 //!
-//! Inertial forces are quadratic in the velocity; the step evaluates them explicitly, with one corrector pass. If a joint rotates by a
-//! large part of a radian per step, this pass may not converge: the forces of a wrong velocity produce a larger one and the numbers
-//! overflow. Such a step omits the inertial forces and sets status UNRESOLVED. Two bounds then hold by rescaling the velocity. The kinetic
-//! energy is at most that before the step plus the work of all other forces, without positive work of contacts. No joint except a slide
-//! leaves the step with more than one radian per step.
+//! Inertial forces are quadratic in the velocity. The step evaluates them explicitly, with one corrector pass. If a joint rotates by a
+//! large part of a radian per step, this pass may diverge: the forces of a wrong velocity produce a larger one, until the numbers overflow.
 //!
-//! A step that passes this test may still gain energy, because its inertial forces use an estimated velocity: the whip of a chain may gain
+//! Such a step omits the inertial forces and sets status UNRESOLVED. Two bounds then hold by rescaling the velocity. The kinetic energy is
+//! at most that before the step plus the work of all other forces, without positive work of contacts. No joint except a slide leaves the
+//! step with more than one radian per step.
+//!
+//! A step that passes this test may still gain energy, because its inertial forces use an estimated velocity. The whip of a chain may gain
 //! a tenth within 0.1 s. If the corrector changes the velocity by a twentieth, the step computes its energy balance
 //! ([`StepResolution::gains_energy`]). A gain sets status UNRESOLVED and leaves the motion unchanged.
 //!
-//! The same two bounds hold, with inertial forces, where impulses rotate a joint by half a turn or more within the step, for example levers
-//! in a jam. The rows are linearised at one pose and are invalid that far away.
+//! The two bounds also hold where impulses rotate a joint by half a turn or more within the step, for example levers in a jam. The rows are
+//! linearised at one pose and are invalid that far away. Such a step keeps its inertial forces.
 
 use stepper_real::{Mask, Real};
 
@@ -178,8 +179,8 @@ impl<R: Real> StepResolution<R> {
 
     /// Lanes in which the error of a step of `h` seconds adds enough kinetic energy to make the step unresolved.
     ///
-    /// The work of forces and impulses f is f . (v + v+) / 2. The equation of motion is f = M (v+ - v) + h c, with mass matrix M and
-    /// inertial forces c in the `middle`, at the velocity `v_mean`. The energy gained by the error of the step is therefore
+    /// The work of forces and impulses f is f . (v + v+) / 2, and f = M (v+ - v) + h c. M is the mass matrix and c the inertial force, both
+    /// in the `middle` and at the velocity `v_mean`. The energy gained by the error of the step is therefore
     ///
     /// ```text
     /// K(q+, v+) - K(q, v) - (v + v+) / 2 . (M (v+ - v) + h c),

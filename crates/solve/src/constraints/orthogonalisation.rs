@@ -2,14 +2,16 @@
 //!
 //! Hard equalities require y_k . w + g_k = 0 whatever the impulses, so that every invertible combination of them is equivalent. With
 //! orthogonal rows one Gauss-Seidel iteration (a "sweep" over the rows) solves them all exactly. With the original rows of a closed loop it
-//! converges slowly. A row that depends linearly on earlier rows (a planar loop closed in three dimensions, two welds of the same bodies)
-//! loses all its entries and is removed.
+//! converges slowly. A row that depends linearly on earlier rows loses all its entries and is removed. Examples are a planar loop closed in
+//! three dimensions, and two welds of the same bodies.
 //!
-//! The remaining length of a row does not distinguish a dependent row from a row that couples a light body to a heavy one: the entries of a
-//! body scale with 1 / sqrt(mass). A short row is therefore projected a second time, which makes it orthogonal to the others relative to
-//! its own length ("twice is enough"; Parlett 1998, section 6.9). Its entries then decide: it is independent if any entry exceeds the
-//! rounding error of the terms that were summed in it. The scale of an entry is the root of the sum of the squares of these terms, and of
-//! the rounding error that coefficients transfer from other entries. Masses and units cancel, because an entry and its scale have the same.
+//! The remaining length of a row does not reveal dependence. A row that couples a light body to a heavy one is short as well, because the
+//! entries of a body scale with 1 / sqrt(mass). A short row is therefore projected a second time, which makes it orthogonal to the others
+//! relative to its own length ("twice is enough"; Parlett 1998, section 6.9). It is then independent if any entry exceeds the rounding
+//! error of the terms that were summed in it.
+//!
+//! The scale of an entry is the root of the sum of the squares of these terms. The sum includes the rounding error that coefficients
+//! transfer from other entries. Masses and units cancel, because an entry and its scale have the same.
 
 use std::ops::Range;
 
@@ -61,11 +63,13 @@ impl<R: Real> ScalarRows<R> {
     /// Orthogonalises the rows `rows`. `right_hand_sides` has more right-hand sides of each row, which are combined like g.
     ///
     /// The rows must be equalities without compliance and bounds, pushed consecutively with the same support. Afterwards the impulses are
-    /// those of the combined rows. A row is removed if it is shorter than its length in `scales` by a factor of 1e6 (f32: 4e2), and none of
-    /// its entries exceeds 1e-6 (f32: 4e-6) of its scale. Such a row is rounding error, or so nearly dependent that its impulse would be
-    /// meaningless. `scales` become those of the combined rows.
+    /// those of the combined rows, and `scales` those of the combined rows. A row is removed if two conditions hold:
     ///
-    /// `adjust` may change the right-hand sides of a finished row before later rows use them.
+    /// - It is shorter than its length in `scales` by a factor of 1e6 (f32: 4e2).
+    /// - None of its entries exceeds 1e-6 (f32: 4e-6) of its scale.
+    ///
+    /// Such a row is rounding error, or so nearly dependent that its impulse would be meaningless. `adjust` may change the right-hand sides
+    /// of a finished row before later rows use them.
     ///
     /// Returns false if a row is short and `scales` has no entries. Push the rows again then, and call this with scales of entries.
     #[inline(always)]

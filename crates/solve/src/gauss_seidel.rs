@@ -56,7 +56,7 @@ pub fn solve<'a, R: Real>(
         || {
             let tolerance = settings.tolerance;
             let mut progress = Progress::new(lanes, tolerance, settings.sweeps.clamp(1, MOST_SWEEPS));
-            iterate.solve_separate(system, lanes);
+            iterate.solve_eliminated(system, lanes);
             let (mut worst, mut unsolved) = (R::zero(), lanes);
             while unsolved.any() {
                 sweep_until_paused(system, iterate, &mut progress);
@@ -83,7 +83,7 @@ pub fn sweep_from_none<R: Real>(problem: &Problem<R>, iterate: &mut Iterate<R>, 
         #[inline(always)]
         || {
             iterate.release(lanes);
-            iterate.solve_separate(system, lanes);
+            iterate.solve_eliminated(system, lanes);
             for _ in 0..sweeps {
                 iterate.sweep(system, SweepLanes { running: lanes, exact: lanes });
             }
@@ -92,7 +92,7 @@ pub fn sweep_from_none<R: Real>(problem: &Problem<R>, iterate: &mut Iterate<R>, 
 }
 
 /// Improves the impulses of the lanes `lanes` until a sweep changes no velocity by more than the tolerance, or the sweeps run out: an
-/// estimate, whose residual nobody evaluates. Of `lanes`, those outside `moving` keep their impulses but for separate rows, which are
+/// estimate, whose residual nobody evaluates. Of `lanes`, those outside `moving` keep their impulses but for eliminated rows, which are
 /// solved in all `lanes`.
 pub fn estimate<R: Real>(problem: &Problem<R>, iterate: &mut Iterate<R>, settings: SweepSettings<R>, lanes: R::Mask, moving: R::Mask) {
     let system = problem.into();
@@ -100,7 +100,7 @@ pub fn estimate<R: Real>(problem: &Problem<R>, iterate: &mut Iterate<R>, setting
         #[inline(always)]
         || {
             let mut progress = Progress::new(moving, settings.tolerance, settings.sweeps);
-            iterate.solve_separate(system, lanes);
+            iterate.solve_eliminated(system, lanes);
             if moving.any() {
                 sweep_until_paused(system, iterate, &mut progress);
             }

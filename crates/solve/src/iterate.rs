@@ -237,10 +237,10 @@ impl<R: Real> Iterate<R> {
         )
     }
 
-    /// Solves the separate rows in the lanes `lanes`.
+    /// Solves the eliminated rows in the lanes `lanes`.
     #[inline(always)]
-    pub(crate) fn solve_separate(&mut self, system: System<'_, R>, lanes: R::Mask) {
-        system.problem.scalars.solve_separate(system.scalars, &mut self.scalars, &mut self.w, lanes);
+    pub(crate) fn solve_eliminated(&mut self, system: System<'_, R>, lanes: R::Mask) {
+        system.problem.scalars.solve_eliminated(system.scalars, &mut self.scalars, &mut self.w, lanes);
     }
 
     /// Computes w from the impulses.
@@ -251,7 +251,7 @@ impl<R: Real> Iterate<R> {
         each_kind!([set: &problem] [multipliers: &mut self.multipliers] => multipliers.resize(set.multipliers(), R::zero()));
     }
 
-    /// Visits every row that is not separate once; returns the largest change as a velocity, m/s.
+    /// Visits every row that is not eliminated once; returns the largest change as a velocity, m/s.
     #[inline(always)]
     pub(crate) fn sweep(&mut self, system: System<'_, R>, lanes: SweepLanes<R>) -> R {
         let mut change = R::zero();

@@ -7,8 +7,8 @@ use crate::problem::System;
 use stepper_real::Real;
 
 /// Natural-map residual of the exact Coulomb problem, per lane, m/s (rad/s for angular rows):
-/// `max_i |lambda_i - P_K(lambda_i - rho_i u_i)| / rho_i` with `rho_i = n / trace(G_ii)` for n rows, before elimination of separate
-/// ones, and De Saxce's `u = v + (mu |v_t|, 0, 0)`.
+/// `max_i |lambda_i - P_K(lambda_i - rho_i u_i)| / rho_i` with `rho_i = n / trace(G_ii)` for n rows, before elimination of equality
+/// rows, and De Saxce's `u = v + (mu |v_t|, 0, 0)`.
 #[inline(always)]
 pub fn residual<'a, R: Real>(system: impl Into<System<'a, R>>, iterate: &Iterate<R>) -> R {
     let (system, mut worst) = (system.into(), R::zero());

@@ -104,7 +104,7 @@ fn solve_system<R: Real>(
         let (left, slip) = R::vectorize(
             #[inline(always)]
             || {
-                iterate.solve_separate(system, hyperstatic);
+                iterate.solve_eliminated(system, hyperstatic);
                 (residual(system, iterate), system.problem.contacts.fastest_slip(system.contacts, &iterate.contacts, &iterate.w))
             },
         );

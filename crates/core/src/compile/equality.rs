@@ -109,9 +109,8 @@ pub struct EqualityBlock<S> {
     pub rows: usize,
     /// Whether all are hard, so that they are made orthogonal.
     pub hard: bool,
-    /// Whether they are hard and no other hard one shares a degree of freedom with them, so that they can be taken out of all other rows.
-    /// Such blocks come first.
-    pub separate: bool,
+    /// Whether the rows are hard and share no degree of freedom with other hard rows. They are then eliminated from all other rows.
+    pub eliminated: bool,
     /// `support` as a set, in 64-bit words.
     pub set: Vec<u64>,
 }
@@ -232,7 +231,7 @@ impl Compiler<'_> {
             let compiled = CompiledEquality { index, rows, support: support.clone(), spring: spring(equality), owner: *owner };
             *owner += count;
             let hard = compiled.spring.is_none();
-            let mut block = EqualityBlock { equalities: vec![compiled], support, rows: count, hard, separate: false, set: vec![] };
+            let mut block = EqualityBlock { equalities: vec![compiled], support, rows: count, hard, eliminated: false, set: vec![] };
             let met = |b: &EqualityBlock<S>| hard && b.hard && b.support.iter().any(|d| block.support.binary_search(d).is_ok());
             let (together, apart): (Vec<_>, Vec<_>) = blocks.into_iter().partition(met);
             let total = count + together.iter().map(|b| b.rows).sum::<usize>();
@@ -244,7 +243,7 @@ impl Compiler<'_> {
             }
             blocks.push(block);
         }
-        separate(&mut blocks, self.model.nv());
+        mark_eliminated(&mut blocks, self.model.nv());
         blocks
     }
 
@@ -277,7 +276,7 @@ impl Compiler<'_> {
 }
 
 fn join<S: Scalar>(blocks: Vec<EqualityBlock<S>>, last: EqualityBlock<S>, rows: usize) -> EqualityBlock<S> {
-    let mut out = EqualityBlock { equalities: vec![], support: vec![], rows, hard: true, separate: false, set: vec![] };
+    let mut out = EqualityBlock { equalities: vec![], support: vec![], rows, hard: true, eliminated: false, set: vec![] };
     for block in blocks.into_iter().chain([last]) {
         out.equalities.extend(block.equalities);
         out.support.extend(block.support);
@@ -287,18 +286,18 @@ fn join<S: Scalar>(blocks: Vec<EqualityBlock<S>>, last: EqualityBlock<S>, rows: 
     out
 }
 
-/// Finds the blocks that no other hard one shares a degree of freedom with, and puts them first.
-fn separate<S: Scalar>(blocks: &mut [EqualityBlock<S>], nv: usize) {
+/// Marks the hard blocks that share no degree of freedom with another hard block as eliminated, and puts them first.
+fn mark_eliminated<S: Scalar>(blocks: &mut [EqualityBlock<S>], nv: usize) {
     let mut takers = vec![0; nv];
     for block in blocks.iter().filter(|b| b.hard) {
         block.support.iter().for_each(|&d| takers[d as usize] += 1);
     }
     for block in &mut *blocks {
-        block.separate = block.hard && block.support.iter().all(|&d| takers[d as usize] == 1);
+        block.eliminated = block.hard && block.support.iter().all(|&d| takers[d as usize] == 1);
         block.set = vec![0; nv.div_ceil(64)];
         block.support.iter().for_each(|&d| block.set[d as usize / 64] |= 1 << (d % 64));
     }
-    blocks.sort_by_key(|b| !b.separate);
+    blocks.sort_by_key(|b| !b.eliminated);
 }
 
 fn spring<S: Scalar>(equality: &Equality) -> Option<Spring<S>> {

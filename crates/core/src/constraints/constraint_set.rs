@@ -272,13 +272,13 @@ impl<R: Real> Constraints<R> {
 /// What the rows of a compiled model can take at the most: a contact touches the ancestors of two frames in each of its lanes, and any row
 /// what equalities tie to it.
 fn room<S: Scalar>(compiled: &ModelStructure<S>, contacts: usize, lanes: usize) -> Capacity {
-    let tied = compiled.equalities.iter().filter(|b| b.separate).map(|b| b.support.len()).sum::<usize>();
-    let with_tied = |entries: usize| (entries + tied).min(compiled.nv);
-    let depth = |dof: usize| with_tied(compiled.dofs[dof].depth);
+    let coupled = compiled.equalities.iter().filter(|b| b.eliminated).map(|b| b.support.len()).sum::<usize>();
+    let with_coupled = |entries: usize| (entries + coupled).min(compiled.nv);
+    let depth = |dof: usize| with_coupled(compiled.dofs[dof].depth);
     let single = compiled.limits.iter().map(|l| depth(l.dof)).chain(compiled.frictions.iter().map(|f| depth(f.dof))).sum::<usize>();
     let balls = compiled.ball_limits.iter().map(|b| depth(b.dof + 2)).sum::<usize>();
-    let equalities = compiled.equalities.iter().map(|b| b.rows * with_tied(b.support.len())).sum::<usize>();
-    let tendons = compiled.tendons.iter().map(|t| 3 * with_tied(t.support.len())).sum::<usize>();
+    let equalities = compiled.equalities.iter().map(|b| b.rows * with_coupled(b.support.len())).sum::<usize>();
+    let tendons = compiled.tendons.iter().map(|t| 3 * with_coupled(t.support.len())).sum::<usize>();
     let mut moved: Vec<usize> = compiled.moved_dofs.iter().map(|m| m.iter().map(|w| w.count_ones() as usize).sum()).collect();
     moved.sort_unstable();
     let deepest: usize = moved.iter().rev().take(2).sum();
@@ -287,7 +287,7 @@ fn room<S: Scalar>(compiled: &ModelStructure<S>, contacts: usize, lanes: usize) 
     capacity.scalar_entries = single + balls + equalities + tendons;
     capacity.contacts = contacts;
     capacity.rolling_contacts = if compiled.has_rolling_friction { contacts } else { 0 };
-    capacity.contact_support = with_tied(deepest * lanes);
+    capacity.contact_support = with_coupled(deepest * lanes);
     capacity
 }
 

@@ -27,7 +27,7 @@ impl<R: Real> Constraints<R> {
     /// Finds the eliminated equalities that share a degree of freedom with `support`. Adds their support to it, with zeros in `column`.
     #[inline(always)]
     pub(crate) fn couple(&mut self, compiled: &LaneModel<R>) {
-        if self.problem.scalars.separate() > 0 {
+        if self.problem.scalars.eliminated() > 0 {
             self.words.fill(0);
             for &d in &self.support {
                 self.words[d as usize / 64] |= 1 << (d % 64);
@@ -43,7 +43,7 @@ impl<R: Real> Constraints<R> {
     #[inline(always)]
     pub(crate) fn find_coupled(&mut self, compiled: &LaneModel<R>) {
         self.coupled.clear();
-        if self.problem.scalars.separate() > 0 {
+        if self.problem.scalars.eliminated() > 0 {
             self.search_blocks(compiled);
         }
     }
@@ -52,7 +52,7 @@ impl<R: Real> Constraints<R> {
     #[inline(never)]
     fn search_blocks(&mut self, compiled: &LaneModel<R>) {
         let mut start = 0;
-        for block in compiled.equalities.iter().filter(|block| block.separate) {
+        for block in compiled.equalities.iter().filter(|block| block.eliminated) {
             let rows = start..start + block.rows;
             start = rows.end;
             if block.set.iter().zip(&self.words).all(|(coupled, moved)| coupled & moved == 0) {
@@ -75,13 +75,13 @@ impl<R: Real> Constraints<R> {
     /// Stores the entries of eliminated equalities, with both scalings that `eliminate` reads.
     #[inline(always)]
     pub(crate) fn store_eliminated(&mut self, compiled: &LaneModel<R>, mass: &MassMatrix<R>) {
-        self.problem.scalars.mark_separate();
+        self.problem.scalars.mark_eliminated();
         let Self { problem, eliminated_entries, .. } = self;
         let [found, taken] = eliminated_entries;
         found.clear();
         taken.clear();
         let mut first = 0;
-        for block in compiled.equalities.iter().filter(|block| block.separate) {
+        for block in compiled.equalities.iter().filter(|block| block.eliminated) {
             let end = first + block.rows;
             while first < end {
                 // The entries of up to four rows are interleaved.

@@ -47,12 +47,12 @@ pub(crate) struct RowInput<'a, R: Real> {
 }
 
 impl<R: Real> Constraints<R> {
-    /// Adds the rows of equalities, block by block: of those that are separate, or of all others.
-    pub(crate) fn add_equalities(&mut self, input: RowInput<'_, R>, separate: bool) {
+    /// Adds the rows of equalities, block by block: the eliminated blocks, or all others.
+    pub(crate) fn add_equalities(&mut self, input: RowInput<'_, R>, eliminated: bool) {
         R::vectorize(
             #[inline(always)]
             || {
-                for (k, block) in input.compiled.equalities.iter().enumerate().filter(|(_, block)| block.separate == separate) {
+                for (k, block) in input.compiled.equalities.iter().enumerate().filter(|(_, block)| block.eliminated == eliminated) {
                     // Rows that nearly depend on one another need scales of their entries, which cost as much as the rows: a block
                     // gets them from the first time on that it needs them. Its rows are the same with them and without.
                     while !self.add_block(input, block, self.needs_scales[k]) {

@@ -72,7 +72,7 @@ impl<R: Real> Constraints<R> {
     }
 
     /// The law of the midpoint rule, in place of the `demands` of a contact that does not bounce. `free` are the rows' velocities without
-    /// constraints before separate equalities were eliminated, `change` what the free motion changed of them in the step; after the
+    /// constraints before the elimination of equalities, `change` what the free motion changed of them in the step; after the
     /// elimination the free velocity is `demands` less the normal's `bias`. Returns the lanes that have the rows. A kernel of its own, as
     /// [`Constraints::add_curve`].
     #[inline(never)]

@@ -163,7 +163,7 @@ pub struct LaneConstraint<const N: usize> {
     pub(crate) compliance: f64,
     /// What the first row has besides.
     pub(crate) normal_compliance: f64,
-    /// Ratio of trace(G_ii) before elimination of separate rows to that after it, at least 1.
+    /// Ratio of trace(G_ii) before elimination of equality rows to that after it, at least 1.
     pub(crate) trace_ratio: f64,
 }
 
@@ -193,14 +193,14 @@ pub struct SavedConstraint {
     pub(crate) set: [f64; 2],
     /// Compliance, at least 0.
     pub(crate) compliance: f64,
-    /// Ratio of trace(G_ii) before elimination of separate rows to that after it, at least 1.
+    /// Ratio of trace(G_ii) before elimination of equality rows to that after it, at least 1.
     pub(crate) trace_ratio: f64,
     /// Mobility that the damping of a scalar row is relative to.
     pub(crate) mobility: f64,
     /// Velocity that damping already took from the demand of a scalar row.
     pub(crate) damping_deficit: f64,
-    /// Whether it is a separate row, which sweeps do not visit.
-    pub(crate) separate: bool,
+    /// Whether it is an eliminated row, which sweeps do not visit.
+    pub(crate) eliminated: bool,
     /// Whether nothing can move along it.
     pub(crate) immovable: bool,
 }

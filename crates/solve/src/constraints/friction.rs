@@ -34,7 +34,7 @@ pub trait LocalSolver<R: Real, const N: usize>: Copy + Debug + Sized {
     /// the disc that the normal one leaves it. `active` are the lanes in which the contact exists.
     fn relax(&self, mu: R, v: [R; N], lambda: [R; N], active: R::Mask) -> [R; N];
 
-    /// Mean diagonal entry of the block of G, before elimination of separate rows, 1/kg.
+    /// Mean diagonal entry of the block of G, before elimination of equality rows, 1/kg.
     fn mobility(&self, step: &NaturalStep<R>) -> R;
 
     /// Adds a compliance to all rows, and takes it into account in the step of the natural map.
@@ -68,11 +68,11 @@ pub trait LocalSolver<R: Real, const N: usize>: Copy + Debug + Sized {
 /// Step of a contact's natural map.
 #[derive(Clone, Copy, Debug)]
 pub struct NaturalStep<R> {
-    /// Step rho = N / trace(G_ii), kg, with the trace before elimination of separate rows.
+    /// Step rho = N / trace(G_ii), kg, with the trace before elimination of equality rows.
     pub(super) rho: R,
     /// Inverse of the step.
     pub(super) inv_rho: R,
-    /// Ratio of trace(G_ii) before elimination of separate rows to that after it, at least 1.
+    /// Ratio of trace(G_ii) before elimination of equality rows to that after it, at least 1.
     pub(super) trace_ratio: R,
 }
 
@@ -275,7 +275,7 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContacts<R, N, L> {
         )
     }
 
-    /// Sets the trace ratio of the contact pushed last: the ratio of trace(G_ii) before elimination of separate rows to that after it.
+    /// Sets the trace ratio of the contact pushed last: the ratio of trace(G_ii) before elimination of equality rows to that after it.
     /// Residuals are measured by the former.
     #[inline(always)]
     pub fn set_trace_ratio(&mut self, ratio: R) {

@@ -39,7 +39,7 @@ pub struct ScalarRow<R: Real> {
     pub(super) diagonal: R,
     /// Inverse of the diagonal entry; 1 where the row does not exist or cannot move.
     pub(super) inv_diagonal: R,
-    /// Ratio of the diagonal entry before elimination of separate rows to that after it, at least 1.
+    /// Ratio of the diagonal entry before elimination of equality rows to that after it, at least 1.
     pub(crate) trace_ratio: R,
     /// Mobility that the damping of its demand is relative to; 0 for a row that is soft by its own law.
     pub(super) mobility: R,
@@ -130,8 +130,8 @@ pub struct ScalarRows<R: Real> {
     pub(super) rows: Rows<ScalarRow<R>>,
     support: Vec<u32>,
     pub(super) y: Entries<R>,
-    /// Number of separate rows, which come first; see [`ScalarRows::mark_separate`].
-    separate: usize,
+    /// Number of eliminated rows, which come first; see [`ScalarRows::mark_eliminated`].
+    eliminated: usize,
 }
 
 impl<R: Real> ScalarRows<R> {
@@ -217,7 +217,7 @@ impl<R: Real> ScalarRows<R> {
         }
     }
 
-    /// Sets the trace ratio of the row pushed last: the ratio of its diagonal entry before elimination of separate rows to that after it.
+    /// Sets the trace ratio of the row pushed last: the ratio of its diagonal entry before elimination of equality rows to that after it.
     /// Residuals are measured by the former.
     #[inline(always)]
     pub fn set_trace_ratio(&mut self, ratio: R) {
@@ -236,23 +236,24 @@ impl<R: Real> ScalarRows<R> {
         }
     }
 
-    /// Marks all present rows as separate: each is an equality without compliance, and orthogonal to every other row that exists or will be
-    /// pushed. They are solved once, and not visited by sweeps: no other impulse moves them.
+    /// Marks all present rows as eliminated: equalities without compliance, orthogonal to every other row, also to later ones.
+    ///
+    /// They are solved once. Gauss-Seidel iterations skip them, because no other impulse changes their velocities.
     #[inline(always)]
-    pub fn mark_separate(&mut self) {
-        self.separate = self.rows.items.len();
+    pub fn mark_eliminated(&mut self) {
+        self.eliminated = self.rows.items.len();
     }
 
-    /// Number of separate rows.
+    /// Number of eliminated rows.
     #[inline(always)]
-    pub fn separate(&self) -> usize {
-        self.separate
+    pub fn eliminated(&self) -> usize {
+        self.eliminated
     }
 
-    /// Solves the separate rows in the lanes `lanes`.
+    /// Solves the eliminated rows in the lanes `lanes`.
     #[inline(always)]
-    pub(crate) fn solve_separate(&self, rows: &Rows<ScalarRow<R>>, impulses: &mut [R], w: &mut [R], lanes: R::Mask) {
-        for (row, lambda) in rows.items.iter().zip(impulses).take(self.separate) {
+    pub(crate) fn solve_eliminated(&self, rows: &Rows<ScalarRow<R>>, impulses: &mut [R], w: &mut [R], lanes: R::Mask) {
+        for (row, lambda) in rows.items.iter().zip(impulses).take(self.eliminated) {
             let v = self.velocity(row, w);
             let d = masked(lanes.and(row.active), -(v * row.inv_diagonal));
             *lambda += d;
@@ -313,7 +314,7 @@ impl<R: Real> ConstraintSet<R> for ScalarRows<R> {
             rows: Rows::with_capacity(rows),
             support: Vec::with_capacity(capacity.scalar_entries),
             y: Entries::with_capacity(capacity.scalar_entries, R::zero()),
-            separate: 0,
+            eliminated: 0,
         }
     }
 
@@ -332,7 +333,7 @@ impl<R: Real> ConstraintSet<R> for ScalarRows<R> {
         self.rows.clear();
         self.support.clear();
         self.y.clear();
-        self.separate = 0;
+        self.eliminated = 0;
     }
 
     #[inline(always)]
@@ -344,7 +345,7 @@ impl<R: Real> ConstraintSet<R> for ScalarRows<R> {
             #[inline(always)]
             |&y| map.gather(y),
         );
-        out.separate = self.separate;
+        out.eliminated = self.eliminated;
         out.rows.items.resize_with(rows.items.len(), ScalarRow::blank);
         for (row, out) in rows.items.iter().zip(&mut out.rows.items) {
             row.gather(map, out);
@@ -362,7 +363,7 @@ impl<R: Real> ConstraintSet<R> for ScalarRows<R> {
         let number = |x: R| number_of(x, lane);
         for (i, (row, &lambda)) in rows.items.iter().zip(impulses).enumerate() {
             let (support, y) = self.entries(row);
-            if i < self.separate {
+            if i < self.eliminated {
                 to.add_separate(support, y.iter().map(|&y| number(y) * number(lambda)));
             } else if row.active.bits() >> lane & 1 == 1 {
                 let constraint = LaneConstraint {
@@ -396,7 +397,7 @@ impl<R: Real> ConstraintSet<R> for ScalarRows<R> {
                 trace_ratio: number(row.trace_ratio),
                 mobility: number(row.mobility),
                 damping_deficit: number(row.damping_deficit),
-                separate: i < self.separate,
+                eliminated: i < self.eliminated,
                 immovable: exists(row.immovable),
             }
         };
@@ -407,8 +408,8 @@ impl<R: Real> ConstraintSet<R> for ScalarRows<R> {
         let (all, immovable) = (R::Mask::splat(true), R::Mask::splat(saved.immovable));
         let bounds = saved.set.map(R::of);
         self.push(&saved.support, |c| saved.entries::<R, 1>(c)[0], R::one(), all.and_not(immovable), R::of(saved.g[0]), bounds);
-        if saved.separate {
-            self.mark_separate();
+        if saved.eliminated {
+            self.mark_eliminated();
         }
         self.set_compliance(R::of(saved.compliance));
         self.set_position_demand(R::of(saved.position_g[0]));
@@ -438,7 +439,7 @@ impl<R: Real> ConstraintSet<R> for ScalarRows<R> {
     #[inline(always)]
     fn sweep(&self, rows: &Rows<ScalarRow<R>>, unknowns: Unknowns<'_, R, R>, lanes: SweepLanes<R>, mut change: R) -> R {
         let Unknowns { impulses, w, .. } = unknowns;
-        for (i, row) in rows.items.iter().enumerate().skip(self.separate) {
+        for (i, row) in rows.items.iter().enumerate().skip(self.eliminated) {
             let lanes = lanes.running.and(row.active);
             if lanes.none() {
                 continue;
@@ -472,7 +473,7 @@ impl<R: Real> ConstraintSet<R> for ScalarRows<R> {
         for (row, &lambda) in rows.items.iter().zip(impulses) {
             let v = self.velocity(row, w) + row.compliance * lambda;
             let (mut rho, mut inv_rho) = (row.inv_diagonal, row.diagonal);
-            if self.separate > 0 {
+            if self.eliminated > 0 {
                 (rho, inv_rho) = (rho / row.trace_ratio, inv_rho * row.trace_ratio);
             }
             let mapped = clamp(lambda - rho * v, row.lo, row.hi);
@@ -518,7 +519,7 @@ impl<R: Real> ConstraintSet<R> for ScalarRows<R> {
             reference_lambda.push(lambda);
             reference_g.push(row.g + row.damping_deficit);
             // Separate rows are damped when they are made: other rows reckon with what they will do.
-            if k >= self.separate {
+            if k >= self.eliminated {
                 // Written so that a NaN counts.
                 let corrects = (row.g - row.position_g).abs().le(damping.negligible).not();
                 let compliance = masked(corrects, damping.ratio * row.mobility);
@@ -534,7 +535,7 @@ impl<R: Real> ConstraintSet<R> for ScalarRows<R> {
     fn shortfall(&self, rows: &Rows<ScalarRow<R>>, impulses: &[R], before: &[R], mut most: R) -> R {
         for (k, (row, &now)) in rows.items.iter().zip(impulses).enumerate() {
             let change = now - before[k];
-            let give = if k < self.separate { R::zero() } else { row.compliance * change };
+            let give = if k < self.eliminated { R::zero() } else { row.compliance * change };
             // The compliance of a spring is its own law.
             most = most.max(masked(row.active.and(row.mobility.gt(R::zero())), give.abs().max(row.damping_deficit.abs())));
         }

@@ -21,7 +21,7 @@ pub(super) struct Block {
     pub(super) rows: Range<usize>,
     /// Which of the constraint's rows they are, as bits: those that do nothing (kinds of friction that a contact lacks) are left out.
     kept: u32,
-    /// Trace of its block of G, before elimination of separate rows.
+    /// Trace of its block of G, before elimination of equality rows.
     pub(super) trace: f64,
     /// Step of the natural map: `dim / trace(G_ii)`, compliance included.
     pub(super) rho: f64,

@@ -27,7 +27,7 @@ pub(super) struct LaneBlock {
     pub(super) compliance: f64,
     /// What the first row has besides: the square of the last coordinate's entry, 0 where it has no coordinate of its own.
     pub(super) normal_compliance: f64,
-    /// Ratio of trace(G_ii) before elimination of separate rows to that after it, at least 1.
+    /// Ratio of trace(G_ii) before elimination of equality rows to that after it, at least 1.
     pub(super) trace_ratio: f64,
 }
 
@@ -44,17 +44,17 @@ pub(super) struct Lane {
     pub(super) g: Vec<f64>,
     /// Impulse of every row, N s.
     pub(super) lambda: Vec<f64>,
-    /// w = sum_i y_i lambda_i, all coordinates, without the separate rows.
+    /// w = sum_i y_i lambda_i, all coordinates, without the eliminated rows.
     pub(super) w: Vec<f64>,
-    /// Part of w that the separate rows make: they are solved, and no other row sees it.
-    separate: Vec<f64>,
+    /// Part of w from the eliminated rows. They are solved, and no other row depends on it.
+    eliminated: Vec<f64>,
     /// Coordinates of w that are none of the lanes' problem: one for each normal row with a compliance R of its own, with the entry
     /// sqrt(R), which no other row sees. Newton's method knows compliances that are the same for all rows of a cone.
     own: Vec<f64>,
 }
 
 impl Lane {
-    /// Gathers the rows of lane `lane` but for the separate ones, kind by kind.
+    /// Gathers the rows of lane `lane` but for the eliminated ones, kind by kind.
     pub(super) fn gather<R: Real>(&mut self, system: System<'_, R>, iterate: &Iterate<R>, lane: usize) {
         self.blocks.clear();
         self.support.clear();
@@ -63,14 +63,14 @@ impl Lane {
         self.lambda.clear();
         self.w.clear();
         self.own.clear();
-        self.separate.clear();
-        self.separate.resize(iterate.w.len(), 0.0);
+        self.eliminated.clear();
+        self.eliminated.resize(iterate.w.len(), 0.0);
         self.kind = 0;
         each_kind!([set: &system.problem] [rows: system] [impulses: &iterate] => {
             set.gather_lane(rows, impulses, lane, self);
             self.kind += 1;
         });
-        self.w.extend(iterate.w.iter().zip(&self.separate).map(|(&x, part)| number_of(x, lane) - part));
+        self.w.extend(iterate.w.iter().zip(&self.eliminated).map(|(&x, part)| number_of(x, lane) - part));
         self.w.extend_from_slice(&self.own);
     }
 
@@ -118,7 +118,7 @@ impl Lane {
                 }
             }
         });
-        for ((to, &x), part) in iterate.w.iter_mut().zip(&self.w).zip(&self.separate) {
+        for ((to, &x), part) in iterate.w.iter_mut().zip(&self.w).zip(&self.eliminated) {
             to.set_lane(lane, Scalar::from_f64(x + part));
         }
     }
@@ -138,7 +138,7 @@ impl LaneReceiver for Lane {
         if self.support.len() > s0 {
             if normal_compliance > 0.0 {
                 let entry = normal_compliance.sqrt();
-                self.support.push((self.separate.len() + self.own.len()) as u32);
+                self.support.push((self.eliminated.len() + self.own.len()) as u32);
                 self.y.extend((0..N).map(|row| if row == 0 { entry } else { 0.0 }));
                 self.own.push(entry * lambda[0]);
             }
@@ -150,6 +150,6 @@ impl LaneReceiver for Lane {
     }
 
     fn add_separate(&mut self, support: &[u32], change: impl Iterator<Item = f64>) {
-        support.iter().zip(change).for_each(|(&c, change)| self.separate[c as usize] += change);
+        support.iter().zip(change).for_each(|(&c, change)| self.eliminated[c as usize] += change);
     }
 }

@@ -65,8 +65,8 @@ pub struct Followed {
 #[derive(Clone, Debug)]
 pub struct Response<R: Real> {
     lanes: Vec<LaneResponse>,
-    /// Number of separate rows, which are solved exactly each time.
-    separate: usize,
+    /// Number of eliminated rows, which are solved exactly each time.
+    eliminated: usize,
     /// First row of each kind, in the order of the kinds, and numbers of rows of one constraint.
     kinds: Vec<[usize; 2]>,
     /// Impulses and velocities of all rows.
@@ -138,7 +138,7 @@ impl<R: Real> Default for Response<R> {
     fn default() -> Self {
         Self {
             lanes: vec![LaneResponse::default(); R::LANES],
-            separate: 0,
+            eliminated: 0,
             kinds: vec![],
             impulses: vec![],
             velocities: vec![],
@@ -163,7 +163,7 @@ impl<R: Real> Response<R> {
         before: Option<&Self>,
     ) -> u32 {
         let rows = system.into();
-        self.separate = rows.problem.scalars.separate();
+        self.eliminated = rows.problem.scalars.eliminated();
         self.find_velocities(rows, iterate);
         let mut sound = lanes;
         for l in (0..R::LANES).filter(|l| lanes >> l & 1 == 1) {
@@ -196,13 +196,13 @@ impl<R: Real> Response<R> {
         before: Option<&Self>,
     ) -> u32 {
         let system = system.into();
-        let mut lost = if system.problem.scalars.separate() == self.separate { 0 } else { lanes };
+        let mut lost = if system.problem.scalars.eliminated() == self.eliminated { 0 } else { lanes };
         self.lay_out(iterate);
         let total = self.impulses.len();
         let end = |kind: usize| self.kinds.get(kind + 1).map_or(total, |next| next[0]);
         let counts: [usize; KINDS] = std::array::from_fn(|kind| (end(kind) - self.kinds[kind][0]) / self.kinds[kind][1]);
         // Separate rows keep what they have, which is made right below.
-        self.impulses[self.separate.min(counts[0])..].fill(R::zero());
+        self.impulses[self.eliminated.min(counts[0])..].fill(R::zero());
         for l in (0..R::LANES).filter(|l| lanes >> l & 1 == 1) {
             let Self { lanes: all, kinds, impulses, .. } = self;
             let LaneResponse { blocks, lambda, found, .. } = &mut all[l];
@@ -281,7 +281,7 @@ impl<R: Real> Response<R> {
         });
     }
 
-    /// Gives the iterate the impulses, and solves the separate rows.
+    /// Gives the iterate the impulses, and solves the eliminated rows.
     fn take_up(&self, system: System<'_, R>, iterate: &mut Iterate<R>) {
         let mut rest = &self.impulses[..];
         each_kind!([own: &mut iterate] => {
@@ -295,7 +295,7 @@ impl<R: Real> Response<R> {
             #[inline(always)]
             || {
                 iterate.compute_w(system.problem);
-                iterate.solve_separate(system, R::Mask::splat(true));
+                iterate.solve_eliminated(system, R::Mask::splat(true));
             },
         );
     }

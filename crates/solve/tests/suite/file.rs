@@ -9,7 +9,7 @@ use stepper_solve::{FORMAT_VERSION, Iterate, LoadedProblem, Problem, Settings, S
 const N: usize = 8;
 const SETTINGS: Settings<f64> = Settings { sweeps: 5, newton_steps: 40, tolerance: 1e-9, newton_threshold: 1e-9 };
 
-/// A separate equality, a limit with a compliance, and contacts with three and six rows, of which one has a compliance, made of random
+/// An eliminated equality, a limit with a compliance, and contacts with three and six rows, of which one has a compliance, made of random
 /// numbers in -1 to 1; with impulses to start from.
 fn build(numbers: &[f64]) -> (Problem<f64>, Iterate<f64>) {
     let mut next = numbers.iter().copied().cycle();
@@ -19,7 +19,7 @@ fn build(numbers: &[f64]) -> (Problem<f64>, Iterate<f64>) {
     let (mut problem, mut iterate) = (Problem::new(&capacity), Iterate::new(&capacity));
     let all: Vec<u32> = (0..N as u32).collect();
     problem.scalars.push(&[0], |_| 1.5, 1.0, true, number(), [f64::NEG_INFINITY, f64::INFINITY]);
-    problem.scalars.mark_separate();
+    problem.scalars.mark_eliminated();
     let row: Vec<f64> = (0..N).map(|_| number()).collect();
     problem.scalars.push(&all[1..], |c| row[c], 1.0, true, number(), [0.0, f64::INFINITY]);
     problem.scalars.set_compliance(0.3);

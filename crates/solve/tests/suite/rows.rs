@@ -133,7 +133,7 @@ proptest! {
         }
         let (whole, left) = (dot(&limit[..n], &limit[..n]), dot(&rest[..n], &rest[..n]));
         prop_assume!(left > 1e-2 * whole);
-        apart.scalars.mark_separate();
+        apart.scalars.mark_eliminated();
         apart.scalars.push(&support, |i| rest[i], 1.0, true, demand, limits);
         apart.scalars.set_trace_ratio(whole / left);
         // One sweep is enough where the rows are apart; together they go to and fro.

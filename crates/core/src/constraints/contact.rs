@@ -29,7 +29,7 @@ pub(crate) struct SlidingRows<R: Real> {
     pub(crate) lengths: Option<SquaredLengths<R, 3>>,
     /// Lanes in which the contact can push, now or once it is activated.
     pub(crate) active: R::Mask,
-    /// Those in which its rows wait; without contact, slot and impulse, which the caller knows.
+    /// Lanes in which the rows are deferred. The caller sets the contact, slot and impulse.
     pub(crate) deferred: DeferredContact<R>,
     /// Compliance of the normal row, 1/kg, where surfaces of the model give way.
     pub(crate) compliance: Option<R>,

@@ -1,4 +1,4 @@
-//! What becomes of a solution: whether it decides the energy, and whether the next state is finite and taken over.
+//! Acceptance of a solution: whether it determines the energy, and whether the next state is finite.
 
 use stepper_real::{Mask, Real, Scalar};
 use stepper_solve::Outcome;
@@ -67,7 +67,7 @@ fn solve_further<R: Real>(compiled: &LaneModel<R>, options: &StepSettings, s: &m
     integrate_velocity(compiled, &s.free_motion.smooth.mass, &s.free_motion.v, &s.constraints, &mut s.next.v);
 }
 
-/// Keeps the impulse of all constraints on the joints, from the scaled velocity change of the solution: bounded servos read it, and people.
+/// Stores the impulse of all constraints in joint coordinates, for bounded servos and the user.
 pub(crate) fn keep_impulse<R: Real>(compiled: &LaneModel<R>, s: &mut Workspace<R>) {
     R::vectorize(
         #[inline(always)]
@@ -78,8 +78,9 @@ pub(crate) fn keep_impulse<R: Real>(compiled: &LaneModel<R>, s: &mut Workspace<R
     )
 }
 
-/// Takes the next state over in the lanes where it is finite, `h` seconds later; the others stay where they were and start cold. Returns
-/// the former.
+/// Copies the next state to the state in the lanes where it is finite, `h` seconds later, and returns these lanes.
+///
+/// The other lanes keep their state and lose their warm start.
 #[inline(always)]
 pub(crate) fn accept<R: Real>(compiled: &LaneModel<R>, s: &mut Workspace<R>, h: f64) -> R::Mask {
     let finite = R::vectorize(
@@ -89,7 +90,7 @@ pub(crate) fn accept<R: Real>(compiled: &LaneModel<R>, s: &mut Workspace<R>, h: 
             for x in [&s.next.q, &s.next.v, &s.next.act] {
                 finite = finite.and(all_finite(x));
             }
-            // A pose that the user gave and that is none would hide its contacts: the step is refused instead.
+            // A NaN pose of a mocap body would hide its contacts, so that the step is rejected.
             for m in &compiled.mocap {
                 finite =
                     finite.and(all_finite(&s.evaluation.kinematics.pos[m.frame])).and(all_finite(&s.evaluation.kinematics.mat[m.frame]));
@@ -105,7 +106,7 @@ pub(crate) fn accept<R: Real>(compiled: &LaneModel<R>, s: &mut Workspace<R>, h: 
         *time += h;
     }
     s.elapsed += h;
-    // What was is room for the step after the next.
+    // The previous state is the workspace of the next step.
     std::mem::swap(&mut s.state.q, &mut s.next.q);
     std::mem::swap(&mut s.state.v, &mut s.next.v);
     std::mem::swap(&mut s.state.act, &mut s.next.act);

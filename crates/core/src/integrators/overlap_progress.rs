@@ -25,9 +25,8 @@ use crate::options::StepSettings;
 use crate::probe::NoProbe;
 use crate::stages::s03_detect::detect;
 
-/// Relative decrease of the sum of penalties below which a correction is reverted. Evidence: a slide between two walls that overlap it by 1
-/// mm each reaches 0.5 % of their middle in steps of 0.1 ms. A wheel 0.1 m inside the base of Unitree's G1-D decreases it by less than 1e-7
-/// per step.
+/// Relative decrease of the penalties below which a correction is reverted. Evidence: a wheel 0.1 m inside the base of Unitree's G1-D
+/// decreases them by less than 1e-7 per step. With 0.1 ms, a slide between two walls still reaches 0.5 % of their middle.
 const MIN_DECREASE: f64 = 2e-7;
 
 /// Lower bound on this relative decrease, in machine epsilons of the lanes: depths are differences of positions.
@@ -48,10 +47,10 @@ pub(crate) fn revert_ineffective_corrections<R: Real>(
     // The contacts of the previous step and the correction are no longer used: both serve as workspace.
     let (contacts, zero_velocity) = (&mut s.state.contacts, &mut s.work.correction);
     zero_velocity.fill(R::zero());
-    let duration = [R::of(options.timestep), R::zero()];
+    let times = [R::of(options.timestep), R::zero()];
     // This detection starts from the separations that stage 3 found, and its own are discarded.
     s.poses.search.exchange();
-    detect(compiled, &s.corrected_kinematics, [&*zero_velocity, &*zero_velocity], duration, infeasible, &mut s.poses, contacts, NoProbe);
+    detect(compiled, &s.corrected_kinematics, [&*zero_velocity, &*zero_velocity], times, infeasible, &mut s.poses, contacts, NoProbe);
     s.poses.search.exchange();
     let (rows, room) = s.constraints.split();
     let system = room.positions.system(rows.problem);

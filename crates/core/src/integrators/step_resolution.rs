@@ -1,7 +1,8 @@
 //! Motion that is too fast for the time step.
 //!
 //! Inertial forces are quadratic in the velocity. The step evaluates them explicitly, with one corrector pass. If a joint rotates by a
-//! large part of a radian per step, this pass may diverge: the forces of a wrong velocity produce a larger one, until the numbers overflow.
+//! large part of a radian per step, this pass may diverge. The forces of a wrong velocity then produce a larger one, until the numbers
+//! overflow.
 //!
 //! Such a step omits the inertial forces and sets status UNRESOLVED. Two bounds then hold by rescaling the velocity. The kinetic energy is
 //! at most that before the step plus the work of all other forces, without positive work of contacts. No joint except a slide leaves the

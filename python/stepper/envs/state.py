@@ -82,6 +82,6 @@ def _restore_parameters(sim: Stepper, parameters: dict[str, Any], mask: Array) -
 
 def _same(one: Any, other: Any, mask: Array) -> bool:
     """Whether two parameters, either of which may be None, agree in the environments of a mask."""
-    if one is None or other is None or not isinstance(one, np.ndarray):
-        return bool(one == other)
-    return np.array_equal(one[mask], other[mask])
+    if isinstance(one, np.ndarray) and isinstance(other, np.ndarray):
+        return np.array_equal(one[mask], other[mask])
+    return type(one) is type(other) and bool(one == other)

@@ -60,7 +60,9 @@ class Moment:
         if name.startswith("_"):
             raise AttributeError(name)
         if self._over:
-            raise RuntimeError(f"{name} was not read at this moment, and the environments went on since: read it before the next step or reset")
+            raise RuntimeError(
+                f"{name} was not read at this moment, and the environments went on since: read it before the next step or reset"
+            )
         value = self.task.healthy(self) if name == "healthy" else getattr(self.sim, name)
         if isinstance(value, np.ndarray):
             value = np.asarray(value)  # A plain array: `Stepper` gives kinds of its own, with which arithmetic is slower.

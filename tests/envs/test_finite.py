@@ -1,4 +1,4 @@
-"""Nothing that environments say is NaN or infinite: neither for an action that is, nor for a state that would be, nor for a reward that is."""
+"""Observations and rewards are finite: for actions that are not, for states that would not be, and for rewards of tasks that are not."""
 
 from dataclasses import dataclass
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Any
 
@@ -172,7 +173,7 @@ class Batch:
             if name not in theirs or theirs[name].shape != values.shape:
                 found = theirs[name].shape if name in theirs else "missing"
                 raise ValueError(
-                    f"the state's {name} is {found}, must have shape {values.shape}: give a state of the same task and number of environments"
+                    f"the state's {name} is {found}, must have shape {values.shape}: give a state of the same task and as many environments"
                 )
         restore(self.sim, state, mask)
         last, kept = self._now.of_step(), {name[5:]: values for name, values in theirs.items() if name.startswith("kept ")}
@@ -209,12 +210,11 @@ class Batch:
         self._now, self._seen = self._moment(action), None
         task.advance(self._now)
         self._now.end_step()
-        failed: Array = (self._now.status & _NON_FINITE) != 0
+        status: Array = self._now.status
         self.lengths += 1
         if begins is not None:
             self._place(begins, np.flatnonzero(begins))
             self._renew(begins)
-            failed &= ~begins
         now = self._now
         if before is not None:
             now.velocity = (task.position(now.at_end()) - before) / self.dt
@@ -225,21 +225,28 @@ class Batch:
         over = task.terminated(now)
         terminated = np.zeros(self.num_envs, dtype=bool) if over is None else np.array(over)
         truncated = np.zeros(self.num_envs, dtype=bool) if self._limit is None else self.lengths >= self._limit
-        if failed.any():
+        if np.bitwise_or.reduce(status) & _NON_FINITE:
+            failed = (status & _NON_FINITE) != 0
+            if begins is not None:
+                failed &= ~begins
             terminated |= failed
             terms = terms | {"non_finite": failed}
             reward[failed & ~np.isfinite(reward)] = 0.0
         if begins is not None:
             for ended in (reward, terminated, truncated):
                 ended[begins] = 0
-        if not np.isfinite(reward).all():
+        self._check_rewards(reward, action)
+        self.returns += reward
+        return reward, terminated, truncated, terms
+
+    def _check_rewards(self, reward: Array, action: Array) -> None:
+        """Raises ValueError for rewards (num_envs,) that are not finite."""
+        if not _all_finite(reward):
             env = np.flatnonzero(~np.isfinite(reward))[0]
             raise ValueError(
                 f"the reward of environment {env} is {reward[env]} after the action {action[env].tolist()}: "
-                f"have {type(task).__name__}.reward give finite numbers"
+                f"have {type(self.task).__name__}.reward give finite numbers"
             )
-        self.returns += reward
-        return reward, terminated, truncated, terms
 
     def info(self) -> Terms:
         """What info says after a reset and after a step."""
@@ -295,10 +302,16 @@ def _check_memory(memory: Terms, num_envs: int) -> None:
             )
 
 
+def _all_finite(values: Array) -> bool:
+    """Whether all numbers are finite."""
+    # A finite sum is quickly seen; one that is not may come of finite numbers.
+    return math.isfinite(np.add.reduce(values, axis=None)) or bool(np.isfinite(values).all())
+
+
 def _check_actions(action: Array) -> None:
     """Raises ValueError for actions (num_envs, n) that are not finite."""
-    finite = np.isfinite(action)
-    if not finite.all():
+    if not _all_finite(action):
+        finite = np.isfinite(action)
         env, column = np.argwhere(~finite)[0]
         count = int((~finite).any(axis=1).sum())
         raise ValueError(

@@ -185,4 +185,4 @@ class StepperEnv(gymnasium.Env[Array, Array]):
 
 def _of_one(terms: Terms) -> dict[str, Any]:
     """Terms of one environment as its info, which later steps leave as it is."""
-    return {name: term[0].copy() for name, term in terms.items()}
+    return {name: term[0] if term.ndim == 1 else term[0].copy() for name, term in terms.items()}

@@ -30,7 +30,7 @@ def test_importing_stepper_imports_none_that_is_slow():
 def test_every_adapter_is_an_attribute():
     assert set(ADAPTERS) <= set(dir(stepper.adapters))
     assert stepper.adapters.envpool.StepperPool
-    with pytest.raises(AttributeError, match="'stepper.adapters' has no attribute 'acme'"):
+    with pytest.raises(AttributeError, match=r"'stepper\.adapters' has no attribute 'acme'"):
         _ = stepper.adapters.acme
 
 

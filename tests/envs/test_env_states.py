@@ -322,6 +322,15 @@ def _give_the_models_parameters_back(envs, mask, rng, states):
     envs.sim.randomize(mask)
 
 
+def _draw_drives(envs, mask, rng, states):
+    if envs.sim.actuators is not None:
+        envs.sim.randomize(mask, actuators=ActuatorModel(default=Drive(delay=0.002, friction=rng.uniform(0.01, 0.1, N))))
+
+
+def _reset_the_stepper(envs, mask, rng, states):
+    envs.sim.reset(mask)
+
+
 def _apply_forces(envs, mask, rng, states):
     envs.sim.qfrc_applied[mask] = rng.uniform(-0.1, 0.1, envs.sim.qfrc_applied[mask].shape)
     envs.sim.mocap_pos[mask] += rng.uniform(-0.1, 0.1, envs.sim.mocap_pos[mask].shape)
@@ -346,13 +355,13 @@ def _go_back(envs, mask, rng, states):
 
 HAPPENINGS = (
     _take_a_step, _take_a_step, _set_the_steppers_state, _restore_the_steppers_state, _randomize, _give_the_models_parameters_back,
-    _apply_forces, _set_state, _reset_some, _save, _go_back,
+    _draw_drives, _reset_the_stepper, _apply_forces, _set_state, _reset_some, _save, _go_back,
 )  # fmt: skip
 
 
 @pytest.mark.parametrize("name", TASKS)
 @pytest.mark.parametrize("mode", ["NextStep", "SameStep"])
-@settings(max_examples=10, deadline=None, derandomize=True)
+@settings(max_examples=15, deadline=None, derandomize=True)
 @given(st.lists(st.tuples(st.sampled_from(HAPPENINGS), st.lists(st.booleans(), min_size=N, max_size=N)), max_size=9), st.integers(0, 99))
 def test_whatever_happens_a_new_batch_in_the_same_state_goes_on_alike(name, mode, happenings, seed):
     envs, rng = made(name, mode), np.random.default_rng(seed)
@@ -366,6 +375,18 @@ def test_whatever_happens_a_new_batch_in_the_same_state_goes_on_alike(name, mode
     expected = go_on(envs, taken)
     for other in (by_state, by_pickle):
         same(go_on(other, taken), expected)
+
+
+def test_a_batch_of_one_takes_the_state_of_a_single_environment():
+    env, envs = StepperEnv(Everything()), StepperVectorEnv(Everything(), 1)
+    env.reset(seed=0), env.step(np.ones(1))
+    envs.set_state(env.get_state())
+    for _ in range(3):
+        one, many = env.step(np.ones(1)), envs.step(np.ones((1, 1)))
+        np.testing.assert_array_equal(one[0], many[0][0])
+        assert one[1] == many[1][0]
+    env.set_state(envs.get_state())
+    np.testing.assert_array_equal(env.step(np.ones(1))[0], envs.step(np.ones((1, 1)))[0][0])
 
 
 def test_gymnasiums_wrappers_reach_it():

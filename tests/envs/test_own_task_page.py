@@ -47,7 +47,7 @@ def test_actions_of_servos_are_scaled(capsys):
     first, _ = envs.reset()
     assert not first[:, -2:].any()
     for _ in range(200):
-        observation, *_, info = envs.step(np.zeros((4, 2)))
+        *_, info = envs.step(np.zeros((4, 2)))
     # Servos of 50 N m/rad hold up to 4 N m of weight: 0.08 rad, of two joints, squared and with some room.
     assert (info["miss"] < 0.02).all()
 

@@ -79,6 +79,7 @@ class Batch:
         self._qpos, self._qvel = np.tile(model.qpos0, (num_envs, 1)), np.zeros((num_envs, model.nv))
         low, high = task.action_bounds(model)
         self._actions = len(low)
+        self._seen: Array | None = None
         self.forget()
         self._rows = self._table()
         self.action_space = Box(low.astype(np.float32), high.astype(np.float32), dtype=np.float32)
@@ -93,11 +94,11 @@ class Batch:
         return self._now
 
     def forget(self) -> None:
-        """Forgets the last step: what is known of it, as of a batch that made none."""
+        """Forgets the action and the velocity of the last step, as in a batch that has made none."""
         self._now = self._moment(np.zeros((self.num_envs, self._actions)))
         position = self.task.position(self._now)
         self._now.velocity = None if position is None else np.zeros_like(position)
-        self._seen: Any = None
+        self._seen = None
 
     def _moment(self, action: Array) -> Moment:
         return Moment(self.sim, self.task, self.dt, action, self._rest, memory=self._memory)
@@ -205,9 +206,10 @@ class Batch:
         task = self.task
         action = np.array(action) if begins is None else cleared(action, begins)
         _check_actions(action)
+        before = task.position(self._moment(action))  # Not the position after the last step: callers may have changed the stepper since.
         self._now.finish()
-        before = task.position(self._moment(action))  # Not of the last step: the stepper may have been changed since.
         self._now, self._seen = self._moment(action), None
+        self._now.velocity = None if before is None else np.zeros_like(before)
         task.advance(self._now)
         self._now.end_step()
         status: Array = self._now.status

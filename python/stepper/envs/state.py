@@ -32,11 +32,6 @@ class EnvState:
     applied: dict[str, Array | None]
     episodes: dict[str, Array]
 
-    @property
-    def num_envs(self) -> int:
-        """Number of environments."""
-        return len(self.episodes["lengths"])
-
 
 def saved(sim: Stepper, episodes: dict[str, Array]) -> EnvState:
     """The state of a stepper with values of the episodes, of which it takes copies."""

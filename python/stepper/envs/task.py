@@ -245,7 +245,10 @@ class Task(ABC):
         return None if now.healthy is None else ~now.healthy
 
     def position(self, now: Moment) -> Array | None:
-        """Quantity whose rate of change is `now.velocity`, (num_envs, ...); None for none. It is read before and after each action."""
+        """Quantity whose rate of change is `now.velocity`, (num_envs, ...); None for none.
+
+        It is read from the states before and after the steps of an action, whatever `now.keep` holds.
+        """
         return None
 
     def info(self, now: Moment) -> Terms:

@@ -260,8 +260,9 @@ class StepperVectorEnv(VectorEnv[Array, Array, Array]):
             raise ResetNeeded("call reset before set_state with a state of some environments: the others have not begun")
         self._batch.restore(qpos, mask)
         episodes = qpos.episodes
-        self._over[mask] = episodes["over"][mask]
-        self._since[mask] = time.perf_counter() - episodes["elapsed"][mask]
+        # States of a `StepperEnv` have neither.
+        self._over[mask] = episodes["over"][mask] if "over" in episodes else False
+        self._since[mask] = time.perf_counter() - (episodes["elapsed"][mask] if "elapsed" in episodes else 0.0)
         self._any_over, self._begun = bool(self._over.any()), True
         return self._batch.observation()
 

@@ -12,7 +12,7 @@ from gymnasium.spaces import Box
 from stepper._options import Options, Precision
 from stepper._status import Status
 from stepper._stepper import Model, Stepper
-from stepper.envs.state import EnvState, restore, saved
+from stepper.envs.state import EnvState, restore, save
 from stepper.envs.streams import Draws, Streams
 from stepper.envs.task import Array, Contact, Moment, Quantity, Task, Terms, cleared
 from stepper.envs.tasks import TASKS
@@ -87,9 +87,9 @@ class Batch:
 
     @property
     def now(self) -> Moment:
-        """Quantities after the last step or reset; read again where the stepper has changed since."""
+        """Moment after the last step or reset. It reads its quantities again if the stepper has changed since."""
         if self._seen is None or self._seen is not self.sim.xpos:  # The stepper gives the same array until something changes.
-            self._renew(np.zeros(self.num_envs, dtype=bool))
+            self._reread(np.zeros(self.num_envs, dtype=bool))
             self._seen = self.sim.xpos
         return self._now
 
@@ -103,9 +103,9 @@ class Batch:
     def _moment(self, action: Array) -> Moment:
         return Moment(self.sim, self.task, self.dt, action, self._rest, memory=self._memory)
 
-    def _renew(self, changed: Array) -> None:
-        """Reads all quantities again; environments of a mask (num_envs,) were reset or set."""
-        self._now, self._seen = self._now.again(changed), None
+    def _reread(self, changed: Array) -> None:
+        """Has the last moment read all quantities again, because environments of a mask (num_envs,) were reset or set."""
+        self._now, self._seen = self._now.reread(changed), None
 
     def _table(self) -> list[tuple[Quantity, slice]]:
         """Rows of the task's table, and their places in the observation."""
@@ -133,7 +133,7 @@ class Batch:
     def begin(self, mask: Array) -> None:
         """Begins an episode in the environments of a mask, (num_envs,) bool."""
         self._place(mask, np.flatnonzero(mask))
-        self._renew(mask)
+        self._reread(mask)
 
     def _place(self, mask: Array, envs: Array) -> None:
         """Begins an episode in the environments of a mask, whose indices are `envs`, and reads nothing."""
@@ -156,12 +156,12 @@ class Batch:
     def set_state(self, qpos: Array | None, qvel: Array | None, mask: Array) -> None:
         """Sets configurations (num_envs, nq) and velocities (num_envs, nv) of the environments of a mask. Episodes go on."""
         self.sim.set_state(qpos, qvel, mask)
-        self._renew(mask)
+        self._reread(mask)
 
     def get_state(self) -> EnvState:
-        """State of all environments: what they do next follows from it and from the actions alone."""
+        """State of all environments: the next observations and rewards follow from it and the actions alone."""
         now = self.now
-        return saved(self.sim, self._episodes() | {f"kept {name}": value for name, value in now.kept.items()})
+        return save(self.sim, self._episodes() | {f"kept {name}": value for name, value in now.kept.items()})
 
     def restore(self, state: EnvState, mask: Array) -> None:
         """Gives environments of a mask (num_envs,) their part of a state that `get_state` made, in this batch or one like it.
@@ -177,7 +177,7 @@ class Batch:
                     f"the state's {name} is {found}, must have shape {values.shape}: give a state of the same task and as many environments"
                 )
         restore(self.sim, state, mask)
-        last, kept = self._now.of_step(), {name[5:]: values for name, values in theirs.items() if name.startswith("kept ")}
+        last, kept = self._now.step_values(), {name[5:]: values for name, values in theirs.items() if name.startswith("kept ")}
         for name, values in mine.items():
             if name not in last:
                 values[mask] = theirs[name][mask]
@@ -186,7 +186,7 @@ class Batch:
     def _episodes(self) -> dict[str, Array]:
         """Values of the episodes by name, (num_envs, ...) each: the arrays themselves."""
         values = {"returns": self.returns, "lengths": self.lengths, "draws": self.streams.state}
-        values |= {"noise_seeds": self._noise_seeds, "new_seeds": self._new_seeds} | self._now.of_step()
+        values |= {"noise_seeds": self._noise_seeds, "new_seeds": self._new_seeds} | self._now.step_values()
         return values | {f"memory {name}": value for name, value in self._memory.items()}
 
     def step(self, action: Array, begins: Array | None = None) -> tuple[Array, Array, Array, Terms]:
@@ -216,10 +216,10 @@ class Batch:
         self.lengths += 1
         if begins is not None:
             self._place(begins, np.flatnonzero(begins))
-            self._renew(begins)
+            self._reread(begins)
         now = self._now
         if before is not None:
-            now.velocity = (task.position(now.at_end()) - before) / self.dt
+            now.velocity = (task.position(now.without_kept()) - before) / self.dt
             if begins is not None:
                 now.velocity[begins] = 0.0
         rewards, terms = task.reward(now)

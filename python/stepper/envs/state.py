@@ -1,4 +1,4 @@
-"""States of whole environments: the stepper's, its parameters, and the episodes under way."""
+"""States of whole environments: the state of the stepper, its parameters, and the episodes under way."""
 
 from __future__ import annotations
 
@@ -33,8 +33,8 @@ class EnvState:
     episodes: dict[str, Array]
 
 
-def saved(sim: Stepper, episodes: dict[str, Array]) -> EnvState:
-    """The state of a stepper with values of the episodes, of which it takes copies."""
+def save(sim: Stepper, episodes: dict[str, Array]) -> EnvState:
+    """State of a stepper with copies of the values of its episodes."""
     pickled = sim.__getstate__()
     # Attributes of the stepper would make arrays that every step reads from then on.
     applied = {name: None if array is None else np.array(array) for name, array in zip(_APPLIED, pickled["applied"], strict=True)}

@@ -78,12 +78,12 @@ class Moment:
         if self._kept:
             self._end = self.qpos, self.qvel
 
-    def at_end(self) -> Moment:
-        """This moment without quantities of `keep`."""
+    def without_kept(self) -> Moment:
+        """A moment of the same step without quantities of `keep`."""
         return Moment(self.sim, self.task, self.dt, self.action, self.rest, memory=self.memory) if self._kept else self
 
-    def again(self, changed: Array) -> Moment:
-        """This moment with all quantities read again; this one is over.
+    def reread(self, changed: Array) -> Moment:
+        """A new moment of the same step that reads all quantities again; this one is over.
 
         Args:
             changed: Environments that were reset or set, (num_envs,) bool: action and velocity are zero there. Quantities of `keep` stay
@@ -94,7 +94,7 @@ class Moment:
         if self._end is not None and not changed.all():
             moved = changed | np.any(self._end[0] != made.qpos, axis=1) | np.any(self._end[1] != made.qvel, axis=1)
             for name, value in self._kept.items():
-                made.keep(name, chosen(moved, getattr(self.sim, name), value))
+                made.keep(name, select(moved, getattr(self.sim, name), value))
             made.end_step()
         self._over = True
         return made
@@ -104,18 +104,24 @@ class Moment:
         """Quantities of `keep` by name."""
         return self._kept
 
-    def of_step(self) -> Terms:
-        """What the moment has of the step that led here, by name: action, and velocity for tasks with a position."""
+    def step_values(self) -> Terms:
+        """Values of the step that led here by name: the action, and the velocity for tasks with a position."""
         return {name: value for name in ("action", "velocity") if (value := getattr(self, name)) is not None}
 
-    def restored(self, of_step: Terms, kept: Terms, mask: Array) -> Moment:
-        """This moment after environments of a mask (num_envs,) took over another state, with `of_step` and `kept` of a moment there."""
-        made = self.again(mask)
-        for name, values in of_step.items():
-            setattr(made, name, chosen(mask, values, getattr(made, name)))
+    def restored(self, step_values: Terms, kept: Terms, mask: Array) -> Moment:
+        """A new moment after environments of a mask (num_envs,) took over another state.
+
+        Args:
+            step_values: `step_values` of the moment in that state.
+            kept: Quantities of `keep` there.
+            mask: Environments that took over the state.
+        """
+        made = self.reread(mask)
+        for name, values in step_values.items():
+            setattr(made, name, select(mask, values, getattr(made, name)))
         for name in {*kept, *made._kept}:
             present = getattr(made, name)
-            made.keep(name, chosen(mask, kept.get(name, getattr(self.sim, name)), present))
+            made.keep(name, select(mask, kept.get(name, getattr(self.sim, name)), present))
         made.end_step()
         return made
 
@@ -128,7 +134,7 @@ class Moment:
         return {name: self.__dict__[name] for name in _OWN} | self._kept
 
 
-def chosen(mask: Array, one: Array, other: Array) -> Array:
+def select(mask: Array, one: Array, other: Array) -> Array:
     """Rows of `one` for the environments of a mask (num_envs,), of `other` for the rest."""
     return np.where(mask.reshape(-1, *[1] * (other.ndim - 1)), one, other)
 

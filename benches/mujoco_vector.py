@@ -192,8 +192,7 @@ class MujocoVectorEnv(VectorEnv[Array, Array, Array]):
         if m is None:
             m = mujoco_model(batch.sim.model, with_contact_forces=reads_contact_forces(envs.task))
         batch.sim = MujocoSim(batch.sim.model, num_envs, engine=engine, threads=threads, m=m)  # type: ignore[assignment]
-        batch.now = batch._moment(batch._still)
-        batch._position = batch.task.position(batch.now)
+        batch.forget()
         self.num_envs, self.metadata = num_envs, envs.metadata
         self.single_observation_space, self.single_action_space = envs.single_observation_space, envs.single_action_space
         self.observation_space, self.action_space = envs.observation_space, envs.action_space
@@ -207,9 +206,9 @@ class MujocoVectorEnv(VectorEnv[Array, Array, Array]):
         """As of `StepperVectorEnv`."""
         return self._envs.step(actions)
 
-    def set_state(self, qpos: Array, qvel: Array, mask: Array | None = None) -> Array:
+    def set_state(self, qpos: Array, qvel: Array, envs: Any = None) -> Array:
         """As of `StepperVectorEnv`."""
-        return self._envs.set_state(qpos, qvel, mask)
+        return self._envs.set_state(qpos, qvel, envs)
 
 
 def register(name: str) -> str:

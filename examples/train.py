@@ -33,6 +33,7 @@ from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 from stepper.policies import Policy, describe, evaluate, film, is_native
 from stepper.shared.environments import known
+from stepper.shared.machine import require
 
 # Threads of OpenMP that wait spin otherwise, which on a machine that others use takes the time that the physics could have.
 os.environ.setdefault("OMP_WAIT_POLICY", "passive")
@@ -146,6 +147,8 @@ TASKS: Mapping[str, Mapping[str, Any]] = {
 
 FRESH = 2**32
 """The first seed of episodes that no training has seen."""
+TOLD = 5.0
+"""Time between two lines of progress, s."""
 
 
 class Moments:
@@ -395,6 +398,10 @@ def train(settings: Settings, folder: Path, *, every: float = 30.0, quiet: bool 
     else:
         run = Run(settings)
     _cut(curve, run.iteration)
+    if not quiet:
+        goes_on = f", from step {run.steps:,} on" if run.steps else ""
+        print(f"{settings.env}: {settings.steps:,} steps in {settings.num_envs:,} environments{goes_on}; curve: {curve}", flush=True)
+    told = -np.inf
     saved, begun, spent = time.perf_counter(), time.perf_counter() - run.seconds, time.process_time() - run.processor
     while run.steps < settings.steps:
         progress = run.update(run.collect())
@@ -404,7 +411,8 @@ def train(settings: Settings, folder: Path, *, every: float = 30.0, quiet: bool 
         row = {"iteration": run.iteration, "steps": run.steps, "seconds": round(run.seconds, 2), "processor": round(run.processor, 2)}
         row |= {"episodes": run.episodes, "return": float(returns), "length": float(length)} | progress
         _append(curve, row)
-        if not quiet and run.iteration % 10 == 0:
+        if not quiet and (time.perf_counter() - told > TOLD or run.steps >= settings.steps):
+            told = time.perf_counter()
             print(f"{run.steps:>12,} steps {run.seconds:6.0f} s  return {returns:9.1f}  length {length:6.1f}", flush=True)
         if time.perf_counter() - saved > every or run.steps >= settings.steps:
             run.save(checkpoint)
@@ -455,13 +463,23 @@ def main() -> None:
     settings = Settings.of_task(env, **{name: value for name, value in given.items() if value is not None})
     law = f"_{settings.contact}" if settings.contact else ""
     folder = out or Path("out/train", env.replace("/", "_") + law, f"seed{settings.seed}")
+    if video is not None:
+        require("moviepy", "to write films")
     run = train(settings, folder)
     policy = run.policy()
     print(f"{run.steps:,} steps in {run.seconds:.0f} s, {run.processor:.0f} s of processor time; the run is in {folder}")
-    print(evaluate(policy, env, episodes=episodes, seed=FRESH, **settings.environment()))
+    print(f"evaluating {episodes} fresh episodes", flush=True)
+    print(evaluate(policy, env, episodes=episodes, seed=FRESH, **settings.environment()), flush=True)
     if video is not None:
-        film(policy, env, video, seed=FRESH, **settings.environment())
+        print("filming at most 300 actions", flush=True)
+        film(policy, env, video, actions=300, seed=FRESH, progress=_filmed, **settings.environment())
         print(f"wrote {video}")
+
+
+def _filmed(actions: int) -> None:
+    """Prints the progress of a film."""
+    if actions % 50 == 0:
+        print(f"{actions:>12,} actions filmed", flush=True)
 
 
 if __name__ == "__main__":

@@ -56,7 +56,7 @@ FOLDERS = {
 """Folders of the Python package, and the others that each may import."""
 BOTTOM = {"_stepper", "_options", "_status", "_hints", "bodies", "quantities", "states"}
 """Modules beside the folders that everything may import: the binary, what it is set to, what it says, what follows from that."""
-FACE = {"devices", "_pickles"}
+FACE = {"__main__", "devices", "_pickles"}
 """Modules beside the folders that are for users alone: nothing in a folder imports them, or the names of `stepper` itself."""
 
 

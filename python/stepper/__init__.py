@@ -95,9 +95,12 @@ _LATER = {
 """Names whose modules are imported when they are asked for: a loop that steps needs none of them, and they take longer than all else."""
 
 
+_SUBMODULES = ("adapters", "cli", "derivatives", "envs", "experiments", "identification", "policies", "viewer")
+"""Submodules that are imported when they are first used: most are slow to import, and some need optional packages."""
+
+
 def __getattr__(name: str) -> Any:
-    # Gymnasium is optional and slow to import, and few look at what they step.
-    if name in ("derivatives", "envs", "viewer"):
+    if name in _SUBMODULES:
         return importlib.import_module(f"stepper.{name}")
     if name in _LATER:
         return getattr(importlib.import_module(_LATER[name]), name)
@@ -105,4 +108,4 @@ def __getattr__(name: str) -> Any:
 
 
 def __dir__() -> list[str]:
-    return sorted({*globals(), *__all__})
+    return sorted({*globals(), *__all__, *_SUBMODULES})

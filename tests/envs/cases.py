@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from importlib.util import find_spec
 
 import numpy as np
 import pytest
+import stepper
+from stepper.envs import Quantity, Task, square_sum
 
 needs_gymnasiums = pytest.mark.skipif(find_spec("imageio") is None, reason="gymnasium.envs.mujoco needs imageio, which is not installed")
 
@@ -17,7 +20,7 @@ def same(found, expected):
         assert found.keys() == expected.keys()
         for key, value in expected.items():
             same(found[key], value)
-    elif isinstance(expected, tuple):
+    elif isinstance(expected, tuple | list):
         assert len(found) == len(expected)
         for one, other in zip(found, expected, strict=True):
             same(one, other)
@@ -26,3 +29,23 @@ def same(found, expected):
             same(one, other)
     else:
         np.testing.assert_array_equal(found, expected)
+
+
+SLIDER = """<mujoco><worldbody><body><joint name="x" type="slide" axis="1 0 0"/><geom size=".1"/></body></worldbody>
+  <actuator><motor joint="x" gear="1e100"/></actuator></mujoco>"""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Strong(Task):
+    """A slider with a motor that is strong enough for a force that no number can hold."""
+
+    frame_skip: int = 1
+
+    def model(self):
+        return stepper.load(SLIDER)
+
+    def quantities(self):
+        return (Quantity("qpos"),)
+
+    def reward(self, now):
+        return 1.0 - square_sum(now.action), {}

@@ -165,20 +165,6 @@ def test_a_single_environment_pickles():
     same(other.step(np.ones(7)), env.step(np.ones(7)))
 
 
-def test_an_environment_that_is_not_finite_is_terminated():
-    envs = StepperVectorEnv("HalfCheetah", 3)
-    envs.reset(seed=0)
-    action = np.zeros((3, 6))
-    action[1, 0] = np.nan
-    observation, _, terminated, _, info = envs.step(action)
-    np.testing.assert_array_equal(terminated, [False, True, False])
-    np.testing.assert_array_equal(info["non_finite"], terminated)
-    assert np.isfinite(observation).all()
-    *_, terminated, _, info = envs.step(np.zeros((3, 6)))
-    assert not terminated.any()
-    assert "non_finite" not in info
-
-
 def test_statistics_are_those_of_gymnasiums_wrapper():
     own = StepperVectorEnv("Hopper", 5, max_episode_steps=12, episode_statistics=True)
     wrapped = gymnasium.wrappers.vector.RecordEpisodeStatistics(StepperVectorEnv("Hopper", 5, max_episode_steps=12))

@@ -5,11 +5,12 @@ import sys
 from pathlib import Path
 
 import gymnasium
+import numpy as np
 import pytest
 from stepper.policies import is_native, make
 
 PAGE = (Path(__file__).parents[2] / "docs/own_task.md").read_text()
-FILE, LOOKED_AT = re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)
+FILE, LOOKED_AT, SERVOS = re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)
 
 
 @pytest.fixture
@@ -31,6 +32,24 @@ def test_its_numbers_are_what_the_page_says(monkeypatch, capsys):
     status, depth = said[2].split()
     assert int(status) == 0
     assert float(depth) < 1e-4
+
+
+@pytest.mark.filterwarnings("error::stepper.ModelWarning")
+def test_actions_of_servos_are_scaled(capsys):
+    names = {}
+    exec(compile(SERVOS, "docs/own_task.md", "exec"), names)
+    space, controls = capsys.readouterr().out.splitlines()
+    assert space == SERVOS.split("print(envs.single_action_space)  # ")[1].splitlines()[0]
+    envs, home = names["envs"], np.array([-0.5, 1.0])
+    np.testing.assert_array_equal(np.fromstring(controls.strip("[]"), sep=" "), np.round(envs.sim.ctrl[0], 8))
+    # The action is drawn in float32, the control computed in float64.
+    np.testing.assert_array_equal(envs.sim.ctrl, home + 0.5 * envs.now.action)
+    first, _ = envs.reset()
+    assert not first[:, -2:].any()
+    for _ in range(200):
+        *_, info = envs.step(np.zeros((4, 2)))
+    # Servos of 50 N m/rad hold up to 4 N m of weight: 0.08 rad, of two joints, squared and with some room.
+    assert (info["miss"] < 0.02).all()
 
 
 @pytest.mark.usefixtures("written")

@@ -4,7 +4,7 @@ import gymnasium
 import numpy as np
 import pytest
 import stepper.envs  # noqa: F401
-from envs.cases import needs_gymnasiums
+from envs.cases import Strong, needs_gymnasiums
 from scipy import stats
 from stepper.policies import Comparison, Evaluation, compare, evaluate
 
@@ -102,12 +102,17 @@ def test_environments_at_the_margin_are_called_equivalent_in_one_case_of_twenty(
 
 
 def test_episodes_that_fail_are_said():
-    def nan(observation):
-        return np.full((len(observation), 1), np.nan)
-
-    found = evaluate(nan, "stepper/InvertedPendulum-v5", episodes=2)
+    if "test/Strong-v0" not in gymnasium.registry:
+        vector = {"vector_entry_point": "stepper.envs:StepperVectorEnv", "max_episode_steps": 3, "kwargs": {"task": Strong}}
+        gymnasium.register("test/Strong-v0", entry_point="stepper.envs:StepperEnv", **vector)
+    found = evaluate(lambda observation: np.full((len(observation), 1), 1e250), "test/Strong-v0", episodes=2)
     assert found.non_finite == 2
     assert "2 ended as their state would not have been finite" in str(found)
+
+
+def test_a_policy_whose_actions_are_nan_is_an_error():
+    with pytest.raises(ValueError, match="action of environment 0 is nan in column 0, and 2 of 2 environments"):
+        evaluate(lambda observation: np.full((len(observation), 1), np.nan), "stepper/InvertedPendulum-v5", episodes=2)
 
 
 @pytest.mark.parametrize(("arguments", "message"), [

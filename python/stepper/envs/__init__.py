@@ -14,6 +14,7 @@ require("gymnasium", "for stepper.envs")
 
 from stepper.envs.registration import register_tasks  # noqa: E402
 from stepper.envs.single import StepperEnv  # noqa: E402
+from stepper.envs.state import EnvState  # noqa: E402
 from stepper.envs.streams import Draws  # noqa: E402
 from stepper.envs.task import Moment, MujocoTask, Quantity, Task, all_within, per_moment, square_sum, within  # noqa: E402
 from stepper.envs.tasks import TASKS  # noqa: E402
@@ -22,6 +23,7 @@ from stepper.envs.vector import StepperVectorEnv  # noqa: E402
 __all__ = [
     "TASKS",
     "Draws",
+    "EnvState",
     "Moment",
     "MujocoTask",
     "Quantity",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Any
 
@@ -11,8 +12,9 @@ from gymnasium.spaces import Box
 from stepper._options import Options, Precision
 from stepper._status import Status
 from stepper._stepper import Model, Stepper
+from stepper.envs.state import EnvState, restore, save
 from stepper.envs.streams import Draws, Streams
-from stepper.envs.task import Array, Contact, Moment, Quantity, Task, Terms
+from stepper.envs.task import Array, Contact, Moment, Quantity, Task, Terms, cleared
 from stepper.envs.tasks import TASKS
 from stepper.quantities import room
 
@@ -72,23 +74,44 @@ class Batch:
         self.streams = Streams(num_envs, _word())
         self.returns, self.lengths = np.zeros(num_envs), np.zeros(num_envs, dtype=np.int64)
         self._rest, self._memory = model.qpos0, task.memory(num_envs)
+        _check_memory(self._memory, num_envs)
+        self._new_memory = {name: np.array(values) for name, values in self._memory.items()}
         self._qpos, self._qvel = np.tile(model.qpos0, (num_envs, 1)), np.zeros((num_envs, model.nv))
         low, high = task.action_bounds(model)
-        self._still = np.zeros((num_envs, len(low)))
-        self.now = self._moment(self._still)
-        self._position = task.position(self.now)
+        self._actions = len(low)
+        self._seen: Array | None = None
+        self.forget()
         self._rows = self._table()
         self.action_space = Box(low.astype(np.float32), high.astype(np.float32), dtype=np.float32)
         self.observation_space = Box(-np.inf, np.inf, (self._rows[-1][1].stop,), dtype=self.dtype.type)
 
+    @property
+    def now(self) -> Moment:
+        """Moment after the last step or reset. It reads its quantities again if the stepper has changed since."""
+        if self._seen is None or self._seen is not self.sim.xpos:  # The stepper gives the same array until something changes.
+            self._reread(np.zeros(self.num_envs, dtype=bool))
+            self._seen = self.sim.xpos
+        return self._now
+
+    def forget(self) -> None:
+        """Forgets the action and the velocity of the last step, as in a batch that has made none."""
+        self._now = self._moment(np.zeros((self.num_envs, self._actions)))
+        position = self.task.position(self._now)
+        self._now.velocity = None if position is None else np.zeros_like(position)
+        self._seen = None
+
     def _moment(self, action: Array) -> Moment:
         return Moment(self.sim, self.task, self.dt, action, self._rest, memory=self._memory)
+
+    def _reread(self, changed: Array) -> None:
+        """Has the last moment read all quantities again, because environments of a mask (num_envs,) were reset or set."""
+        self._now, self._seen = self._now.reread(changed), None
 
     def _table(self) -> list[tuple[Quantity, slice]]:
         """Rows of the task's table, and their places in the observation."""
         rows, at = [], 0
         for quantity in self.task.quantities():
-            width = quantity.read(self.now).shape[1]
+            width = quantity.read(self._now).shape[1]
             rows.append((quantity, slice(at, at + width)))
             at += width
         return rows
@@ -110,9 +133,7 @@ class Batch:
     def begin(self, mask: Array) -> None:
         """Begins an episode in the environments of a mask, (num_envs,) bool."""
         self._place(mask, np.flatnonzero(mask))
-        self.now = self._moment(self._still) if mask.all() else self.now
-        self.now.renew(mask)
-        self._position = self.task.position(self.now)
+        self._reread(mask)
 
     def _place(self, mask: Array, envs: Array) -> None:
         """Begins an episode in the environments of a mask, whose indices are `envs`, and reads nothing."""
@@ -127,41 +148,80 @@ class Batch:
         rest = mask & ~new
         if rest.any():
             self.sim.reset(rest, qpos=self._qpos, qvel=self._qvel)
+        for name, values in self._new_memory.items():
+            self._memory[name][envs] = values[envs]
         self.task.prepare(self.sim, self._memory, mask, Draws(self.streams, envs))
         self.returns[envs], self.lengths[envs] = 0.0, 0
 
-    def set_state(self, qpos: Array, qvel: Array, mask: Array | None = None) -> None:
-        """Sets configurations (num_envs, nq) and velocities (num_envs, nv), of all environments or those of a mask. Episodes go on."""
+    def set_state(self, qpos: Array | None, qvel: Array | None, mask: Array) -> None:
+        """Sets configurations (num_envs, nq) and velocities (num_envs, nv) of the environments of a mask. Episodes go on."""
         self.sim.set_state(qpos, qvel, mask)
-        self.now = self._moment(self._still)
-        self._position = self.task.position(self.now)
+        self._reread(mask)
+
+    def get_state(self) -> EnvState:
+        """State of all environments: the next observations and rewards follow from it and the actions alone."""
+        now = self.now
+        return save(self.sim, self._episodes() | {f"kept {name}": value for name, value in now.kept.items()})
+
+    def restore(self, state: EnvState, mask: Array) -> None:
+        """Gives environments of a mask (num_envs,) their part of a state that `get_state` made, in this batch or one like it.
+
+        Raises:
+            ValueError: A state of a batch of another model, task, precision, or number of environments. Nothing is changed then.
+        """
+        mine, theirs = self._episodes(), state.episodes
+        for name, values in mine.items():
+            if name not in theirs or theirs[name].shape != values.shape:
+                found = theirs[name].shape if name in theirs else "missing"
+                raise ValueError(
+                    f"the state's {name} is {found}, must have shape {values.shape}: give a state of the same task and as many environments"
+                )
+        restore(self.sim, state, mask)
+        last, kept = self._now.step_values(), {name[5:]: values for name, values in theirs.items() if name.startswith("kept ")}
+        for name, values in mine.items():
+            if name not in last:
+                values[mask] = theirs[name][mask]
+        self._now, self._seen = self._now.restored({name: theirs[name] for name in last}, kept, mask), None
+
+    def _episodes(self) -> dict[str, Array]:
+        """Values of the episodes by name, (num_envs, ...) each: the arrays themselves."""
+        values = {"returns": self.returns, "lengths": self.lengths, "draws": self.streams.state}
+        values |= {"noise_seeds": self._noise_seeds, "new_seeds": self._new_seeds} | self._now.step_values()
+        return values | {f"memory {name}": value for name, value in self._memory.items()}
 
     def step(self, action: Array, begins: Array | None = None) -> tuple[Array, Array, Array, Terms]:
         """Makes the steps of an action.
 
         Args:
             action: (num_envs, n) float64, nu numbers unless the task has bounds of its own.
-            begins: Environments that begin an episode in place of it, (num_envs,) bool; None is none.
+            begins: Environments that begin an episode in place of it, (num_envs,) bool, whose actions are not read; None is none.
 
         Returns:
             Rewards (num_envs,) float64; which episodes are terminated and truncated, (num_envs,) bool; terms of the rewards. Rows of
             environments that begin are zero, but in the terms.
+
+        Raises:
+            ValueError: An action that is not finite, before anything is stepped; a reward that is not finite, after it.
         """
-        task, now = self.task, self._moment(action)
-        self.now = now
-        task.advance(now)
-        status: Array = now.status
+        task = self.task
+        action = np.array(action) if begins is None else cleared(action, begins)
+        _check_actions(action)
+        before = task.position(self._moment(action))  # Not the position after the last step: callers may have changed the stepper since.
+        self._now.finish()
+        self._now, self._seen = self._moment(action), None
+        self._now.velocity = None if before is None else np.zeros_like(before)
+        task.advance(self._now)
+        self._now.end_step()
+        status: Array = self._now.status
         self.lengths += 1
-        beginning = None
         if begins is not None:
-            beginning = np.flatnonzero(begins)
-            self._place(begins, beginning)
-            now.renew(begins)
-        position = task.position(now)
-        if position is not None:
-            now.velocity = position - self._position
-            now.velocity /= self.dt
-        self._position = position
+            self._place(begins, np.flatnonzero(begins))
+            self._reread(begins)
+        now = self._now
+        if before is not None:
+            now.velocity = (task.position(now.without_kept()) - before) / self.dt
+            if begins is not None:
+                now.velocity[begins] = 0.0
         rewards, terms = task.reward(now)
         reward = np.array(rewards, dtype=np.float64)
         over = task.terminated(now)
@@ -169,17 +229,30 @@ class Batch:
         truncated = np.zeros(self.num_envs, dtype=bool) if self._limit is None else self.lengths >= self._limit
         if np.bitwise_or.reduce(status) & _NON_FINITE:
             failed = (status & _NON_FINITE) != 0
+            if begins is not None:
+                failed &= ~begins
             terminated |= failed
             terms = terms | {"non_finite": failed}
-        if beginning is not None:
+            reward[failed & ~np.isfinite(reward)] = 0.0
+        if begins is not None:
             for ended in (reward, terminated, truncated):
-                ended[beginning] = 0
+                ended[begins] = 0
+        self._check_rewards(reward, action)
         self.returns += reward
         return reward, terminated, truncated, terms
 
+    def _check_rewards(self, reward: Array, action: Array) -> None:
+        """Raises ValueError for rewards (num_envs,) that are not finite."""
+        if not _all_finite(reward):
+            env = np.flatnonzero(~np.isfinite(reward))[0]
+            raise ValueError(
+                f"the reward of environment {env} is {reward[env]} after the action {action[env].tolist()}: "
+                f"have {type(self.task).__name__}.reward give finite numbers"
+            )
+
     def info(self) -> Terms:
         """What info says after a reset and after a step."""
-        return self.task.info(self.now)
+        return self.task.info(self._now)
 
     def room(self, out: Array | None = None) -> Array:
         """An array for observations, (num_envs, n): `out` if it is given, or a new one.
@@ -193,7 +266,7 @@ class Batch:
         """The observation, (num_envs, n), written to an array of `room`: a new one by default."""
         out = self.room() if out is None else out
         for quantity, rows in self._rows:
-            value = quantity.read(self.now)
+            value = quantity.read(self._now)
             if quantity.clip is None:
                 out[:, rows] = value
             else:
@@ -202,7 +275,7 @@ class Batch:
 
     def __getstate__(self) -> dict[str, Any]:
         # The table may have functions without a name, which do not pickle.
-        return {name: value for name, value in self.__dict__.items() if name != "_rows"}
+        return {name: value for name, value in self.__dict__.items() if name != "_rows"} | {"_seen": None}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__ = state
@@ -220,6 +293,33 @@ def made_task(task: Task | type[Task] | str, arguments: dict[str, Any]) -> Task:
     if task not in TASKS:
         raise ValueError(f"there is no task {task!r}, there are: {', '.join(sorted(TASKS))}; or give a stepper.envs.Task")
     return TASKS[task](**arguments)
+
+
+def _check_memory(memory: Terms, num_envs: int) -> None:
+    """Raises ValueError for memory that is not of each environment."""
+    for name, values in memory.items():
+        if np.shape(values)[:1] != (num_envs,):
+            raise ValueError(
+                f"the task's memory has {name!r} of shape {np.shape(values)}, must be ({num_envs}, ...): one row for each environment"
+            )
+
+
+def _all_finite(values: Array) -> bool:
+    """Whether all numbers are finite."""
+    # A finite sum is quickly seen; one that is not may come of finite numbers.
+    return math.isfinite(np.add.reduce(values, axis=None)) or bool(np.isfinite(values).all())
+
+
+def _check_actions(action: Array) -> None:
+    """Raises ValueError for actions (num_envs, n) that are not finite."""
+    if not _all_finite(action):
+        finite = np.isfinite(action)
+        env, column = np.argwhere(~finite)[0]
+        count = int((~finite).any(axis=1).sum())
+        raise ValueError(
+            f"the action of environment {env} is {action[env, column]} in column {column}, and {count} of {len(action)} environments have "
+            "actions that are not finite: look whether the policy's weights or its observations are; nothing was stepped"
+        )
 
 
 def _word(seed: int | None = None) -> int:

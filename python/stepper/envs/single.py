@@ -12,7 +12,8 @@ from stepper._options import Options, Precision
 from stepper._stepper import Stepper
 from stepper.envs.batch import Batch
 from stepper.envs.drawing import RENDER_MODES, Drawing, RenderMode, camera_settings
-from stepper.envs.task import Array, Camera, Contact, Moment, Task
+from stepper.envs.state import EnvState
+from stepper.envs.task import Array, Camera, Contact, Moment, Task, Terms
 
 
 class StepperEnv(gymnasium.Env[Array, Array]):
@@ -107,13 +108,13 @@ class StepperEnv(gymnasium.Env[Array, Array]):
             self._batch.seed(np.zeros(1, dtype=np.int64), [int(seed)])
         self._batch.begin(np.ones(1, dtype=bool))
         self._begun = True
-        return self._batch.observation()[0], {name: term[0] for name, term in self._batch.info().items()}
+        return self._batch.observation()[0], _of_one(self._batch.info())
 
     def step(self, action: Array) -> tuple[Array, float, bool, bool, dict[str, Any]]:
         """Makes the steps of one action, (nu,).
 
         Raises:
-            ValueError: An action of another shape.
+            ValueError: An action of another shape, or one that is not finite; nothing is stepped then. A reward that is not finite.
             ResetNeeded: Before the first reset.
         """
         batch = self._batch
@@ -123,16 +124,48 @@ class StepperEnv(gymnasium.Env[Array, Array]):
         if not self._begun:
             raise ResetNeeded("call reset before step")
         reward, terminated, truncated, terms = batch.step(action[None])
-        info = {name: term[0] for name, term in (batch.info() | terms).items()}
-        return batch.observation()[0], float(reward[0]), bool(terminated[0]), bool(truncated[0]), info
+        return batch.observation()[0], float(reward[0]), bool(terminated[0]), bool(truncated[0]), _of_one(batch.info() | terms)
 
-    def set_state(self, qpos: Array, qvel: Array) -> Array:
-        """Sets configuration (nq,) and velocity (nv,); the episode goes on.
+    def get_state(self) -> EnvState:
+        """State of the environment, from which it goes on with the same bits: `set_state` restores it.
+
+        It has the state of the stepper, parameters of `Stepper.randomize`, applied forces, mocap poses, and the episode: memory of the
+        task, random numbers of starts and sensors, return and length. Wrappers have counts of their own (`TimeLimit`, which
+        `gymnasium.make` puts around an environment), and so have the random numbers of `action_space`.
+
+        Raises:
+            ResetNeeded: Before the first reset.
+        """
+        if not self._begun:
+            raise ResetNeeded("call reset before get_state")
+        return self._batch.get_state()
+
+    def set_state(self, qpos: Array | EnvState | None = None, qvel: Array | None = None) -> Array:
+        """Sets configuration and velocity, or restores what `get_state` saved.
+
+        With a configuration or velocity the episode goes on: its length, memory and random numbers stay. A state replaces everything: the
+        same actions then give the same observations, rewards, terminations and resets, bit for bit. The state may be of another
+        `StepperEnv` of the same task and settings, and of another process.
+
+        Args:
+            qpos: Configuration (nq,), None leaves it; or a state.
+            qvel: Velocity (nv,); None leaves it.
 
         Returns:
             The observation, (n,).
+
+        Raises:
+            ValueError: A wrong shape, a number that is not finite; a state of another environment, or a velocity beside a state. Nothing is
+                changed then.
         """
-        self._batch.set_state(qpos, qvel)
+        mask = np.ones(1, dtype=bool)
+        if not isinstance(qpos, EnvState):
+            self._batch.set_state(qpos, qvel, mask)
+        elif qvel is not None:
+            raise ValueError("qvel is given beside a state, which has velocities: leave it out")
+        else:
+            self._batch.restore(qpos, mask)
+            self._begun = True
         observation: Array = self._batch.observation()[0]
         return observation
 
@@ -148,3 +181,8 @@ class StepperEnv(gymnasium.Env[Array, Array]):
     def close(self) -> None:
         """Frees what pictures took."""
         self._drawing.close()
+
+
+def _of_one(terms: Terms) -> dict[str, Any]:
+    """Terms of one environment as its info, which later steps leave as it is."""
+    return {name: term[0] if term.ndim == 1 else term[0].copy() for name, term in terms.items()}

@@ -43,10 +43,13 @@ class Streams:
     Args:
         num_envs: Number of streams.
         seed: Of the first stream; the others have the seeds that follow.
+
+    Attributes:
+        state: A word of each stream, (num_envs,), from which all that it draws next follows.
     """
 
     def __init__(self, num_envs: int, seed: int):
-        self._state: Words = np.zeros(num_envs, dtype=np.uint64)
+        self.state: Words = np.zeros(num_envs, dtype=np.uint64)
         self.seed(np.arange(num_envs), [(seed + k) % 2**64 for k in range(num_envs)])
 
     def seed(self, envs: Array, seeds: Sequence[int]) -> None:
@@ -63,13 +66,13 @@ class Streams:
             if not 0 <= seed < 2**64:
                 raise ValueError(f"the seed of environment {env} is {seed}, must be from 0 to 2**64 - 1")
         words: Words = np.array(seeds, dtype=np.uint64)
-        self._state[envs] = _mix(_mix(words) + _GAMMA)
+        self.state[envs] = _mix(_mix(words) + _GAMMA)
 
     def words(self, envs: Array, size: int) -> Words:
         """The next `size` words of the streams `envs` (n,): (n, size) uint64."""
-        words = self._state[envs][:, None] + _steps(size)
+        words = self.state[envs][:, None] + _steps(size)
         if size:
-            self._state[envs] = words[:, -1]
+            self.state[envs] = words[:, -1]
         return _mix(words)
 
 

@@ -26,36 +26,43 @@ Camera: TypeAlias = Mapping[str, Any]
 """Numbers of a free camera: distance (m), azimuth and elevation (degrees), lookat (3,) in m, trackbodyid; see `stepper.viewer.Renderer`."""
 
 
-_OWN = frozenset({"sim", "task", "dt", "action", "rest", "memory", "velocity", "_kept"})
-"""What a moment has beside quantities."""
+_OWN = ("sim", "task", "dt", "action", "rest", "memory", "velocity", "_kept", "_end", "_over")
+"""Attributes of a moment that are not quantities of the stepper."""
 
 
 class Moment:
     """The batch after a step or a reset.
 
     Every quantity of `Stepper` (`now.qpos`, `now.xpos`, `now.cinert`) is an attribute, an array (num_envs, ...) that is read when it is
-    first asked for.
+    first asked for, and before the next step.
 
     Attributes:
         sim: The stepper.
         task: The task.
         dt: Time between two observations, s.
-        action: Actions of the step that led here, (num_envs, n), where n is nu but for a task with `action_bounds` of its own; zero after a
-            reset.
+        action: Actions of the step that led here, (num_envs, n), where n is nu but for a task with `action_bounds` of its own; zero in
+            environments that have just begun an episode.
         rest: The model's reference configuration, (nq,).
-        memory: What episodes have beside the state of the stepper, arrays (num_envs, ...) by name; see `Task.memory`.
-        velocity: Rate of change of `Task.position` over that step, per s; None after a reset and for tasks without one.
+        memory: Values of the episodes beside the state of the stepper, arrays (num_envs, ...) by name; see `Task.memory`.
+        velocity: Rate of change of `Task.position` over that step, per s; zero in environments that have just begun an episode, None for
+            tasks without a position.
     """
 
     def __init__(self, sim: Stepper, task: Any, dt: float, action: Array, rest: Array, *, memory: Terms):
         self.sim, self.task, self.dt, self.action, self.rest, self.memory = sim, task, dt, action, rest, memory
         self.velocity: Any = None
-        self._kept: tuple[str, ...] = ()
+        self._kept: Terms = {}
+        self._end: tuple[Array, Array] | None = None
+        self._over = False
 
     def __getattr__(self, name: str) -> Any:
-        # Called for what is not there yet only.
+        # Python calls this only for attributes that do not exist yet.
         if name.startswith("_"):
             raise AttributeError(name)
+        if self._over:
+            raise RuntimeError(
+                f"{name} was not read at this moment, and the environments went on since: read it before the next step or reset"
+            )
         value = self.task.healthy(self) if name == "healthy" else getattr(self.sim, name)
         if isinstance(value, np.ndarray):
             value = np.asarray(value)  # A plain array: `Stepper` gives kinds of its own, with which arithmetic is slower.
@@ -63,16 +70,80 @@ class Moment:
         return value
 
     def keep(self, name: str, value: Array) -> None:
-        """Holds a quantity, (num_envs, ...), as it is now, in place of what `Stepper` will say of it at the end of the step."""
-        self.__dict__[name] = value
-        self._kept = (*self._kept, name)
+        """Holds a quantity, (num_envs, ...), as it is now, in place of its value at the end of the step."""
+        self.__dict__[name] = self._kept[name] = value
 
-    def renew(self, mask: Array) -> None:
-        """Reads quantities anew, because the environments of a mask (num_envs,) were reset: what is kept of the others stays."""
-        kept = {name: self.__dict__[name] for name in self._kept}
-        self.__dict__ = {name: value for name, value in self.__dict__.items() if name in _OWN}
-        for name, value in kept.items():
-            self.__dict__[name] = np.where(mask.reshape(-1, *[1] * (value.ndim - 1)), getattr(self.sim, name), value)
+    def end_step(self) -> None:
+        """Notes the state at the end of the step, with which quantities of `keep` hold."""
+        if self._kept:
+            self._end = self.qpos, self.qvel
+
+    def without_kept(self) -> Moment:
+        """A moment of the same step without quantities of `keep`."""
+        return Moment(self.sim, self.task, self.dt, self.action, self.rest, memory=self.memory) if self._kept else self
+
+    def reread(self, changed: Array) -> Moment:
+        """A new moment of the same step that reads all quantities again; this one is over.
+
+        Args:
+            changed: Environments that were reset or set, (num_envs,) bool: action and velocity are zero there. Quantities of `keep` stay
+                in the others, unless their state is another one since.
+        """
+        made = Moment(self.sim, self.task, self.dt, cleared(self.action, changed), self.rest, memory=self.memory)
+        made.velocity = None if self.velocity is None else cleared(self.velocity, changed)
+        if self._end is not None and not changed.all():
+            moved = changed | np.any(self._end[0] != made.qpos, axis=1) | np.any(self._end[1] != made.qvel, axis=1)
+            for name, value in self._kept.items():
+                made.keep(name, select(moved, getattr(self.sim, name), value))
+            made.end_step()
+        self._over = True
+        return made
+
+    @property
+    def kept(self) -> Terms:
+        """Quantities of `keep` by name."""
+        return self._kept
+
+    def step_values(self) -> Terms:
+        """Values of the step that led here by name: the action, and the velocity for tasks with a position."""
+        return {name: value for name in ("action", "velocity") if (value := getattr(self, name)) is not None}
+
+    def restored(self, step_values: Terms, kept: Terms, mask: Array) -> Moment:
+        """A new moment after environments of a mask (num_envs,) took over another state.
+
+        Args:
+            step_values: `step_values` of the moment in that state.
+            kept: Quantities of `keep` there.
+            mask: Environments that took over the state.
+        """
+        made = self.reread(mask)
+        for name, values in step_values.items():
+            setattr(made, name, select(mask, values, getattr(made, name)))
+        for name in {*kept, *made._kept}:
+            present = getattr(made, name)
+            made.keep(name, select(mask, kept.get(name, getattr(self.sim, name)), present))
+        made.end_step()
+        return made
+
+    def finish(self) -> None:
+        """Ends the moment: quantities that nobody read cannot be read any more."""
+        self._over = True
+
+    def __getstate__(self) -> dict[str, Any]:
+        # The stepper has the other quantities.
+        return {name: self.__dict__[name] for name in _OWN} | self._kept
+
+
+def select(mask: Array, one: Array, other: Array) -> Array:
+    """Rows of `one` for the environments of a mask (num_envs,), of `other` for the rest."""
+    return np.where(mask.reshape(-1, *[1] * (other.ndim - 1)), one, other)
+
+
+def cleared(values: Array, mask: Array) -> Array:
+    """A copy of values (num_envs, ...) with zero rows for the environments of a mask (num_envs,)."""
+    made = np.array(values)
+    made[mask] = 0
+    return made
 
 
 @dataclass(frozen=True)
@@ -156,7 +227,8 @@ class Task(ABC):
         """What episodes have beside the state of the stepper: commands, actions of before.
 
         Returns:
-            Arrays (num_envs, ...) by name, which `now.memory` has; `prepare` and `advance` write to them.
+            Arrays (num_envs, ...) by name, which `now.memory` has; `prepare` and `advance` write to them. Each episode begins with the
+            rows that are returned here.
         """
         return {}
 
@@ -179,7 +251,10 @@ class Task(ABC):
         return None if now.healthy is None else ~now.healthy
 
     def position(self, now: Moment) -> Array | None:
-        """What `now.velocity` is the rate of change of, (num_envs, ...); None is nothing."""
+        """Quantity whose rate of change is `now.velocity`, (num_envs, ...); None for none.
+
+        It is read from the states before and after the steps of an action, whatever `now.keep` holds.
+        """
         return None
 
     def info(self, now: Moment) -> Terms:

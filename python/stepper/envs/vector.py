@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -15,8 +16,9 @@ from stepper._options import Options, Precision
 from stepper._stepper import Model, Stepper
 from stepper.envs.batch import Batch
 from stepper.envs.drawing import RENDER_MODES, Drawing, RenderMode, camera_settings
+from stepper.envs.state import EnvState
 from stepper.envs.task import Array, Camera, Contact, Moment, Task, Terms
-from stepper.states import indices
+from stepper.states import Envs, indices
 
 
 class StepperVectorEnv(VectorEnv[Array, Array, Array]):
@@ -176,11 +178,12 @@ class StepperVectorEnv(VectorEnv[Array, Array, Array]):
             Observations (num_envs, n), rewards (num_envs,) float64, terminations and truncations (num_envs,) bool, infos.
 
         Raises:
-            ValueError: Actions of another shape, an `out` of another shape or type.
+            ValueError: Actions of another shape, an `out` of another shape or type, an action that is not finite; nothing is stepped then.
+                A reward that is not finite.
             ResetNeeded: Before the first reset; or, with `AutoresetMode.DISABLED`, for environments whose episode is over.
         """
         batch = self._batch
-        action = np.ascontiguousarray(actions, dtype=np.float64)
+        action = np.asarray(actions, dtype=np.float64)
         if action.shape != self.action_space.shape:
             raise ValueError(f"actions have shape {action.shape}, must be {self.action_space.shape}")
         if not self._begun:
@@ -211,18 +214,56 @@ class StepperVectorEnv(VectorEnv[Array, Array, Array]):
             infos |= _shown(batch.info(), np.ones(self.num_envs, dtype=bool)) | _shown(terms, ~begins)
         return batch.observation(room), reward, terminated, truncated, infos
 
-    def set_state(self, qpos: Array, qvel: Array, mask: Array | None = None) -> Array:
-        """Sets the state of all environments, or of those of a mask; episodes go on.
+    def get_state(self) -> EnvState:
+        """State of all environments, from which they go on with the same bits: `set_state` restores it.
+
+        It has the state of the stepper, parameters of `Stepper.randomize`, applied forces, mocap poses, and the episodes: memory of the
+        task, random numbers of starts and sensors, returns, lengths, and which are over. Wrappers have counts of their own, and so have
+        the random numbers of `action_space`.
+
+        Raises:
+            ResetNeeded: Before the first reset.
+        """
+        if not self._begun:
+            raise ResetNeeded("call reset before get_state")
+        state = self._batch.get_state()
+        return replace(state, episodes=state.episodes | {"over": self._over.copy(), "elapsed": time.perf_counter() - self._since})
+
+    def set_state(self, qpos: Array | EnvState | None = None, qvel: Array | None = None, envs: Envs | None = None) -> Array:
+        """Sets configurations and velocities, or restores what `get_state` saved.
+
+        With configurations or velocities episodes go on: their lengths, memory and random numbers stay. A state replaces everything: the
+        same actions then give the same observations, rewards, terminations and resets, bit for bit. The state may be of another
+        `StepperVectorEnv` of the same task, settings and number of environments, and of another process.
 
         Args:
-            qpos: Configurations, (num_envs, nq) or (nq,).
-            qvel: Velocities, (num_envs, nv) or (nv,).
-            mask: (num_envs,) bool; None is all.
+            qpos: Configurations, (num_envs, nq) or (nq,), None leaves them; or a state, of which each environment takes its own part.
+            qvel: Velocities, (num_envs, nv) or (nv,); None leaves them.
+            envs: Environments that change, a mask (num_envs,) bool or indices; None is all.
 
         Returns:
             Observations, (num_envs, n).
+
+        Raises:
+            ValueError: A wrong shape, a number that is not finite; a state of other environments, or velocities beside a state. Nothing is
+                changed then.
+            TypeError, IndexError: Indices that are no whole numbers, or of environments that there are not.
+            ResetNeeded: A state for some environments before all began once.
         """
-        self._batch.set_state(qpos, qvel, mask)
+        mask = _of_indices(indices(self.sim, envs), self.num_envs)
+        if not isinstance(qpos, EnvState):
+            self._batch.set_state(qpos, qvel, mask)
+            return self._batch.observation()
+        if qvel is not None:
+            raise ValueError("qvel is given beside a state, which has velocities: leave it out")
+        if not self._begun and not mask.all():
+            raise ResetNeeded("call reset before set_state with a state of some environments: the others have not begun")
+        self._batch.restore(qpos, mask)
+        episodes = qpos.episodes
+        # States of a `StepperEnv` have neither.
+        self._over[mask] = episodes["over"][mask] if "over" in episodes else False
+        self._since[mask] = time.perf_counter() - (episodes["elapsed"][mask] if "elapsed" in episodes else 0.0)
+        self._any_over, self._begun = bool(self._over.any()), True
         return self._batch.observation()
 
     def render(self) -> tuple[Array, ...] | None:
@@ -237,6 +278,13 @@ class StepperVectorEnv(VectorEnv[Array, Array, Array]):
     def close_extras(self, **kwargs: Any) -> None:
         """Frees what pictures took."""
         self._drawing.close()
+
+    def __getstate__(self) -> dict[str, Any]:
+        # Another process has another clock.
+        return self.__dict__ | {"_since": time.perf_counter() - self._since}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__ = state | {"_since": time.perf_counter() - state["_since"]}
 
     def _indices(self, options: dict[str, Any]) -> Array:
         """Environments that `reset` begins, by their indices."""

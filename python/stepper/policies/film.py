@@ -17,7 +17,16 @@ from stepper.shared.machine import require
 Array = NDArray[Any]
 
 
-def film(policy: Callable[[Array], Array], env: str, file: Path, *, actions: int = 300, seed: int = 0, **settings: Any) -> None:
+def film(
+    policy: Callable[[Array], Array],
+    env: str,
+    file: Path,
+    *,
+    actions: int = 300,
+    seed: int = 0,
+    progress: Callable[[int], object] | None = None,
+    **settings: Any,
+) -> None:
     """Writes the beginning of an episode as a video, by Gymnasium's recorder, which needs MoviePy.
 
     Args:
@@ -26,6 +35,8 @@ def film(policy: Callable[[Array], Array], env: str, file: Path, *, actions: int
         file: An mp4; what is there is replaced.
         actions: Actions of the film, if the episode is not over before.
         seed: Of the episode.
+        progress: Called after each action with the number of actions so far: on a machine without a graphics card a picture takes a
+            tenth of a second or more.
         **settings: Arguments of the environment.
 
     Raises:
@@ -39,8 +50,10 @@ def film(policy: Callable[[Array], Array], env: str, file: Path, *, actions: int
         single = make(env, render_mode="rgb_array", **settings)
         recorded = gymnasium.wrappers.RecordVideo(single, folder, episode_trigger=lambda _: True, disable_logger=True)
         observation, _ = recorded.reset(seed=seed)
-        for _ in range(actions):
+        for k in range(actions):
             observation, _, terminated, truncated, _ = recorded.step(policy(np.asarray(observation)))
+            if progress is not None:
+                progress(k + 1)
             if terminated or truncated:
                 break
         recorded.close()

@@ -57,9 +57,9 @@ def _notes(figures: Figures) -> list[str]:
     return [
         f"{figures['model']}, dt {ours['timestep'] * 1e3:g} ms; {plan['steps']} steps of random control (uniform in ctrlrange, new every "
         f"{plan['hold']} steps, seed {plan['seed']}), then {plan['rest']} steps without control.",
-        f"stepper: integrator {options['integrator']}, solver {options['solver']}, at most {options['iterations']} iterations, tolerance "
-        f"{tolerance} m/s, stabilization {options['stabilization']}. MuJoCo {versions.get('mujoco-core')}: mujoco.batch.Batch, Newton, "
-        "sensors off, same dt; its defaults are Euler and the pyramidal cone.",
+        f"stepper: integrator {options['integrator'] or 'midpoint'}, solver {options['solver']}, at most {options['iterations']} "
+        f"iterations, tolerance {tolerance} m/s, stabilization {options['stabilization']}. MuJoCo {versions.get('mujoco-core')}: "
+        "mujoco.batch.Batch, Newton, sensors off, same dt; its defaults are Euler and the pyramidal cone.",
         f"Engines take turns of {plan['chunk']} steps in one process, on core {figures['core']} (processor time), then on "
         f"all {figures['num_cores']} cores (wall time); one call per step; medians over the turns; the ratio is the median of theirs.",
         f"MuJoCo steps the first {plan['peers']} humanoids only, with the same controls, to save time.",

@@ -1,0 +1,39 @@
+"""Submodules are there after `import stepper`, and the command line is one of them."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+import stepper
+
+FOLDERS = sorted(folder.name for folder in Path(stepper.__file__).parent.iterdir() if (folder / "__init__.py").exists())
+ADAPTERS = sorted(file.stem for file in Path(stepper.__file__).parent.glob("adapters/*.py") if file.stem != "__init__")
+
+
+def said(*command):
+    """Output of a command of a new interpreter."""
+    return subprocess.run([sys.executable, "-W", "ignore", *command], capture_output=True, text=True, check=True).stdout
+
+
+def test_every_folder_is_an_attribute():
+    names = ", ".join(f"stepper.{name}.__name__" for name in FOLDERS)
+    found = said("-c", f"import stepper; print({names}); assert not set({FOLDERS}) - set(dir(stepper))")
+    assert found.split() == [f"stepper.{name}" for name in FOLDERS]
+
+
+def test_importing_stepper_imports_none_that_is_slow():
+    slow = ["adapters", "cli", "derivatives", "envs", "experiments", "identification", "policies", "viewer"]
+    assert said("-c", f"import stepper, sys; print([name for name in {slow} if f'stepper.{{name}}' in sys.modules])") == "[]\n"
+
+
+def test_every_adapter_is_an_attribute():
+    assert set(ADAPTERS) <= set(dir(stepper.adapters))
+    assert stepper.adapters.envpool.StepperPool
+    with pytest.raises(AttributeError, match=r"'stepper\.adapters' has no attribute 'acme'"):
+        _ = stepper.adapters.acme
+
+
+@pytest.mark.parametrize("module", ["stepper", "stepper.cli"])
+def test_a_module_runs_the_command_line(module):
+    assert "demo" in said("-m", module, "--help")

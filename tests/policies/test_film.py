@@ -1,0 +1,41 @@
+"""Films of policies."""
+
+from importlib.util import find_spec
+
+import gymnasium
+import numpy as np
+import pytest
+from stepper.policies import film
+
+
+class Pictures(gymnasium.Env):
+    """An environment of pictures that get brighter, which ends after five actions."""
+
+    metadata = {"render_modes": ["rgb_array"], "render_fps": 10}  # noqa: RUF012
+    observation_space, action_space = gymnasium.spaces.Box(0.0, 255.0, (1,)), gymnasium.spaces.Box(-1.0, 1.0, (1,))
+
+    def __init__(self, render_mode=None):
+        self.render_mode, self._count = render_mode, 0
+
+    def reset(self, *, seed=None, options=None):
+        super().reset(seed=seed)
+        self._count = 0
+        return np.zeros(1, np.float32), {}
+
+    def step(self, action):
+        self._count += 1
+        return np.full(1, self._count, np.float32), 0.0, self._count == 5, False, {}
+
+    def render(self):
+        return np.full((64, 64, 3), 40 * self._count, np.uint8)
+
+
+@pytest.mark.skipif(find_spec("moviepy") is None, reason="moviepy, which writes films, is not installed")
+def test_a_film_tells_how_far_it_is(tmp_path):
+    if "test/Pictures-v0" not in gymnasium.registry:
+        gymnasium.register("test/Pictures-v0", entry_point=Pictures)
+    told = []
+    for actions in (3, 300):
+        film(np.zeros_like, "test/Pictures-v0", tmp_path / "film.mp4", actions=actions, progress=told.append)
+    assert told == [1, 2, 3, 1, 2, 3, 4, 5]
+    assert (tmp_path / "film.mp4").stat().st_size > 0

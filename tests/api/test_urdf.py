@@ -121,3 +121,8 @@ def test_file_names_are_absolute_or_begin_at_the_file(package, prefix):
         assert load(package / "urdf", urdf(prefix + name)).ngeom == 1
     (package / "meshes/my hand.obj").write_text(OBJ)
     assert load(package / "urdf", urdf(f"{prefix}{package}/meshes/my%20hand.obj")).ngeom == 1
+
+
+def test_prefixes_without_a_namespace_do_not_hide_meshes(package):
+    text = urdf(*NAMES).replace("</robot>", "<drake:group/></robot>")
+    assert load(package / "urdf", text).ngeom == 2

@@ -129,8 +129,21 @@ def test_what_cannot_be_read_is_an_error(text, said):
 
 
 def test_text_that_is_not_well_formed_says_that_it_lists_nothing():
-    text = one_joint().replace("</robot>", "<gazebo><a:b/></gazebo></robot>")
-    assert lines(stepper.load(text), "not well-formed")
+    text = one_joint().replace("</robot>", "<!-- -- --></robot>")  # XML allows no -- in a comment.
+    compiled = stepper.load(text)
+    assert lines(compiled, "not well-formed")
+    with pytest.raises(stepper.ModelError, match="its XML is not well-formed"):
+        stepper.load(text, actuators="position")
+
+
+def test_prefixes_without_a_namespace_are_read():
+    """As of Drake: MuJoCo's parser does not know namespaces."""
+    limit = LIMIT.replace("<limit", '<limit drake:acceleration="2"')
+    text = "\n" + one_joint(limit).replace("</robot>", '<drake:collision_filter_group name="left"/></robot>')
+    model = stepper.load(text, actuators="position")
+    assert model.nu == 1
+    assert lines(model, "URDF limit attribute drake:acceleration j")
+    assert lines(model, "URDF drake:collision_filter_group left")
 
 
 @settings(max_examples=50, deadline=None)

@@ -10,6 +10,7 @@ from urllib.parse import unquote
 from xml.etree import ElementTree
 
 from stepper._stepper import ModelError
+from stepper.loading.urdf_xml import parse
 
 _PACKAGE = ("package://", "model://")
 _FILE = ("file://", "file:")
@@ -34,9 +35,8 @@ def resolve_meshes(text: str, place: str, file: Path | None, package_dirs: Seque
     Raises:
         ModelError: A mesh is nowhere; the message names it, its link, and where it was looked for.
     """
-    try:
-        robot = ElementTree.fromstring(text.lstrip())
-    except ElementTree.ParseError:
+    robot = parse(text)
+    if robot is None:
         return text  # MuJoCo's compiler says what is wrong.
     compiler = robot.find("mujoco/compiler")
     said = {} if compiler is None else compiler.attrib

@@ -36,8 +36,10 @@ def add_actuators(kind: Actuators, urdf: Urdf, compiled: Any, description: dict[
         description: Where they are added.
 
     Raises:
-        ModelError: There is nothing to drive.
+        ModelError: There is nothing to drive, or the limits cannot be read.
     """
+    if urdf.root is None:
+        raise ModelError(f"{urdf.place}: actuators={kind!r}, and its XML is not well-formed, so that its limits cannot be read; correct it")
     names = [joint["name"] for joint in description["joints"]]
     driven = [name for name in names if name in urdf.joints and _can_drive(urdf, name)]
     if not driven:

@@ -15,6 +15,7 @@ from typing import Any
 from xml.etree import ElementTree
 
 from stepper._stepper import ModelError
+from stepper.loading.urdf_xml import parse, word
 
 Element = ElementTree.Element
 Omission = dict[str, Any]
@@ -92,10 +93,7 @@ class Urdf:
     @cached_property
     def root(self) -> Element | None:
         """The element `robot`; None where the text is not well-formed, which MuJoCo's parser may accept."""
-        try:
-            return ElementTree.fromstring(self.text.lstrip())
-        except ElementTree.ParseError:
-            return None
+        return parse(self.text)
 
     @cached_property
     def joints(self) -> dict[str, Element]:
@@ -154,16 +152,16 @@ def _left_out(element: Element, path: str, owner: str) -> Iterator[Omission]:
     """Attributes and descendants of an element that are not simulated; `owner` is the name of the link or joint around it."""
     for attribute in element.attrib:
         if attribute not in READ[path]:
-            yield _omission(f"URDF {element.tag} attribute {attribute}", owner or element.get("name", ""), _UNKNOWN)
+            yield _omission(f"URDF {element.tag} attribute {word(attribute)}", owner or element.get("name", ""), _UNKNOWN)
     for child in element:
         # Comments and processing instructions have no name.
         if not isinstance(child.tag, str) or (inner := f"{path}/{child.tag}") in _HIDDEN:
             continue
-        name = owner or child.get("name") or child.get("reference") or f"<{child.tag}>"
+        name = owner or child.get("name") or child.get("reference") or f"<{word(child.tag)}>"
         if inner in READ:
             yield from _left_out(child, inner, name if inner in ("robot/link", "robot/joint") else owner)
         else:
-            yield _omission(f"URDF {child.tag}", name, LEFT_OUT.get(inner, _UNKNOWN))
+            yield _omission(f"URDF {word(child.tag)}", name, LEFT_OUT.get(inner, _UNKNOWN))
 
 
 def _masses(robot: Element) -> Iterator[Omission]:

@@ -107,6 +107,8 @@ def test_speed_limits_are_kept_and_explained(tmp_path):
     ('<limit lower="1" upper="2" effort="1" velocity="1"/>', "continuous", "URDF range j: a continuous joint has no limits"),
     (LIMIT.replace("10", "0"), "revolute", "URDF effort limit j: is 0, which counts as none"),
     (LIMIT.replace('velocity="3"', 'velocity="0"'), "revolute", "URDF velocity limit j: is 0, which counts as none"),
+    (LIMIT.replace('velocity="3"', 'velocity="-1"'), "revolute", "URDF velocity limit j: is -1, which counts as none"),
+    (LIMIT.replace('velocity="3"', 'velocity="inf"'), "revolute", "URDF velocity limit j: is inf, which counts as none"),
     ('<limit lower="-1" upper="2" effort="10" velocity="3" jerk="9"/>', "revolute", "URDF limit attribute jerk j"),
     ('<dynamics damping="1" spring_stiffness="2"/>', "continuous", "URDF dynamics attribute spring_stiffness j"),
 ])  # fmt: skip
@@ -117,8 +119,8 @@ def test_limits_and_attributes_that_are_not_what_they_seem_have_a_line(more, kin
 
 
 @pytest.mark.parametrize(("text", "said"), [
-    (one_joint(LIMIT.replace('velocity="3"', 'velocity="fast"')), r'XML text: joint "j": limit velocity is "fast"; give a finite number'),
-    (one_joint(LIMIT.replace('velocity="3"', 'velocity="nan"')), r'"nan"; give a finite number'),
+    (one_joint(LIMIT.replace('velocity="3"', 'velocity="fast"')), r'XML text: joint "j": limit velocity is "fast"; give a number'),
+    (one_joint(LIMIT.replace('velocity="3"', 'velocity="nan"')), r'"nan"; give a number'),
     ('<robot name="r" xmlns:xacro="x"><xacro:include filename="f"/></robot>', "expand it: xacro FILE"),
     (one_joint("", "wobbly"), "invalid joint type"),
     (one_joint(arm_more="<collision><geometry><cone/></geometry></collision>"), "geometry"),

@@ -104,7 +104,7 @@ class Urdf:
         """A number of a joint, None where it is not given.
 
         Raises:
-            ModelError: It is not a finite number.
+            ModelError: It is not a number.
         """
         element = self.joints[joint].find(path)
         given = None if element is None else element.get(attribute)
@@ -114,17 +114,21 @@ class Urdf:
             value = float(given)
         except ValueError:
             value = math.nan
-        if not math.isfinite(value):
-            raise ModelError(f'{self.place}: joint "{joint}": {path} {attribute} is "{given}"; give a finite number')
+        if math.isnan(value):
+            raise ModelError(f'{self.place}: joint "{joint}": {path} {attribute} is "{given}"; give a number')
         return value
 
     def speed_limit(self, joint: str) -> float | None:
-        """Highest speed of a joint, rad/s or m/s, None where there is none; 0, which exporters write for want of a number, is none."""
-        return self.number(joint, "limit", "velocity") or None
+        """Highest speed of a joint, rad/s or m/s, None where there is none: 0, which exporters write for want of a number, is none."""
+        return _bound(self.number(joint, "limit", "velocity"))
 
     def effort_limit(self, joint: str) -> float | None:
-        """Highest force or torque of a joint's actuator, N or N m, None where there is none, as of 0."""
-        return abs(self.number(joint, "limit", "effort") or 0.0) or None
+        """Highest force or torque of a joint's actuator, N or N m, None where there is none: 0 is none, and the sign does not count."""
+        return _bound(abs(self.number(joint, "limit", "effort") or 0.0))
+
+
+def _bound(given: float | None) -> float | None:
+    return given if given is not None and 0.0 < given < math.inf else None
 
 
 def refuse_xacro(urdf: Urdf) -> None:
@@ -199,6 +203,8 @@ def _limits(urdf: Urdf) -> Iterator[Omission]:
         if kind not in _FREE or limit is None:
             continue
         if limit.get("effort") is not None and urdf.effort_limit(name) is None:
-            yield _omission("URDF effort limit", name, "is 0, which counts as none: forces of actuators are not bounded")
+            yield _omission(
+                "URDF effort limit", name, f"is {limit.get('effort')}, which counts as none: forces of actuators are not bounded"
+            )
         if limit.get("velocity") is not None and urdf.speed_limit(name) is None:
-            yield _omission("URDF velocity limit", name, "is 0, which counts as none")
+            yield _omission("URDF velocity limit", name, f"is {limit.get('velocity')}, which counts as none")

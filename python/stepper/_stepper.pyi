@@ -320,8 +320,9 @@ class Model:
     """Pairs of geoms whose contact is excluded because they overlap at the reference pose, as `overlaps()` has them; of two bodies,
     none of their geoms collide."""
     wide_hulls: Final[list[tuple[int, float]]]
-    """Geoms that collide as a convex hull of at least twice the volume of their mesh: (name, volume of the hull over that of the
-    mesh). The mesh's volume is what others cannot enter; where they can enter all of it, as in a valley, the ratio is infinite."""
+    """Geoms that collide as a convex hull of at least twice the volume of their mesh, or 1.25 times where no joint moves them: (index of
+    the geom, volume of the hull over that of the mesh). The mesh's volume is what others cannot enter; where they can enter all of
+    it, as in a valley, the ratio is infinite."""
     deviations: Final[list[str]]
     """What the source asks for expressly and default options do otherwise, in words: an integrator other than Euler's, softness."""
     digest: Final[str]

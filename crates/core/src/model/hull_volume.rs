@@ -55,20 +55,16 @@ impl Model {
 /// Volume of the hull over that of the part which others cannot enter; 1 where the mesh has no faces.
 fn volume_ratio(mesh: &Mesh, hull: &Hull) -> f64 {
     let grid = Grid::new(mesh);
-    let sights = [0, 1, 2].map(|axis| grid.sights(mesh, axis));
+    let sights = [0, 1, 2].map(|axis| grid.sights(&mesh.vertices, &mesh.faces, axis));
+    let around = grid.sights(hull.points(), hull.triangles(), 0);
     let (mut inside, mut open) = (0_usize, 0_usize);
-    for cell in grid.cells().filter(|&cell| is_inside(hull, grid.point(cell))) {
+    for cell in grid.cells().filter(|&cell| !around.of(&grid, cell).contains(&Sight::Free)) {
         inside += 1;
         let seen: Vec<Sight> = (0..3).flat_map(|axis| sights[axis].of(&grid, cell)).collect();
         let count = |kind: Sight| seen.iter().filter(|&&s| s == kind).count();
         open += usize::from(count(Sight::Free) > 0 && count(Sight::Back) <= count(Sight::Front));
     }
     if inside == 0 { 1.0 } else { inside as f64 / (inside - open) as f64 }
-}
-
-fn is_inside(hull: &Hull, p: [f64; 3]) -> bool {
-    let dot = |a: [f64; 3], b: [f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-    hull.faces().iter().all(|face| dot(face.normal, p) <= dot(face.normal, hull.points()[face.vertices[0] as usize]))
 }
 
 /// What a ray meets first.
@@ -108,21 +104,17 @@ impl Grid {
         self.low[k] + (i as f64 + PLACE[k]) * self.step[k]
     }
 
-    fn point(&self, cell: [usize; 3]) -> [f64; 3] {
-        std::array::from_fn(|k| self.at(k, cell[k]))
-    }
-
     /// Indices of the lines along an axis between two coordinates.
     fn between(&self, k: usize, low: f64, high: f64) -> std::ops::Range<usize> {
         let index = |x: f64| ((x - self.low[k]) / self.step[k] - PLACE[k]).ceil().clamp(0.0, POINTS as f64) as usize;
         index(low)..index(high)
     }
 
-    /// Where the lines along an axis cross the mesh.
-    fn sights(&self, mesh: &Mesh, axis: usize) -> Sights {
+    /// Where the lines along an axis cross triangles.
+    fn sights(&self, points: &[[f64; 3]], triangles: &[[u32; 3]], axis: usize) -> Sights {
         let (u, v) = ((axis + 1) % 3, (axis + 2) % 3);
         let mut lines = vec![vec![]; POINTS * POINTS];
-        for corners in mesh.faces.iter().map(|face| face.map(|i| mesh.vertices[i as usize])) {
+        for corners in triangles.iter().map(|t| t.map(|i| points[i as usize])) {
             let [a, b, c] = corners;
             let area = (b[u] - a[u]) * (c[v] - a[v]) - (b[v] - a[v]) * (c[u] - a[u]);
             let bounds = |k: usize| self.between(k, a[k].min(b[k]).min(c[k]), a[k].max(b[k]).max(c[k]));

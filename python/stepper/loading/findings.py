@@ -11,7 +11,8 @@ _SHOWN = 8
 
 
 _MUCH = 10.0
-"""Hull volume over the mesh's volume from which the warning names a part of a robot; `Model.explain()` names it from 2 on."""
+"""Hull volume over the mesh's volume from which the warning names a part of a robot; `Model.explain()` names it from 2 on. Of
+1,390 collision meshes of 120 URDFs, 28 of 13 robots are above, and 247 of 49 robots above 2."""
 
 
 class ModelWarning(UserWarning):

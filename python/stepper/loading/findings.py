@@ -1,4 +1,4 @@
-"""What a user must know of a model that was just loaded."""
+"""Warnings about a model that was just loaded."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ _SHOWN = 8
 """Lines of a kind that a warning shows."""
 
 
-_MUCH = 10.0
+_LARGE_PART = 10.0
 """Hull volume over the mesh's volume from which the warning names a part of a robot; `Model.explain()` names it from 2 on. Of
 1,390 collision meshes of 120 URDFs, 28 of 13 robots are above, and 247 of 49 robots above 2."""
 
@@ -20,7 +20,7 @@ class ModelWarning(UserWarning):
 
 
 def warn_of(model: Model, *, loaded: bool, excluded: bool, is_robot: bool) -> None:
-    """Warns of what runs otherwise than the user may expect, in one warning, if anything does.
+    """Issues one ModelWarning for all that runs otherwise than the user may expect.
 
     Args:
         model: The model.
@@ -48,7 +48,7 @@ def _is_worth_a_warning(model: Model, geom: int, ratio: float, *, is_robot: bool
     while body.jntnum == 0 and body.id != 0:
         body = model.body(body.parentid)
     is_ground = body.id == 0 and not is_robot
-    return is_ground or ratio >= _MUCH
+    return is_ground or ratio >= _LARGE_PART
 
 
 def _hulls(model: Model, hulls: list[tuple[int, float]]) -> str:
@@ -66,7 +66,7 @@ def _label(model: Model, geom: int) -> str:
 
 
 def _overlaps(model: Model) -> list[str]:
-    """What was excluded, and what overlaps still."""
+    """Paragraphs on the overlaps that were excluded, and on those that stay."""
     parts = []
     if model.excluded_overlaps:
         title = 'overlaps="exclude" leaves out contact between the bodies of these geoms, which overlap at the reference pose:'

@@ -139,7 +139,7 @@ def refuse_xacro(urdf: Urdf) -> None:
 
 
 def omissions(urdf: Urdf) -> list[Omission]:
-    """What a URDF has and the model does not, as the Rust crate's `Omission`."""
+    """Elements of a URDF that the model lacks, as the Rust crate's `Omission`."""
     if urdf.root is None:
         reason = "the XML is not well-formed, so that elements that are not simulated cannot be listed; correct the file"
         return [_omission("URDF", urdf.place, reason)]

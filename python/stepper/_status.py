@@ -34,10 +34,12 @@ class Status(IntFlag):
     INFEASIBLE = 32
     """What constraints demand cannot be met, and a witness proves it: impulses that move nothing, or so little that no motion within the
     bounds of a correction (5 `max_correction_speed` in m/s, and 10 of that in rad/s) gives what they ask for. Overlaps that contradict one
-    another, a weld out of reach, a contact whose normal passes a hinge. What can be met is, in the least squares of the rest."""
+    another, a weld out of reach, a contact whose normal passes a hinge. What can be met is, in the least squares of the rest. Where links
+    of a robot overlap at the reference pose, `stepper.load(..., overlaps="exclude")` leaves out their contacts."""
     DEEP = 64
     """A contact overlapped by more than 1 mm: a hundred times the default slop, more than a contact that is solved keeps. `Stepper.depth`
-    says by how much. Bodies that begin inside one another, and steps that do not resolve an impact between edges, are why."""
+    says by how much. Bodies that begin inside one another (`stepper.load(..., overlaps="exclude")` leaves out their contacts), and steps
+    that do not resolve an impact between edges, are why."""
     OVER_LIMIT = 128
     """A joint or tendon was beyond its range by more than 0.01 rad (0.6 degrees; of slides and tendons 0.01 m) after a step: more than a
     hard stop gives. `Stepper.limit_overshoot` says by how much."""

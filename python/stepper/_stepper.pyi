@@ -119,6 +119,8 @@ class Joint:
     """Added inertia, kg or kg m^2."""
     frictionloss: Final[float]
     """Dry friction, N or N m."""
+    velocity_limit: Final[float]
+    """Highest speed that the source allows, rad/s or m/s, not enforced; infinite where there is none."""
 
 @final
 class Geom:
@@ -314,6 +316,13 @@ class Model:
     """What the source asks of a simulator that stepper does in its own way: integrator, solver, iterations, cone, constrained
     (whether it has constraints, which are soft there), soft (what has solref or solimp of its own). None where the model was made
     in code."""
+    excluded_overlaps: Final[list[tuple[str, str, float]]]
+    """Pairs of geoms whose contact is excluded because they overlap at the reference pose, as `overlaps()` has them; of two bodies,
+    none of their geoms collide."""
+    wide_hulls: Final[list[tuple[int, float]]]
+    """Geoms that collide as a convex hull of at least twice the volume of their mesh, or 1.25 times where no joint moves them: (index of
+    the geom, volume of the hull over that of the mesh). The mesh's volume is what others cannot enter; where they can enter all of
+    it, as in a valley, the ratio is infinite."""
     deviations: Final[list[str]]
     """What the source asks for expressly and default options do otherwise, in words: an integrator other than Euler's, softness."""
     digest: Final[str]
@@ -421,6 +430,9 @@ class Model:
     def jnt_actfrcrange(self) -> _Array:
         """Bounds of the sum of actuator forces, N or N m: (njnt, 2)."""
     @property
+    def jnt_velocity_limit(self) -> _Array:
+        """Highest speed that the source allows, rad/s or m/s, not enforced; infinity is none: (njnt,)."""
+    @property
     def jnt_solref(self) -> _Array:
         """Reference acceleration of limits by MuJoCo's law: (njnt, 2)."""
     @property
@@ -524,7 +536,8 @@ class Model:
         """A report in words.
 
         What the source asks for and something else runs by default; what is modelled; what was left out and why; what costs nothing;
-        what rigid bodies cannot model; and what is in the way of what at the reference pose.
+        what rigid bodies cannot model; pairs of geoms whose contact is excluded because they overlap; convex hulls that are much larger
+        than their mesh; and what is in the way of what at the reference pose.
         """
     def replace(self, **fields: ArrayLike) -> Model:
         """A new model with other values in some fields, e.g. `geom_restitution=` (ngeom,); what derives from a field follows.
@@ -532,6 +545,19 @@ class Model:
         Raises:
             ValueError: A wrong shape.
             ModelError: An unknown field, or values that the model cannot have.
+        """
+    def exclude_overlaps(self) -> Model:
+        """A new model without contact between what overlaps at the reference pose: what `stepper.load(..., overlaps="exclude")` returns.
+
+        `excluded_overlaps` lists what overlaps. Of two such bodies no geoms collide any more; of the world, only the geom that overlaps.
+        Overlaps with the ground stay, and `overlaps()` has them: those of planes and height fields, and those of what no joint moves
+        with a body that has a free joint.
+        """
+    def overlaps(self) -> list[tuple[str, str, float]]:
+        """Pairs of geoms that can collide and overlap by more than 0.1 mm at the reference pose, the deepest first.
+
+        Returns:
+            (name of one geom, name of the other, depth in m); "#3 of body arm" where a geom has no name.
         """
     def with_sensors(self, sensors: Mapping[str, RayFan | Combination | Reading]) -> Model:
         """A new model with more sensors by name, behind its own.

@@ -108,6 +108,8 @@ elements! {
         armature,
         /// Dry friction, N or N m.
         frictionloss,
+        /// Highest speed that the source allows, rad/s or m/s, not enforced; infinite where there is none.
+        velocity_limit,
     }
 
     /// A geom of a model.

@@ -11,7 +11,8 @@ use pyo3::types::{PyBytes, PyCFunction, PyDict, PyList, PyString, PyTuple, PyTyp
 use serde::de::DeserializeOwned;
 use stepper_core::Precision;
 use stepper_core::analysis::contact_stiffness::EquivalentSpring;
-use stepper_core::model::{Description, Field, HeightField, Keyframe, Mesh, Model as Core, REPLACEABLE, Sensor};
+use stepper_core::analysis::overlaps;
+use stepper_core::model::{Description, Field, HeightField, Keyframe, Mesh, Model as Core, Overlap, REPLACEABLE, Sensor};
 
 use crate::array::{array, assign_attribute, check_shape, hint, read_only, readonly, shape_text, whole};
 use crate::configurations;
@@ -115,6 +116,11 @@ impl Model {
         Self { core: core.into() }
     }
 
+    fn named(&self, overlap: &Overlap) -> (String, String, f64) {
+        let [a, b] = overlap.geoms.map(|g| self.core.geom_label_with_body(g));
+        (a, b, overlap.depth)
+    }
+
     /// A keyframe by name or index.
     pub(crate) fn find_keyframe(&self, given: &Bound<'_, PyAny>) -> PyResult<Keyframe> {
         let all = &self.core.keyframes;
@@ -173,9 +179,10 @@ impl Model {
     /// A report in words.
     ///
     /// What the source asks for and something else runs by default; what is modelled; what was left out and why; what costs nothing;
-    /// what rigid bodies cannot model; and what is in the way of what at the reference pose.
+    /// what rigid bodies cannot model; pairs of geoms whose contact is excluded because they overlap; convex hulls that are much larger
+    /// than their mesh; and what is in the way of what at the reference pose.
     fn explain(&self) -> String {
-        stepper_core::analysis::overlaps::explain(&self.core)
+        overlaps::explain(&self.core)
     }
 
     /// A new model with other values in some fields, e.g. `geom_restitution=` (ngeom,); what derives from a field follows.
@@ -202,6 +209,23 @@ impl Model {
         let values: Vec<(&str, &[f64])> = values.iter().map(|(name, x)| (name.as_str(), x.as_slice())).collect();
         let core = self.core.replace_all(&values).map_err(to_py)?;
         Ok(Self::of(core))
+    }
+
+    /// A new model without contact between what overlaps at the reference pose: what `stepper.load(..., overlaps="exclude")` returns.
+    ///
+    /// `excluded_overlaps` lists what overlaps. Of two such bodies no geoms collide any more; of the world, only the geom that overlaps.
+    /// Overlaps with the ground stay, and `overlaps()` has them: those of planes and height fields, and those of what no joint moves
+    /// with a body that has a free joint.
+    fn exclude_overlaps(&self) -> Self {
+        Self::of(overlaps::exclude(&self.core))
+    }
+
+    /// Pairs of geoms that can collide and overlap by more than 0.1 mm at the reference pose, the deepest first.
+    ///
+    /// Returns:
+    ///     (name of one geom, name of the other, depth in m); "#3 of body arm" where a geom has no name.
+    fn overlaps(&self) -> Vec<(String, String, f64)> {
+        overlaps::overlaps(&self.core).iter().map(|overlap| self.named(overlap)).collect()
     }
 
     /// A new model with more sensors by name, behind its own.
@@ -369,6 +393,21 @@ impl Model {
     #[getter]
     fn deviations(&self) -> Vec<String> {
         self.core.deviations(false)
+    }
+
+    /// Pairs of geoms whose contact is excluded because they overlap at the reference pose, as `overlaps()` has them; of two bodies,
+    /// none of their geoms collide.
+    #[getter]
+    fn excluded_overlaps(&self) -> Vec<(String, String, f64)> {
+        self.core.excluded_overlaps.iter().map(|overlap| self.named(overlap)).collect()
+    }
+
+    /// Geoms that collide as a convex hull of at least twice the volume of their mesh, or 1.25 times where no joint moves them: (index of
+    /// the geom, volume of the hull over that of the mesh). The mesh's volume is what others cannot enter; where they can enter all of
+    /// it, as in a valley, the ratio is infinite.
+    #[getter]
+    fn wide_hulls(&self) -> Vec<(usize, f64)> {
+        self.core.wide_hulls().iter().map(|hull| (hull.geom, hull.ratio)).collect()
     }
 
     /// Name of the scene; may be empty.

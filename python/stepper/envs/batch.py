@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import warnings
 from collections.abc import Sequence
 from typing import Any
 
@@ -16,6 +17,7 @@ from stepper.envs.state import EnvState, restore, save
 from stepper.envs.streams import Draws, Streams
 from stepper.envs.task import Array, Contact, Moment, Quantity, Task, Terms, cleared
 from stepper.envs.tasks import TASKS
+from stepper.loading import ModelWarning
 from stepper.quantities import room
 
 _NON_FINITE = np.uint32(Status.NON_FINITE)
@@ -78,6 +80,8 @@ class Batch:
         self._new_memory = {name: np.array(values) for name, values in self._memory.items()}
         self._qpos, self._qvel = np.tile(model.qpos0, (num_envs, 1)), np.zeros((num_envs, model.nv))
         low, high = task.action_bounds(model)
+        if not len(low):
+            _warn_without_actions(task, model)
         self._actions = len(low)
         self._seen: Array | None = None
         self.forget()
@@ -320,6 +324,15 @@ def _check_actions(action: Array) -> None:
             f"the action of environment {env} is {action[env, column]} in column {column}, and {count} of {len(action)} environments have "
             "actions that are not finite: look whether the policy's weights or its observations are; nothing was stepped"
         )
+
+
+def _warn_without_actions(task: Task, model: Model) -> None:
+    name = f' "{model.name}"' if model.name else ""
+    message = (
+        f"{type(task).__name__}: the model{name} has no actuators, so that actions have size 0 and move nothing; give it some in its file, "
+        'or to a URDF with stepper.load(..., actuators="position")'
+    )
+    warnings.warn(message, ModelWarning, stacklevel=4)
 
 
 def _word(seed: int | None = None) -> int:

@@ -1,7 +1,8 @@
 """Models from what others wrote: files, text, compiled models."""
 
+from stepper.loading.findings import ModelWarning
 from stepper.loading.heights import HeightField
-from stepper.loading.load import ModelWarning, compile_source, is_saved, load
+from stepper.loading.load import compile_source, is_saved, load
 from stepper.loading.mjcf import describe
 from stepper.loading.origins import Origin, origin_of, remember
 

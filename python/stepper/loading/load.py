@@ -6,12 +6,15 @@ import warnings
 from collections.abc import Iterator, Sequence
 from importlib import import_module
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import Any, Literal, TypeAlias
 
 from stepper._stepper import Model, ModelError
+from stepper.loading.findings import warn_of
 from stepper.loading.mjcf import describe
 from stepper.loading.origins import remember
 from stepper.loading.urdf import resolve_meshes
+from stepper.loading.urdf_actuators import KINDS, Actuators, add_actuators
+from stepper.loading.urdf_elements import Urdf, omissions, refuse_xacro
 
 Source: TypeAlias = "str | os.PathLike[str] | Any"
 
@@ -24,11 +27,14 @@ _SAVED = b"stepper\xff"
 _INSTALL = 'pip install "stepper-sim[mjcf]"'
 
 
-class ModelWarning(UserWarning):
-    """A source asks for something expressly, and by default something else runs. `Model.deviations` has it in words."""
-
-
-def load(source: Source, *, strict: bool = True, package_dirs: Sequence[str | os.PathLike[str]] | None = None) -> Model:
+def load(
+    source: Source,
+    *,
+    strict: bool = True,
+    package_dirs: Sequence[str | os.PathLike[str]] | None = None,
+    overlaps: Literal["keep", "exclude"] = "keep",
+    actuators: Actuators | None = None,
+) -> Model:
     """Reads a model.
 
     Args:
@@ -37,25 +43,83 @@ def load(source: Source, *, strict: bool = True, package_dirs: Sequence[str | os
         strict: Whether elements that would change the motion and are not simulated yet are an error. If False they are left out:
             `Model.omitted` and `Model.explain()` list them, and actuators that are left out have no control, so `nu` is smaller. A saved
             model is what it was when it was saved, whatever `strict` says.
-        package_dirs: Where meshes of a URDF are found: folders that have the package of `package://package/...`, or are it, and folders
-            that relative names begin in besides the file's own. None looks for packages in all folders above the file.
+        package_dirs: Where meshes of a URDF are found: folders that have the package of `package://package/...` or
+            `model://package/...`, or are it, and folders that relative names begin in besides the file's own. None looks for packages in
+            all folders above the file. The folders of ROS_PACKAGE_PATH, AMENT_PREFIX_PATH, GAZEBO_MODEL_PATH and GZ_SIM_RESOURCE_PATH
+            come after these.
+        overlaps: What becomes of geoms that overlap at the reference pose (`qpos0`). "keep" lets contact separate them. "exclude" leaves
+            out the contacts between their two bodies for good (`Model.exclude_overlaps`), but for overlaps with the ground, and lists
+            them in a `ModelWarning`, in `Model.excluded_overlaps` and in `Model.explain()`.
+        actuators: Actuators for the joints of a URDF, which has none. "position" and "velocity" are servos, "torque" is a motor; their
+            bounds are the position, velocity and effort limits of the file. A position servo has a natural frequency of 5 Hz with critical
+            damping, a velocity servo a bandwidth of 50 Hz, for the inertia at the reference pose. None gives it no actuators.
 
     Warns:
         ModelWarning: The source asks expressly for what by default runs otherwise: another integrator than Euler's, solref or solimp of its
-            own. Once for each call. `Options.of(model)` takes the source's integrator; contacts stay hard. Silence it with
+            own. A mesh collides as a convex hull that is larger: 1.25 times as large where it is fixed ground, 10 times where it is a part
+            of a robot. `overlaps="exclude"` leaves out contacts, or keeps those with the ground. Once for each call.
+            `Options.of(model)` takes the source's integrator; contacts stay hard. Silence it with
             `warnings.filterwarnings("ignore", category=stepper.ModelWarning)`.
 
     Raises:
         ModelError: The model is not valid, is damaged, or uses elements that are not simulated; a mesh is not there. The message names
             them, and what to do.
+        ValueError: A word that `overlaps` or `actuators` does not have; actuators for what is no URDF.
         ImportError: MJCF or URDF without MuJoCo's compiler installed, or with one of another version; the message says how to install it.
         OSError: The file cannot be read.
     """
-    if is_saved(source):
-        return Model.from_file(source)
-    model = _described(compile_source(source, package_dirs), strict)
-    remember(model, source, package_dirs)
+    _check_words(overlaps, actuators)
+    saved = is_saved(source)
+    urdf = None if saved else read_urdf(source)
+    if actuators is not None and urdf is None:
+        raise ValueError(f"actuators is {actuators!r}, which is for a URDF, and the source is none: give its own actuators in its file")
+    model = Model.from_file(source) if saved else _read(source, strict, package_dirs, urdf, actuators)
+    if overlaps == "exclude":
+        model = model.exclude_overlaps()
+    warn_of(model, loaded=not saved, excluded=overlaps == "exclude", is_robot=urdf is not None)
+    if not saved:
+        remember(model, source, package_dirs)
     return model
+
+
+def _check_words(overlaps: str, actuators: str | None) -> None:
+    if overlaps not in ("keep", "exclude"):
+        raise ValueError(f'overlaps is {overlaps!r}, must be "keep" or "exclude"')
+    if actuators not in (None, *KINDS):
+        raise ValueError(f"actuators is {actuators!r}, must be None or one of {', '.join(map(repr, KINDS))}")
+
+
+def _read(
+    source: Source, strict: bool, package_dirs: Sequence[str | os.PathLike[str]] | None, urdf: Urdf | None, actuators: Actuators | None
+) -> Model:
+    _mujoco()
+    compiled = compile_source(source, package_dirs)
+    description = describe(compiled)
+    if urdf is not None:
+        description["omitted"] += omissions(urdf)
+        for joint in description["joints"]:
+            joint["velocity_limit"] = urdf.speed_limit(joint["name"]) if joint["name"] in urdf.joints else None
+    if urdf is not None and actuators is not None:
+        add_actuators(actuators, urdf, compiled, description)
+    return Model.from_description(description, strict)
+
+
+def read_urdf(source: Source) -> Urdf | None:
+    """The URDF that a source is, if it is one."""
+    if _is_compiled(source):
+        return None
+    if _is_text(source):
+        text, place = str(source), "XML text"
+    else:
+        path = Path(source)
+        if path.suffix == ".mjb":
+            return None
+        text, place = path.read_text(encoding="utf-8", errors="replace"), str(path)
+    if "<robot" not in text:
+        return None
+    urdf = Urdf(text, place)
+    refuse_xacro(urdf)
+    return urdf
 
 
 def compile_source(source: Source, package_dirs: Sequence[str | os.PathLike[str]] | None = None) -> Any:
@@ -82,18 +146,6 @@ def is_saved(source: Source) -> bool:
         raise IsADirectoryError(f"stepper.load takes the path of a file or XML text, and {str(source)!r} is a directory")
     with path.open("rb") as file:
         return file.read(len(_SAVED)) == _SAVED
-
-
-def _described(compiled: Any, strict: bool) -> Model:
-    _mujoco()
-    model = Model.from_description(describe(compiled), strict)
-    if model.deviations:
-        name = f'"{model.name}"' if model.name else "this model"
-        lines = "".join(f"\n  {line}" for line in model.deviations)
-        silence = 'warnings.filterwarnings("ignore", category=stepper.ModelWarning) silences this'
-        message = f"{name} asks for what does not run by default:{lines}\n(model.explain() has all of it; {silence})"
-        warnings.warn(message, ModelWarning, stacklevel=3)
-    return model
 
 
 def _is_compiled(source: object) -> bool:
@@ -160,4 +212,4 @@ def _warnings_of_mujoco(place: str) -> Iterator[None]:
     finally:
         mujoco.set_mju_user_warning(before)
         for message in said:
-            warnings.warn(f"{place}: {message}", UserWarning, stacklevel=7)
+            warnings.warn(f"{place}: {message}", UserWarning, stacklevel=8)

@@ -1,15 +1,22 @@
-"""Meshes of URDF files: where `package://` and relative names lead."""
+"""Meshes of URDF files: where `package://`, `model://`, `file:` and relative names lead."""
 
 from __future__ import annotations
 
 import os
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
+from urllib.parse import unquote
 from xml.etree import ElementTree
 
 from stepper._stepper import ModelError
+from stepper.loading.urdf_xml import parse
 
-_PACKAGE, _FILE = "package://", "file://"
+_PACKAGE = ("package://", "model://")
+_FILE = ("file://", "file:")
+
+VARIABLES = {"ROS_PACKAGE_PATH": "", "AMENT_PREFIX_PATH": "share", "GAZEBO_MODEL_PATH": "", "GZ_SIM_RESOURCE_PATH": ""}
+"""Environment variables with lists of folders, and the folder in each of these that has packages."""
 
 
 def resolve_meshes(text: str, place: str, file: Path | None, package_dirs: Sequence[str | os.PathLike[str]] | None) -> str:
@@ -19,65 +26,95 @@ def resolve_meshes(text: str, place: str, file: Path | None, package_dirs: Seque
         text: The URDF.
         place: What messages call it.
         file: Where it was read from, if from a file.
-        package_dirs: Folders that have packages or meshes, or are a package; None is the folders above the file.
+        package_dirs: Folders that have packages or meshes, or are a package; None is the folders above the file. The folders of
+            `VARIABLES` come after these.
 
     Returns:
-        The text with absolute names; as it is where no mesh has a folder in its name, which MuJoCo's compiler finds beside the file.
+        The text with absolute names; as it is where it has no mesh, or where MuJoCo's compiler finds all of them by itself.
 
     Raises:
-        ModelError: A mesh is nowhere; the message names it and where it was looked for.
+        ModelError: A mesh is nowhere; the message names it, its link, and where it was looked for.
     """
-    try:
-        robot = ElementTree.fromstring(text)
-    except ElementTree.ParseError:
+    robot = parse(text)
+    if robot is None:
         return text  # MuJoCo's compiler says what is wrong.
     compiler = robot.find("mujoco/compiler")
     said = {} if compiler is None else compiler.attrib
     if said.get("strippath") == "true":
         return text  # Without folders names are found beside the file.
-    meshes = robot.findall(".//collision/geometry/mesh")
-    if said.get("discardvisual") == "false":
-        meshes += robot.findall(".//visual/geometry/mesh")
-    if all("/" not in mesh.get("filename", "") for mesh in meshes):
+    kinds = ["collision", "visual"] if said.get("discardvisual") == "false" else ["collision"]
+    meshes = [(link, mesh) for link in robot.iter("link") for kind in kinds for mesh in link.findall(f"{kind}/geometry/mesh")]
+    if file is None and all("/" not in mesh.get("filename", "") for _, mesh in meshes):
+        return text  # Text has no folder: such names are in the working directory.
+    places = _places(file, said.get("meshdir") or said.get("assetdir") or "", package_dirs)
+    for link, mesh in meshes:
+        mesh.set("filename", str(_found(mesh.get("filename", ""), places, place, link.get("name", ""))))
+    if not meshes:
         return text
-    given = None if package_dirs is None else [Path(folder).absolute() for folder in package_dirs]
-    above = [] if file is None else list(file.absolute().parents)
-    own = above[:1]
-    if own and (meshdir := said.get("meshdir") or said.get("assetdir")):
-        own = [own[0] / meshdir, *own]
-    for mesh in meshes:
-        name = mesh.get("filename", "")
-        searched = list(dict.fromkeys(_candidates(name, own, above if given is None else given, given or [])))
-        mesh.set("filename", str(_first(searched, name, place)))
     if compiler is None:
         compiler = ElementTree.SubElement(ElementTree.SubElement(robot, "mujoco"), "compiler")
     compiler.set("strippath", "false")
     return ElementTree.tostring(robot, encoding="unicode")
 
 
-def _first(searched: list[Path], name: str, place: str) -> Path:
+@dataclass(frozen=True)
+class _Places:
+    """Folders in which meshes may be.
+
+    Attributes:
+        own: Those of the file.
+        packages: Those that have packages, or are one.
+        given: Those that the user gave.
+    """
+
+    own: list[Path]
+    packages: list[Path]
+    given: list[Path]
+
+
+def _places(file: Path | None, meshdir: str, package_dirs: Sequence[str | os.PathLike[str]] | None) -> _Places:
+    above = [] if file is None else list(file.absolute().parents)
+    own = above[:1]
+    if own and meshdir:
+        own = [own[0] / meshdir, *own]
+    given = [Path(folder).absolute() for folder in package_dirs or ()]
+    return _Places(own, [*(above if package_dirs is None else given), *_of_environment()], given)
+
+
+def _of_environment() -> Iterator[Path]:
+    for variable, inner in VARIABLES.items():
+        yield from (Path(folder).absolute() / inner for folder in os.environ.get(variable, "").split(os.pathsep) if folder)
+
+
+def _found(name: str, places: _Places, place: str, link: str) -> Path:
+    searched = list(dict.fromkeys(_candidates(name, places)))
     for candidate in searched:
         if candidate.is_file():
             return candidate
     where = ", ".join(str(candidate) for candidate in searched) or "nowhere: text has no folder of its own"
-    package = name.removeprefix(_PACKAGE).partition("/")[0] if name.startswith(_PACKAGE) else ""
+    package = _without(_PACKAGE, name).partition("/")[0] if name.startswith(_PACKAGE) else ""
     folder = f"the folder that has the package {package}, or is it" if package else "the folder that the name begins in"
-    raise ModelError(f"{place}: the mesh {name} is not there; looked for {where}. Give stepper.load(..., package_dirs=[...]) {folder}")
+    remedy = f"Give stepper.load(..., package_dirs=[...]) {folder}" + (", or set ROS_PACKAGE_PATH" if package else "")
+    raise ModelError(f'{place}: link "{link}": the mesh {name} is not there; looked for {where}. {remedy}')
 
 
-def _candidates(name: str, own: list[Path], packages: list[Path], given: list[Path]) -> Iterator[Path]:
+def _without(prefixes: tuple[str, ...], name: str) -> str:
+    return next((name[len(prefix) :] for prefix in prefixes if name.startswith(prefix)), name)
+
+
+def _candidates(name: str, places: _Places) -> Iterator[Path]:
     """Where a mesh may be, the likeliest first: in the file's own folders, in those that have packages, in those that were given."""
     if name.startswith(_PACKAGE):
-        package, _, rest = name.removeprefix(_PACKAGE).partition("/")
-        for folder in packages:
+        package, _, rest = _without(_PACKAGE, name).partition("/")
+        for folder in places.packages:
             yield folder / package / rest
             if folder.name == package:
                 yield folder / rest
         return
-    path = Path(name.removeprefix(_FILE))
+    path = Path(unquote(_without(_FILE, name)) if name.startswith(_FILE) else name)
     if path.is_absolute():
         yield path
         return
-    yield from (folder / path for folder in [*own, *given])
+    yield from (folder / path for folder in [*places.own, *places.given])
     # Where a compiler that strips names of their folders finds it.
-    yield from (folder / PurePosixPath(name).name for folder in own)
+    yield from (folder / PurePosixPath(name).name for folder in places.own)

@@ -10,24 +10,18 @@ use crate::collision::detection::GeomPoses;
 use crate::compile::{CompiledModel, LaneModel};
 use crate::dynamics::kinematics::Kinematics;
 use crate::math::spatial::*;
-use crate::model::{JointKind, Model};
+use crate::model::{Description, JointKind, Model, Overlap, Shape, WideHull, weld_groups};
 use crate::probe::NoProbe;
 use crate::stages::s03_detect::detect;
 
 /// Overlap that is worth a line, m; of limits also rad. Files give lengths with as many digits.
 const WORTH_A_LINE: f64 = 1e-4;
 
+/// Overlap that position correction leaves (the default of [`Options::slop`](crate::Options)), m.
+const NOT_CORRECTED: f64 = 1e-5;
+
 /// Overlaps shown.
 const SHOWN: usize = 12;
-
-/// Two geoms that overlap at the reference pose.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Overlap {
-    /// Indices of the geoms in the model.
-    pub geoms: [usize; 2],
-    /// Depth of the deepest point beyond the pair's margin, m.
-    pub depth: f64,
-}
 
 /// A joint outside its range at the reference pose.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -40,6 +34,56 @@ pub struct OutOfRange {
 
 /// Pairs of geoms that overlap by more than 0.1 mm at the reference pose, the deepest first.
 pub fn overlaps(model: &Model) -> Vec<Overlap> {
+    deeper_than(model, WORTH_A_LINE)
+}
+
+/// Model without contact between what overlaps at the reference pose (`qpos0`); keyframes do not count.
+///
+/// [`Description::excluded_overlaps`] lists the overlaps. As in SRDF and `<exclude>`, the two bodies do not collide any more, since their
+/// other geoms would jam a moment later. Of the world, which is no link, the geom alone does not.
+///
+/// Overlaps with the ground stay, because their remedy is another pose: of planes and height fields with anything, and of what no joint
+/// moves with a body that moves freely.
+pub fn exclude(model: &Model) -> Model {
+    let mut model = model.clone();
+    loop {
+        let ground = Ground::of(&model);
+        let found: Vec<Overlap> = deeper_than(&model, NOT_CORRECTED).into_iter().filter(|o| !ground.is_in(o, &model)).collect();
+        if found.is_empty() {
+            return model;
+        }
+        // Contacts of a crowd are found up to a number, so that there may be more.
+        model.trusted_mut().excluded_overlaps.extend(found);
+    }
+}
+
+/// What is fixed to the world, and what moves freely against it.
+struct Ground {
+    fixed: Vec<bool>,
+    free: Vec<bool>,
+}
+
+impl Ground {
+    fn of(model: &Description) -> Self {
+        let (group, moves) = weld_groups(model);
+        let mut free = vec![false; model.bodies.len()];
+        for (i, body) in model.bodies.iter().enumerate().skip(1) {
+            let own = model.joints.iter().any(|j| j.body == i && j.kind == JointKind::Free);
+            free[i] = own || free[body.parent];
+        }
+        Self { fixed: group.iter().map(|&g| !moves[g]).collect(), free }
+    }
+
+    /// Whether an overlap is one with the ground.
+    fn is_in(&self, overlap: &Overlap, model: &Description) -> bool {
+        let geoms = overlap.geoms.map(|g| &model.geoms[g]);
+        let endless = geoms.iter().any(|g| matches!(g.shape, Shape::Plane | Shape::HeightField { .. }));
+        let [a, b] = geoms.map(|g| g.body);
+        endless || (self.fixed[a] && self.free[b]) || (self.fixed[b] && self.free[a])
+    }
+}
+
+fn deeper_than(model: &Model, least: f64) -> Vec<Overlap> {
     let compiled: CompiledModel<f64> = CompiledModel::new(model);
     let lanes: LaneModel<f64> = LaneModel::new(&compiled);
     let (mut kinematics, mut poses) = (Kinematics::new(&compiled), GeomPoses::new(&lanes));
@@ -63,7 +107,7 @@ pub fn overlaps(model: &Model) -> Vec<Overlap> {
             None => found.push(Overlap { geoms, depth }),
         }
     }
-    found.retain(|o| o.depth > WORTH_A_LINE);
+    found.retain(|o| o.depth > least);
     found.sort_by(|a, b| b.depth.total_cmp(&a.depth).then(a.geoms.cmp(&b.geoms)));
     found
 }
@@ -83,37 +127,68 @@ pub fn out_of_range(model: &Model) -> Vec<OutOfRange> {
     found
 }
 
-/// [`Model::explain`] with what is in the way at the reference pose.
+/// [`Model::explain`] with excluded overlaps, hulls that are larger than their mesh, and what is in the way at the reference pose.
 pub fn explain(model: &Model) -> String {
-    let mut lines: Vec<String> = overlaps(model)
-        .iter()
-        .map(|o| {
-            let [a, b] = o.geoms.map(|g| model.geom_label(g));
-            format!("{a} and {b} overlap by {:.2} mm", 1e3 * o.depth)
-        })
-        .collect();
-    let contacts = lines.len();
-    lines.truncate(SHOWN);
-    if contacts > SHOWN {
-        lines.push(format!("{} more pairs overlap", contacts - SHOWN));
-    }
+    let excluded = model.excluded_overlaps.iter().map(|o| described(o, model)).collect();
+    let hulls = model.wide_hulls().iter().map(|h| hull_line(h, model)).collect();
+    let found = overlaps(model);
+    let overlapping = shortened(found.iter().map(|o| described(o, model)).collect(), "pairs overlap");
     let limits = out_of_range(model);
     let joints = limits.iter().map(|l| format!("{} is outside its range by {:.3} (rad or m)", model.joint_label(l.joint), l.by));
-    lines.extend(joints.take(SHOWN));
-    if limits.len() > SHOWN {
-        lines.push(format!("{} more joints are outside their range", limits.len() - SHOWN));
+    let outside = shortened(joints.collect(), "joints are outside their range");
+    let in_the_way = [with_remedy(overlapping, OVERLAP_REMEDY), with_remedy(outside, RANGE_REMEDY)].concat();
+    [
+        model.explain(),
+        section("Excluded from contact, because they overlap at the reference pose", &shortened(excluded, "pairs are excluded")),
+        section("Convex hulls larger than their mesh", &with_remedy(shortened(hulls, "hulls are larger"), HULL_REMEDY)),
+        section("In the way at the reference pose", &in_the_way),
+    ]
+    .join("\n\n")
+}
+
+/// Remedy of overlaps at the reference pose.
+const OVERLAP_REMEDY: &str = "Contact is hard: position correction separates overlaps from the first step on, by at most \
+     max_correction_speed, and leaves those that contradict one another (status INFEASIBLE). Remedy: stepper.load(..., overlaps=\"exclude\") \
+     leaves out the contacts between these bodies, but for those with the ground; or give a pose without overlap (qpos0), make the geoms \
+     smaller, or exclude pairs yourself (<exclude>, contype and conaffinity).";
+
+/// Remedy of joints outside their range.
+const RANGE_REMEDY: &str = "Joints outside their range come back from the first step on. Remedy: a pose inside, or a wider range.";
+
+/// Overlap in words.
+pub fn described(overlap: &Overlap, model: &Description) -> String {
+    let [a, b] = overlap.geoms.map(|g| model.geom_label_with_body(g));
+    format!("{a} and {b} overlap by {:.2} mm", 1e3 * overlap.depth)
+}
+
+/// Hull that is larger than its mesh, in words, with the remedy.
+pub fn hull_line(hull: &WideHull, model: &Description) -> String {
+    let name = model.geom_label_with_body(hull.geom);
+    let times = if hull.ratio < 100.0 { format!("{:.1}", hull.ratio) } else { "more than 100".into() };
+    format!("{name} collides as the convex hull of its mesh, which has {times} times the volume of the mesh")
+}
+
+/// Remedy of hulls that are larger than their mesh.
+pub const HULL_REMEDY: &str = "Remedy: model.replace(geom_concave=...) makes a mesh collide as its triangles (docs/terrain.md); parts of a \
+     moving body are better convex pieces.";
+
+/// Lines, if any, and what to do about them.
+fn with_remedy(mut lines: Vec<String>, remedy: &str) -> Vec<String> {
+    if !lines.is_empty() {
+        lines.push(remedy.into());
     }
-    if contacts > 0 {
-        lines.push(
-            "Contact is hard: overlaps are taken apart from the first step on, by at most max_correction_speed, and what contradicts is left \
-             (status INFEASIBLE). Remedy: give a pose without overlap (a keyframe, qpos0), make the geoms smaller, or exclude the pair \
-             (<exclude>, contype and conaffinity)."
-                .into(),
-        );
-    }
-    if !limits.is_empty() {
-        lines.push("Joints outside their range come back from the first step on. Remedy: a pose inside, or a wider range.".into());
-    }
+    lines
+}
+
+/// The first lines, and how many more there are.
+fn shortened(mut lines: Vec<String>, what: &str) -> Vec<String> {
+    let more = lines.len().saturating_sub(SHOWN);
+    lines.truncate(SHOWN);
+    lines.extend((more > 0).then(|| format!("{more} more {what}")));
+    lines
+}
+
+fn section(title: &str, lines: &[String]) -> String {
     let text = if lines.is_empty() { "\n  nothing".into() } else { lines.iter().map(|l| format!("\n  {l}")).collect::<String>() };
-    format!("{}\n\nIn the way at the reference pose:{text}", model.explain())
+    format!("{title}:{text}")
 }

@@ -90,6 +90,7 @@ impl Model {
                 height_fields: vec![],
                 pairs: vec![],
                 excludes: vec![],
+                excluded_overlaps: vec![],
                 tendons: vec![],
                 equalities: vec![],
                 actuators: vec![],

@@ -2,6 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::model::added_fields;
 use crate::model::asset::{HeightField, Mesh};
 use crate::model::equality::Equality;
 use crate::model::fluid::{Ellipsoid, Medium};
@@ -42,6 +43,9 @@ pub struct Description {
     pub pairs: Vec<Pair>,
     /// Pairs of bodies whose geoms never collide.
     pub excludes: Vec<[usize; 2]>,
+    /// Overlaps whose geoms and bodies never collide: see [`exclude`](crate::analysis::overlaps::exclude).
+    #[serde(default, with = "added_fields")]
+    pub excluded_overlaps: Vec<Overlap>,
     /// Fixed tendons: linear combinations of joint positions.
     pub tendons: Vec<Tendon>,
     /// Equalities: closed loops and coupled joints.
@@ -64,6 +68,15 @@ pub struct Description {
     pub omitted: Vec<Omission>,
     /// What the source asks of a simulator that stepper does in its own way; nothing where the model was made in code.
     pub requested: Option<Requested>,
+}
+
+/// Two geoms that overlap at the reference pose.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Overlap {
+    /// Indices of the geoms in the model.
+    pub geoms: [usize; 2],
+    /// Depth of the deepest point beyond the pair's margin, m.
+    pub depth: f64,
 }
 
 /// A rigid body.
@@ -150,6 +163,9 @@ pub struct Joint {
     pub range: Option<[f64; 2]>,
     /// Bounds of the sum of actuator forces on this joint, N or N m.
     pub actuator_force_range: Option<[f64; 2]>,
+    /// Highest speed that the source allows, rad/s or m/s. The step does not enforce it.
+    #[serde(default, with = "added_fields")]
+    pub velocity_limit: Option<f64>,
     /// Softness of the limit by MuJoCo's law.
     pub limit_softness: Softness,
     /// Softness of dry friction by MuJoCo's law.
@@ -397,6 +413,12 @@ impl Description {
     /// "floor", or "#3" when the geom has no name.
     pub fn geom_label(&self, i: usize) -> String {
         label(&self.geoms[i].name, i)
+    }
+
+    /// "floor", or "#3 of body torso" when the geom has no name.
+    pub fn geom_label_with_body(&self, i: usize) -> String {
+        let geom = &self.geoms[i];
+        if geom.name.is_empty() { format!("#{i} of body {}", self.body_label(geom.body)) } else { geom.name.clone() }
     }
 }
 

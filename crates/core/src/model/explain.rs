@@ -221,6 +221,16 @@ impl Model {
         ]
     }
 
+    fn speed_limits(&self) -> Vec<String> {
+        let limited = |j: &usize| self.joints[*j].velocity_limit.is_some();
+        let names: Vec<String> = (0..self.joints.len()).filter(limited).map(|j| self.joint_label(j)).collect();
+        let line = || {
+            let (count, some) = (names.len(), short(names.iter()));
+            format!("speed limits of {count} joints ({some}): model.jnt_velocity_limit has them, and the step does not enforce them")
+        };
+        (!names.is_empty()).then(line).into_iter().collect()
+    }
+
     /// What changes the motion, and what does not; elements of a kind with the same reason share a line.
     fn left_out(&self) -> (Vec<String>, Vec<String>) {
         let lines = |changes: bool| {
@@ -228,9 +238,9 @@ impl Model {
             for o in self.omitted.iter().filter(|o| o.changes_motion == changes) {
                 grouped.entry((&o.kind, &o.reason)).or_default().push(o.name.clone());
             }
-            grouped.into_iter().map(|((kind, reason), names)| format!("{kind} {}: {reason}", names.join(", "))).collect()
+            grouped.into_iter().map(|((kind, reason), names)| format!("{kind} {}: {reason}", names.join(", "))).collect::<Vec<String>>()
         };
-        (lines(true), lines(false))
+        (lines(true), [lines(false), self.speed_limits()].concat())
     }
 }
 

@@ -6,33 +6,67 @@
 //! | 4 | [`FORMAT_VERSION`], little endian |
 //! | 32 | SHA-256 of the payload |
 //! | rest | payload in postcard's encoding (numbers as their IEEE 754 bits, little endian): the [`Description`], then for every mesh the triangles |
-//! |   | of its convex hull, where the model has it, then its [`NoSlip`], which version 12 does not have |
+//! |   | of its convex hull, where the model has it, then its [`NoSlip`], which version 12 does not have, then its `Added` fields, |
+//! |   | which version 13 does not have |
 
 use std::path::Path;
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
 use crate::model::hulls::{Source, Surfaces};
-use crate::model::{Description, Model, ModelError, NoSlip};
+use crate::model::{Description, Model, ModelError, NoSlip, Overlap};
 
 /// The first bytes of every saved model. The last is no valid UTF-8, so no text file begins so.
 const MAGIC: [u8; 8] = *b"stepper\xff";
 
 /// Version of the format of saved models; changes whenever the payload does.
-pub const FORMAT_VERSION: u32 = 13;
-/// The version before, which is read too: its models have no noslip sweeps.
+pub const FORMAT_VERSION: u32 = 14;
+/// An older version that is read too: its models have no [`Added`] fields.
+const WITHOUT_ADDED: u32 = 13;
+/// An older version that is read too: its models have no noslip sweeps either.
 const WITHOUT_NOSLIP: u32 = 12;
 
 const HEADER: usize = 8 + 4 + 32;
 const MEMORY: &str = "saved model";
 
+/// Fields of a description that are written behind it.
+#[derive(Default, PartialEq, Serialize, Deserialize)]
+struct Added {
+    /// Speed limits, one for each joint; empty where no joint has one.
+    velocity_limits: Vec<Option<f64>>,
+    excluded_overlaps: Vec<Overlap>,
+}
+
+impl Added {
+    fn of(model: &Description) -> Self {
+        let limits: Vec<Option<f64>> = model.joints.iter().map(|j| j.velocity_limit).collect();
+        let velocity_limits = if limits.iter().any(Option::is_some) { limits } else { vec![] };
+        Self { velocity_limits, excluded_overlaps: model.excluded_overlaps.clone() }
+    }
+
+    /// Whether there are as many speed limits as joints, or none.
+    fn fits(&self, model: &Description) -> bool {
+        self.velocity_limits.is_empty() || self.velocity_limits.len() == model.joints.len()
+    }
+
+    /// Fills the fields of a description that it fits.
+    fn write_to(self, model: &mut Description) {
+        model.joints.iter_mut().zip(self.velocity_limits).for_each(|(joint, limit)| joint.velocity_limit = limit);
+        model.excluded_overlaps = self.excluded_overlaps;
+    }
+}
+
 impl Model {
     /// SHA-256 of all that the model holds: equal for equal models, on any machine.
     pub fn digest(&self) -> [u8; 32] {
-        // A model without noslip sweeps has the digest that it had before there were any.
-        let noslip = self.soft.noslip;
-        let held = if noslip == NoSlip::default() { encoded(&self.description) } else { encoded(&(&self.description, noslip)) };
+        // A model without noslip sweeps and added fields has the digest that it had before there were any.
+        let (noslip, added) = (self.soft.noslip, Added::of(self));
+        let held = match (noslip == NoSlip::default(), added == Added::default()) {
+            (true, true) => encoded(&self.description),
+            (false, true) => encoded(&(&self.description, noslip)),
+            (_, false) => encoded(&(&self.description, noslip, added)),
+        };
         Sha256::digest(held).into()
     }
 
@@ -75,7 +109,7 @@ impl Model {
     }
 
     fn payload(&self) -> Vec<u8> {
-        encoded(&(&self.description, self.hulls.surfaces(), self.soft.noslip))
+        encoded(&(&self.description, self.hulls.surfaces(), self.soft.noslip, Added::of(self)))
     }
 }
 
@@ -105,7 +139,7 @@ fn parse(bytes: &[u8], path: &str) -> Result<Model, ModelError> {
         return refuse(format!("cut off after {} bytes", bytes.len()), "copy the file again, or save the model again");
     }
     let version = u32::from_le_bytes(bytes[8..12].try_into().expect("4 bytes"));
-    if version != FORMAT_VERSION && version != WITHOUT_NOSLIP {
+    if !(WITHOUT_NOSLIP..=FORMAT_VERSION).contains(&version) {
         return refuse(
             format!("format version {version}, this stepper reads {FORMAT_VERSION}"),
             "load the original description and save it again with this version of stepper, or use the version that saved it",
@@ -116,13 +150,15 @@ fn parse(bytes: &[u8], path: &str) -> Result<Model, ModelError> {
         return refuse("damaged: the contents do not match their SHA-256".into(), "copy the file again, or save the model again");
     }
     let read = match version {
-        WITHOUT_NOSLIP => {
-            postcard::take_from_bytes::<(Description, Surfaces)>(payload).map(|((m, s), rest)| ((m, s, NoSlip::default()), rest))
-        }
-        _ => postcard::take_from_bytes::<(Description, Surfaces, NoSlip)>(payload),
+        WITHOUT_NOSLIP => postcard::take_from_bytes::<(Description, Surfaces)>(payload)
+            .map(|((m, s), rest)| ((m, s, NoSlip::default(), Added::default()), rest)),
+        WITHOUT_ADDED => postcard::take_from_bytes::<(Description, Surfaces, NoSlip)>(payload)
+            .map(|((m, s, n), rest)| ((m, s, n, Added::default()), rest)),
+        _ => postcard::take_from_bytes::<(Description, Surfaces, NoSlip, Added)>(payload),
     };
     match read {
-        Ok(((mut model, surfaces, noslip), [])) => {
+        Ok(((mut model, surfaces, noslip, added), [])) if added.fits(&model) => {
+            added.write_to(&mut model);
             model.soft.noslip = noslip;
             model.check(Source::Kept(&surfaces))
         }
@@ -163,6 +199,35 @@ mod tests {
         let back = Model::from_bytes(&model.to_bytes()).unwrap();
         assert_eq!(back, model);
         assert_ne!(back.digest(), before);
+    }
+
+    #[test]
+    fn added_fields_are_kept_and_older_files_have_none() {
+        let mut model = rich_model();
+        let payload = encoded(&(&model.description, model.hulls.surfaces(), model.soft.noslip));
+        let digest: [u8; 32] = Sha256::digest(&payload).into();
+        let old = [&MAGIC[..], &WITHOUT_ADDED.to_le_bytes(), &digest, &payload].concat();
+        assert_eq!(Model::from_bytes(&old).unwrap(), model);
+        let before = model.digest();
+        model.description.joints[1].velocity_limit = Some(3.0);
+        let limited = model.digest();
+        model.description.excluded_overlaps.push(Overlap { geoms: [0, 1], depth: 0.1 });
+        let back = Model::from_bytes(&model.to_bytes()).unwrap();
+        assert_eq!(back, model);
+        assert!(before != limited && limited != back.digest());
+    }
+
+    #[test]
+    fn added_fields_that_do_not_fit_are_refused() {
+        let model = rich_model();
+        let refused = |added: Added| {
+            let payload = encoded(&(&model.description, model.hulls.surfaces(), model.soft.noslip, added));
+            let digest: [u8; 32] = Sha256::digest(&payload).into();
+            Model::from_bytes(&[&MAGIC[..], &FORMAT_VERSION.to_le_bytes(), &digest, &payload].concat()).unwrap_err().to_string()
+        };
+        assert!(refused(Added { velocity_limits: vec![None], ..Added::default() }).contains("save the model again"));
+        let far = vec![Overlap { geoms: [0, 777], depth: 0.1 }];
+        assert!(refused(Added { excluded_overlaps: far, ..Added::default() }).contains("777"));
     }
 
     #[test]
@@ -216,7 +281,7 @@ mod tests {
     fn with_surface(model: &Model, change: impl FnOnce(&mut Surfaces)) -> Vec<u8> {
         let mut surfaces = model.hulls.surfaces();
         change(&mut surfaces);
-        let payload = encoded(&(&model.description, surfaces, model.soft.noslip));
+        let payload = encoded(&(&model.description, surfaces, model.soft.noslip, Added::of(model)));
         let digest: [u8; 32] = Sha256::digest(&payload).into();
         [&MAGIC[..], &FORMAT_VERSION.to_le_bytes(), &digest, &payload].concat()
     }

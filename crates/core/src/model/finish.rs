@@ -327,7 +327,18 @@ pub(super) mod tests {
         };
         assert!(chain(1e-6).is_ok());
         let text = chain(0.0).unwrap_err().to_string();
-        assert!(text.contains("body \"a\"") && text.contains("joint \"first\""), "{text}");
+        assert!(text.contains("body \"a\"") && text.contains("joint \"first\" can move against \"second\""), "{text}");
+        assert!(!text.contains("moves nothing"), "{text}");
+        // Two on one body: no body is between them; armature of one determines the motion.
+        let twins = |armature: f64| {
+            let mut scene = Model::builder("twins");
+            let hinge = |name: &str| JointBuilder::hinge(name, [0.0, 1.0, 0.0]);
+            let body = BodyBuilder::new("a").joint(hinge("first").armature(armature)).joint(hinge("second"));
+            scene.body(WORLD, body.geom(GeomBuilder::sphere("s", 0.1).mass(4.0)));
+            scene.finish()
+        };
+        assert!(twins(0.01).is_ok());
+        assert!(twins(0.0).unwrap_err().to_string().contains("armature"));
         // A universal joint's cross may be weightless: its axes differ.
         let mut scene = Model::builder("universal");
         let cross = scene.body(WORLD, BodyBuilder::new("cross").joint(JointBuilder::hinge("x", [1.0, 0.0, 0.0])));

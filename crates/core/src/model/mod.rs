@@ -8,6 +8,7 @@
 //! Quaternions are (w, x, y, z). Lengths in m, masses in kg, angles in rad.
 
 pub mod actuator_spec;
+mod added_fields;
 mod asset;
 mod builder;
 mod description;
@@ -19,6 +20,7 @@ pub(crate) mod file;
 mod finish;
 mod finished;
 mod fluid;
+mod hull_volume;
 mod hulls;
 mod kernel;
 mod mass;
@@ -33,17 +35,20 @@ mod variant;
 pub use asset::{HeightField, Mesh};
 pub use builder::{ActuatorBuilder, BodyBuilder, EqualityBuilder, GeomBuilder, JointBuilder, ModelBuilder, TendonBuilder, WORLD};
 pub(crate) use description::label;
-pub use description::{Activation, Actuator, Body, Description, Geom, Joint, JointKind, Keyframe, Omission, Pair, Requested, Transmission};
+pub use description::{
+    Activation, Actuator, Body, Description, Geom, Joint, JointKind, Keyframe, Omission, Overlap, Pair, Requested, Transmission,
+};
 pub use device_error::{ActuatorError, DeviceError, SensorError};
 pub use equality::{Equality, EqualityKind};
 pub use error::ModelError;
 pub use file::FORMAT_VERSION;
 pub use finished::Model;
 pub use fluid::{Ellipsoid, Medium};
+pub use hull_volume::WideHull;
 pub use kernel::Kernel;
 pub use mass::MassProperties;
-pub(crate) use pairs::Filter;
 pub use pairs::GeomPair;
+pub(crate) use pairs::{Filter, weld_groups};
 pub use replace::{Field, REPLACEABLE};
 pub use sensor::{
     ContactField, ContactReduction, ContactSide, FrameReading, Object, ProximityReading, Quantity, RayField, Sensor, SensorKind, Site,

@@ -10,6 +10,9 @@
 //! 4. their bodies are excluded;
 //! 5. neither's `contype` shares a bit with the other's `conaffinity`.
 //!
+//! Overlaps that are excluded ([`Description::excluded_overlaps`]) come before explicit pairs. Like `<exclude>`, and like
+//! `disable_collisions` of links in SRDF, each excludes two bodies; of the world, which is no link, it excludes the one geom.
+//!
 //! Margins and gaps of a pair are **sums** of the geoms', and a gap is beyond the margin: a contact is found within margin + gap, and
 //! pushes within margin (MuJoCo 4, `getMargin`, `getGap`, `mj_setContact`; MuJoCo 2 and 3 took the larger of two margins, and pushed
 //! within margin - gap). Measured with 4.0.0: margins 0.05 and 0.02 m with gaps 0.03 and 0.01 m rest at 0.07 m.
@@ -53,6 +56,7 @@ pub(crate) enum Verdict {
     Explicit,
     SameGroup,
     BothStill,
+    Overlap,
     ParentAndChild,
     Excluded,
     Masks,
@@ -66,6 +70,7 @@ impl Verdict {
             Self::Explicit => "collide by an explicit pair",
             Self::SameGroup => "are fixed to the same rigid group",
             Self::BothStill => "cannot move",
+            Self::Overlap => "are excluded as overlaps at the reference pose",
             Self::ParentAndChild => "belong to parent and child",
             Self::Excluded => "are excluded",
             Self::Masks => "have contype and conaffinity that do not meet",
@@ -82,6 +87,9 @@ pub(crate) struct Filter {
     pairs: Vec<Pair>,
     explicit: BTreeMap<[usize; 2], usize>,
     excluded: HashSet<[usize; 2]>,
+    /// Pairs of bodies that overlap, and pairs of geoms of which one is the world's; both ways round.
+    overlapping_bodies: HashSet<[usize; 2]>,
+    overlapping_geoms: HashSet<[usize; 2]>,
 }
 
 /// A geom, for the filters.
@@ -113,7 +121,7 @@ struct Surface {
 
 /// For every body the body that leads its rigid group: itself if it has joints or is posed by the user, else its parent's leader. The
 /// world leads what is fixed to it.
-pub(super) fn weld_groups(model: &Description) -> (Vec<usize>, Vec<bool>) {
+pub(crate) fn weld_groups(model: &Description) -> (Vec<usize>, Vec<bool>) {
     let mut moves = vec![false; model.bodies.len()];
     for joint in &model.joints {
         moves[joint.body] = true;
@@ -161,12 +169,26 @@ impl Filter {
             },
         };
         let tags = model.geoms.iter().map(tag).collect();
-        let mut filter = Self { tags, pairs: model.pairs.clone(), explicit: BTreeMap::new(), excluded: HashSet::new() };
+        let bodies = |geoms: [usize; 2]| geoms.map(|g| model.geoms[g].body);
+        let overlaps = || model.excluded_overlaps.iter().map(|o| o.geoms);
+        let links = overlaps().map(bodies).filter(|b| !b.contains(&0));
+        let with_world = overlaps().filter(|&g| bodies(g).contains(&0));
+        let mut filter = Self {
+            tags,
+            pairs: model.pairs.clone(),
+            explicit: BTreeMap::new(),
+            excluded: both_ways(model.excludes.iter().copied()),
+            overlapping_bodies: both_ways(links),
+            overlapping_geoms: both_ways(with_world),
+        };
         for (k, pair) in model.pairs.iter().enumerate() {
             filter.explicit.entry(filter.ordered(pair.geoms)).or_insert(k);
         }
-        filter.excluded = model.excludes.iter().flat_map(|&[a, b]| [[a, b], [b, a]]).collect();
         filter
+    }
+
+    fn is_excluded_overlap(&self, geoms: [usize; 2]) -> bool {
+        self.overlapping_geoms.contains(&geoms) || self.overlapping_bodies.contains(&geoms.map(|g| self.tags[g].body))
     }
 
     /// The two geoms in the order of [`GeomPair::geoms`].
@@ -184,6 +206,8 @@ impl Filter {
             Verdict::BothStill
         } else if b.rank <= 1 {
             Verdict::NoShapes
+        } else if self.is_excluded_overlap(geoms) {
+            Verdict::Overlap
         } else if self.explicit.contains_key(&geoms) {
             Verdict::Explicit
         } else if a.group != 0 && b.group != 0 && (a.group == b.parent || b.group == a.parent) {
@@ -232,6 +256,10 @@ impl Filter {
             _ => None,
         }
     }
+}
+
+fn both_ways(pairs: impl Iterator<Item = [usize; 2]>) -> HashSet<[usize; 2]> {
+    pairs.flat_map(|[a, b]| [[a, b], [b, a]]).collect()
 }
 
 /// Whose friction counts in a contact of two geoms without an explicit pair, the larger if neither goes first; and the contact's rows

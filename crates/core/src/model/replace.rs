@@ -77,6 +77,9 @@ pub const REPLACEABLE: &[Field] = &[
     rows("jnt_actfrcrange", 2, "bounds of the sum of actuator forces, N or N m", |m, f| {
         m.joints.iter_mut().for_each(|j| bounds(&mut j.actuator_force_range, f));
     }),
+    rows("jnt_velocity_limit", 1, "highest speed that the source allows, rad/s or m/s, not enforced; infinity is none", |m, f| {
+        m.joints.iter_mut().for_each(|j| bound(&mut j.velocity_limit, f));
+    }),
     rows("jnt_solref", 2, "reference acceleration of limits by MuJoCo's law", |m, f| each_joint(m, f, |j| &mut j.limit_softness.solref)),
     rows("jnt_solimp", 5, "impedance of limits by MuJoCo's law", |m, f| each_joint(m, f, |j| &mut j.limit_softness.solimp)),
     rows("dof_damping", 1, "viscous damping, N s/m or N m s/rad", |m, f| each_dof(m, f, |j| &mut j.damping)),
@@ -197,6 +200,13 @@ fn bounds(range: &mut Option<[f64; 2]>, f: &mut dyn FnMut(&mut f64)) {
     let mut ends = range.unwrap_or(NONE);
     ends.iter_mut().for_each(f);
     *range = (ends != NONE).then_some(ends);
+}
+
+/// No bound is one at infinity.
+fn bound(limit: &mut Option<f64>, f: &mut dyn FnMut(&mut f64)) {
+    let mut value = limit.unwrap_or(f64::INFINITY);
+    f(&mut value);
+    *limit = (value != f64::INFINITY).then_some(value);
 }
 
 /// A whole number; what is written saturates.

@@ -1,8 +1,10 @@
 //! What MuJoCo's contact law needs of a scene: how soft its constraints are, and what softness is relative to.
 
-use serde::{Deserialize, Deserializer, Serialize, Serializer};
+use serde::{Deserialize, Serialize};
 
 pub use stepper_solve::soft::Cone;
+
+use crate::model::added_fields;
 
 /// Softness of a constraint: reference acceleration and impedance (MuJoCo's documentation, "Solver parameters").
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -90,7 +92,7 @@ pub struct SoftSettings {
     /// What softness is relative to; `None` lets stepper compute it.
     pub inverse_weights: Option<InverseWeights>,
     /// Sweeps after the solution that take the slip out of friction.
-    #[serde(default, with = "beside_the_description")]
+    #[serde(default, with = "added_fields")]
     pub noslip: NoSlip,
 }
 
@@ -108,23 +110,6 @@ impl Default for NoSlip {
     /// MuJoCo's own.
     fn default() -> Self {
         Self { iterations: 0, tolerance: 1e-6 }
-    }
-}
-
-/// In text a field of the description; in binary, where it came with version 13 of saved models, it is beside the description.
-mod beside_the_description {
-    use super::{Deserialize, Deserializer, NoSlip, Serialize, Serializer};
-
-    pub(super) fn serialize<S: Serializer>(noslip: &NoSlip, serializer: S) -> Result<S::Ok, S::Error> {
-        if serializer.is_human_readable() { noslip.serialize(serializer) } else { serializer.serialize_unit() }
-    }
-
-    pub(super) fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<NoSlip, D::Error> {
-        if deserializer.is_human_readable() {
-            NoSlip::deserialize(deserializer)
-        } else {
-            <()>::deserialize(deserializer).map(|()| NoSlip::default())
-        }
     }
 }
 

@@ -94,6 +94,7 @@ impl Joint {
             damping: v.of(joint.damping)?,
             armature: v.of(joint.armature)?,
             frictionloss: v.of(joint.frictionloss)?,
+            velocity_limit: v.of(joint.velocity_limit.unwrap_or(f64::INFINITY))?,
         })
     }
 }

@@ -26,6 +26,7 @@ impl JointBuilder {
             frictionloss: 0.0,
             range: None,
             actuator_force_range: None,
+            velocity_limit: None,
             limit_softness: Softness::default(),
             friction_softness: Softness::default(),
         };

@@ -187,6 +187,7 @@ fn joints(model: &Description) -> Checked {
         at.range("range", joint.range)?;
         at.finite("range", &joint.range.unwrap_or_default())?;
         at.range("actuator_force_range", joint.actuator_force_range)?;
+        joint.velocity_limit.map_or(Ok(()), |limit| at.size("velocity_limit", &[limit], ""))?;
     }
     Ok(())
 }
@@ -236,6 +237,11 @@ fn pairs(model: &Description) -> Checked {
     }
     for (i, exclude) in model.excludes.iter().enumerate() {
         exclude.iter().try_for_each(|&b| Element::new("exclude", "", i).index("body", b, model.bodies.len()))?;
+    }
+    for (i, overlap) in model.excluded_overlaps.iter().enumerate() {
+        let at = Element::new("excluded overlap", "", i);
+        overlap.geoms.iter().try_for_each(|&g| at.index("geom", g, model.geoms.len()))?;
+        at.size("depth", &[overlap.depth], " m")?;
     }
     Ok(())
 }

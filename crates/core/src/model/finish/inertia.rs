@@ -2,7 +2,7 @@
 //!
 //! With q at its reference, eliminate the degrees of freedom from the leaves to the roots (the order of Featherstone's L^T D L, "Rigid
 //! Body Dynamics Algorithms" 2008, section 6.5). The pivot of a degree of freedom is the inertia that its own force feels while all
-//! further out move as they like: zero exactly if the mass matrix is singular there. This is less than MuJoCo asks (a mass for every
+//! farther out move as they like: zero exactly if the mass matrix is singular there. This is less than MuJoCo asks (a mass for every
 //! moving body: a weightless universal joint between heavy bodies is fine here) and more (two hinges on one line with nothing between
 //! them are found). It says nothing of other configurations; there a singular matrix is the step's to report.
 
@@ -12,6 +12,9 @@ use crate::model::{Description, JointKind, MassProperties, ModelError};
 
 /// A pivot this small against the inertia of the whole subtree is rounding error.
 const NOTHING: f64 = 1e-13;
+
+/// Share of the energy of a degree of freedom below which that of another is rounding error.
+const ROUNDING: f64 = 1e-9;
 
 /// A degree of freedom: its joint, its motion (angular, linear at the origin of its tree), and the one that carries it.
 struct Dof {
@@ -25,23 +28,56 @@ pub(super) fn check(model: &Description) -> Result<(), ModelError> {
     let dofs = dofs(model, &poses, &origins);
     let inertias = composite(model, &poses, &origins);
     let mut matrix = mass_matrix(model, &dofs, &inertias);
-    match first_without_inertia(&mut matrix, &dofs) {
-        Some(dof) => {
-            let joint = dofs[dof].joint;
-            let body = model.joints[joint].body;
-            Err(ModelError::invalid(
-                format!("body {:?}", model.body_label(body)),
-                format!(
-                    "joint {:?} moves nothing that has inertia: mass {} kg, principal moments {:?} kg m^2, and no more below or fixed to it",
-                    model.joint_label(joint),
-                    model.bodies[body].mass,
-                    model.bodies[body].inertia
-                ),
-                "give the body mass and inertia (a geom with density, or an inertial), give the joint armature, or remove the joint",
-            ))
+    let whole = matrix.diagonal();
+    let Some(dof) = first_without_inertia(&mut matrix, &dofs) else { return Ok(()) };
+    let joint = dofs[dof].joint;
+    let body = model.joints[joint].body;
+    let place = format!("body {:?}", model.body_label(body));
+    let partners = partners(&matrix, &whole, &dofs, dof);
+    Err(if partners.is_empty() {
+        ModelError::invalid(
+            place,
+            format!(
+                "joint {:?} moves nothing that has inertia: mass {} kg, principal moments {:?} kg m^2, and no more below or fixed to it",
+                model.joint_label(joint),
+                model.bodies[body].mass,
+                model.bodies[body].inertia
+            ),
+            "give the body mass and inertia (a geom with density, or an inertial), give the joint armature, or remove the joint",
+        )
+    } else {
+        let names: Vec<String> = partners.iter().map(|&j| format!("{:?}", model.joint_label(j))).collect();
+        ModelError::invalid(
+            place,
+            format!(
+                "joint {:?} can move against {} so that nothing that has inertia moves (their axes coincide or depend on one another): \
+                 forces do not determine how they share a motion",
+                model.joint_label(joint),
+                names.join(", ")
+            ),
+            "remove one of these joints, give one of them armature, or give mass to a body between them",
+        )
+    })
+}
+
+/// Joints whose motions cancel that of a degree of freedom without a pivot: those of the null vector, which is 1 there. The rows of
+/// `matrix` below it are those of the elimination.
+fn partners(matrix: &DMatrix<f64>, whole: &nalgebra::DVector<f64>, dofs: &[Dof], dof: usize) -> Vec<usize> {
+    let mut null = vec![0.0; dofs.len()];
+    null[dof] = 1.0;
+    for i in dof + 1..dofs.len() {
+        let mut ancestor = dofs[i].parent;
+        while let Some(j) = ancestor {
+            null[i] -= matrix[(i, j)] / matrix[(i, i)] * null[j];
+            ancestor = dofs[j].parent;
         }
-        None => Ok(()),
     }
+    // A motion counts by its energy: entries of different joints have different units.
+    let energy = |i: usize| null[i] * null[i] * whole[i];
+    let mut found: Vec<usize> = (dof + 1..dofs.len()).filter(|&i| energy(i) > ROUNDING * energy(dof)).map(|i| dofs[i].joint).collect();
+    found.retain(|&j| j != dofs[dof].joint);
+    found.dedup();
+    found
 }
 
 type Pose = (Vector3<f64>, UnitQuaternion<f64>);

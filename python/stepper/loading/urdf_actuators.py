@@ -1,0 +1,114 @@
+"""Actuators for the joints of a URDF, which has none of its own."""
+
+from __future__ import annotations
+
+import math
+from importlib import import_module
+from typing import Any, Literal
+
+import numpy as np
+
+from stepper._stepper import ModelError
+from stepper.loading.urdf_elements import Urdf
+
+Actuators = Literal["position", "velocity", "torque"]
+KINDS: tuple[Actuators, ...] = ("position", "velocity", "torque")
+_MOVABLE = ("revolute", "continuous", "prismatic")
+
+POSITION_FREQUENCY = 5.0
+"""Natural frequency of a position servo, Hz. Gravity deflects a rod of length l by at most 1.5 g / (l w^2): 0.03 rad for 0.5 m."""
+
+VELOCITY_FREQUENCY = 50.0
+"""Bandwidth of a velocity servo, Hz: ten times that of the position servo, as the inner loop of a cascade has. Gravity moves a rod of
+0.5 m at 0.09 rad/s at the most, 1.5 g / (l w)."""
+
+
+def add_actuators(kind: Actuators, urdf: Urdf, compiled: Any, description: dict[str, Any]) -> None:
+    """Adds an actuator to every hinge and slide of a description that no other joint drives (`mimic`).
+
+    Args:
+        kind: "position" is a servo with stiffness k = I w^2 and critical damping d = 2 I w, where w = 2 pi `POSITION_FREQUENCY` and I is
+            the effective inertia at the reference pose with all other joints held; "velocity" is a servo with d = I w, where w = 2 pi
+            `VELOCITY_FREQUENCY`; "torque" is a motor. Controls have the bounds of the position, velocity and effort in the file, forces
+            those of the effort.
+        urdf: The file.
+        compiled: What MuJoCo's compiler made of it.
+        description: Where they are added.
+
+    Raises:
+        ModelError: There is nothing to drive, or the limits cannot be read.
+    """
+    if urdf.root is None:
+        raise ModelError(f"{urdf.place}: actuators={kind!r}, and its XML is not well-formed, so that its limits cannot be read; correct it")
+    names = [joint["name"] for joint in description["joints"]]
+    driven = [name for name in names if name in urdf.joints and _can_drive(urdf, name)]
+    if not driven:
+        raise ModelError(f"{urdf.place}: actuators={kind!r}, and it has no revolute, continuous or prismatic joint; leave actuators= away")
+    mass = _mass_matrix(compiled)
+    for name in driven:
+        joint = names.index(name)
+        inertia = _effective_inertia(mass, compiled, urdf, names, name)
+        description["actuators"].append(_actuator(kind, urdf, description["joints"][joint], joint, inertia))
+        if kind == "velocity" and urdf.speed_limit(name) is None:
+            description["omitted"].append(_unbounded(name, "velocity"))
+        if kind == "torque" and urdf.effort_limit(name) is None:
+            description["omitted"].append(_unbounded(name, "effort"))
+
+
+def _can_drive(urdf: Urdf, name: str) -> bool:
+    joint = urdf.joints[name]
+    return joint.get("type") in _MOVABLE and joint.find("mimic") is None
+
+
+def _unbounded(name: str, what: str) -> dict[str, Any]:
+    reason = f"the file has no {what} limit, so that the control has no bounds; model.replace(actuator_ctrlrange=...) gives it some"
+    return {"kind": f"URDF {what} limit", "name": name, "reason": reason, "changes_motion": False}
+
+
+def _mass_matrix(compiled: Any) -> np.ndarray[Any, Any]:
+    mujoco = import_module("mujoco")
+    data = mujoco.MjData(compiled)
+    mujoco.mj_forward(compiled, data)
+    mass = np.zeros((compiled.nv, compiled.nv))
+    mujoco.mj_fullM(compiled, data, mass)
+    return mass
+
+
+def _effective_inertia(mass: np.ndarray[Any, Any], compiled: Any, urdf: Urdf, names: list[str], name: str) -> float:
+    """Inertia that a joint moves while all others are held, kg m^2 or kg, with that of the joints that it drives (`mimic`)."""
+    motion = np.zeros(compiled.nv)
+    motion[compiled.jnt_dofadr[names.index(name)]] = 1.0
+    for other, element in urdf.joints.items():
+        mimic = element.find("mimic")
+        if mimic is not None and mimic.get("joint") == name and other in names:
+            multiplier = urdf.number(other, "mimic", "multiplier")
+            motion[compiled.jnt_dofadr[names.index(other)]] = 1.0 if multiplier is None else multiplier
+    return float(motion @ mass @ motion)
+
+
+def _actuator(kind: Actuators, urdf: Urdf, joint: dict[str, Any], index: int, inertia: float) -> dict[str, Any]:
+    effort, speed = urdf.effort_limit(joint["name"]), urdf.speed_limit(joint["name"])
+    position, velocity = 2 * math.pi * POSITION_FREQUENCY, 2 * math.pi * VELOCITY_FREQUENCY
+    stiffness, damping = inertia * position**2, 2 * inertia * position
+    gain, bias, bounds = {
+        "position": (stiffness, [0.0, -stiffness, -damping], joint["range"]),
+        "velocity": (inertia * velocity, [0.0, 0.0, -inertia * velocity], _within(speed)),
+        "torque": (1.0, [0.0, 0.0, 0.0], _within(effort)),
+    }[kind]
+    return {
+        "name": joint["name"],
+        "transmission": {"Joint": index},
+        "gear": 1.0,
+        "delay": 0.0,
+        "delay_holds": True,
+        "ctrl_range": bounds,
+        "force_range": _within(effort),
+        "act_range": None,
+        "activation": "None",
+        "gain": [gain, 0.0, 0.0],
+        "bias": bias,
+    }
+
+
+def _within(limit: float | None) -> list[float] | None:
+    return None if limit is None else [-limit, limit]

@@ -1,0 +1,30 @@
+"""The XML of URDF files, which is often less strict than XML: MuJoCo's parser does not mind."""
+
+from __future__ import annotations
+
+import re
+from xml.etree import ElementTree
+
+_PREFIX = re.compile(r"[<\s/]([A-Za-z_][\w.-]*):[A-Za-z_]")
+_DECLARED = re.compile(r"xmlns:([\w.-]+)\s*=")
+
+
+def parse(text: str) -> ElementTree.Element | None:
+    """The element `robot`; None where the text is not well-formed.
+
+    Blank lines before the XML declaration, and prefixes without a namespace (`drake:acceleration`), are no error.
+    """
+    text = text.lstrip()
+    unbound = {prefix for prefix in _PREFIX.findall(text) if not prefix.lower().startswith("xml")} - set(_DECLARED.findall(text))
+    declarations = "".join(f' xmlns:{prefix}="{prefix}"' for prefix in sorted(unbound))
+    try:
+        return ElementTree.fromstring(re.sub(r"<robot\b", f"<robot{declarations}", text))
+    except ElementTree.ParseError:
+        return None
+
+
+def word(name: str) -> str:
+    """Name of an element or attribute as the file has it: "drake:acceleration" of "{drake}acceleration"."""
+    namespace, _, local = name.rpartition("}")
+    prefix = namespace.removeprefix("{")
+    return f"{prefix}:{local}" if prefix and "/" not in prefix else local

@@ -1,0 +1,174 @@
+"""Overlaps at the reference pose: `stepper.load(..., overlaps="exclude")`."""
+
+from __future__ import annotations
+
+import warnings
+
+import mujoco
+import numpy as np
+import pytest
+import stepper
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from loading_scenes import arm, joint, link, robot, sphere
+
+SLOP = 1e-5
+"""m: position correction leaves overlaps of this size, the default of Options.slop."""
+
+CHAIN = """<mujoco><worldbody>{ground}<body name="a" pos="0 0 1">{joint}<geom name="ga" size=".3" mass="1"/>
+  <body name="b" pos=".2 0 0"><joint axis="0 0 1"/><geom name="gb" size=".1" mass="1"/>
+  <body name="c" pos=".2 0 0"><joint axis="0 1 0"/><geom name="gc" size=".15" mass="1"/></body></body></body></worldbody></mujoco>"""
+FLOOR = '<geom name="floor" type="plane" size="9 9 1"/>'
+SPIN = '<joint axis="0 0 1"/>'
+
+
+def load(source, **arguments):
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        model = stepper.load(source, **{"overlaps": "exclude"} | arguments)
+    return model, [str(w.message) for w in caught if issubclass(w.category, stepper.ModelWarning)]
+
+
+def contacts_of(model, qpos=None):
+    """Contacts at a pose, or the reference pose: those of a step in which nothing moves."""
+    sim = stepper.Stepper(model, options=stepper.Options(timestep=1e-9, stabilization="none"))
+    sim.set_state(qpos=model.qpos0 if qpos is None else qpos)
+    sim.step()
+    return sim.contacts()
+
+
+def overlapping(model):
+    """Bodies of the contacts at the reference pose that overlap."""
+    contacts = contacts_of(model)
+    return [tuple(sorted(pair)) for pair in contacts["body"][contacts["distance"] < -SLOP].tolist()]
+
+
+def test_links_that_overlap_do_not_collide_and_are_listed():
+    kept = stepper.load(CHAIN.format(ground="", joint=SPIN))
+    assert [(a, b) for a, b, _ in kept.overlaps()] == [("ga", "gc")]
+    assert 'overlaps="exclude"' in kept.explain()
+    model, (message,) = load(CHAIN.format(ground="", joint=SPIN))
+    assert overlapping(model) == []
+    ((one, other, depth),) = model.excluded_overlaps
+    assert (one, other) == ("ga", "gc")
+    assert depth == pytest.approx(0.05, abs=1e-12)  # 0.3 + 0.15 - 0.4, rounded
+    assert "ga and gc by 50.00 mm" in message
+    assert "ga and gc overlap by 50.00 mm" in model.explain().split("Excluded from contact")[1]
+    sim = stepper.Stepper(model)
+    sim.step(nstep=20)
+    assert not stepper.Status(int(sim.status)) & (stepper.Status.INFEASIBLE | stepper.Status.DEEP)
+
+
+def test_the_bodies_do_not_collide_with_their_other_geoms_either():
+    """As links in SRDF and <exclude>: geoms beside those that overlap would jam when the joint moves."""
+    scene = CHAIN.format(ground="", joint=SPIN).replace(
+        "</body></body></body>", '<geom name="tip" size=".01" pos="0 0 .5"/></body></body></body>'
+    )
+    model, _ = load(scene)
+    # At this angle the tip of the last link is in the sphere of the first one.
+    pose = [0, 0, -1.2]
+    assert len(contacts_of(model, pose)) == 0
+    assert len(contacts_of(stepper.load(scene), pose)) == 2
+
+
+@pytest.mark.parametrize("ground", [FLOOR, '<geom name="floor" type="box" size="9 9 .5"/>'])
+def test_a_free_robot_in_the_ground_stays_and_is_told(ground):
+    scene = CHAIN.format(ground=ground, joint="<freejoint/>").replace('pos="0 0 1"', 'pos="0 0 .2"')
+    model, (message,) = load(scene)
+    assert [names[:2] for names in model.excluded_overlaps] == [("ga", "gc")]
+    assert {body for pair in overlapping(model) for body in pair} >= {0, 1}
+    assert "keeps overlaps with the ground" in message
+    assert "floor and ga" in message or "ga and floor" in message
+
+
+def test_of_the_world_the_geom_alone_is_excluded():
+    """A robot's pedestal is often a geom of the world, beside the floor and the walls."""
+    pedestal = FLOOR + '<geom name="pedestal" type="box" size=".2 .2 .5" pos="0 0 .5"/><geom name="wall" size=".1" pos="2 0 1"/>'
+    model, _ = load(CHAIN.format(ground=pedestal, joint=SPIN))
+    assert {frozenset(names[:2]) for names in model.excluded_overlaps} == {
+        frozenset(p) for p in (("ga", "gc"), ("ga", "pedestal"), ("gb", "pedestal"))
+    }
+    # The wall and the floor are moved into the arm.
+    places = model.geom_pos.copy()
+    places[model.geom("floor").id], places[model.geom("wall").id] = [0, 0, 0.95], [0.35, 0, 1]
+    names = {tuple(sorted(pair)) for pair in contacts_of(model.replace(geom_pos=places))["geom"].tolist()}
+    index = {name: model.geom(name).id for name in ("floor", "wall", "ga", "pedestal")}
+    assert (index["floor"], index["ga"]) in names
+    assert (index["wall"], index["ga"]) in names
+    assert (index["pedestal"], index["ga"]) not in names
+
+
+def test_the_base_of_a_urdf_is_a_link():
+    text = arm(base=sphere(0.6), upper=sphere(0.5))
+    model, (message,) = load(text)
+    assert "#0 of body world" in message
+    assert overlapping(model) == []
+
+
+def test_explicit_pairs_that_overlap_are_excluded_too():
+    scene = CHAIN.format(ground="", joint=SPIN).replace("</worldbody>", '</worldbody><contact><pair geom1="ga" geom2="gc"/></contact>')
+    assert overlapping(stepper.load(scene)) == [(1, 3)]
+    assert overlapping(load(scene)[0]) == []
+
+
+def test_sources_copies_and_variants_agree(tmp_path):
+    text = CHAIN.format(ground="", joint=SPIN)
+    model, _ = load(text)
+    assert load(mujoco.MjModel.from_xml_string(text))[0] == model
+    model.save(tmp_path / "excluded")
+    assert load(tmp_path / "excluded", overlaps="keep")[0] == model
+    stepper.load(text).save(tmp_path / "kept")
+    again, (message,) = load(tmp_path / "kept")
+    assert again == model
+    assert "ga and gc by" in message
+    assert model.digest != stepper.load(text).digest
+    heavier = model.replace(body_mass=2 * model.body_mass)
+    assert heavier.excluded_overlaps == model.excluded_overlaps
+    assert overlapping(heavier) == []
+    # A variant with larger geoms is asked again.
+    larger = model.replace(geom_size=model.geom_size * 1.4)
+    assert overlapping(larger.exclude_overlaps()) == []
+
+
+def test_keyframes_do_not_count():
+    """A keyframe is a pose that somebody chose: the overlap there is that keyframe's, and the pair may part."""
+    scene = CHAIN.format(ground="", joint=SPIN).replace(
+        "</worldbody>", '</worldbody><keyframe><key qpos="0 0 0"/><key qpos="0 3 0"/></keyframe>'
+    )
+    apart = scene.replace('pos=".2 0 0"><joint axis="0 1 0"', 'pos=".3 0 0"><joint axis="0 1 0"')
+    assert load(apart) == (stepper.load(apart), [])
+
+
+def test_words():
+    with pytest.raises(ValueError, match='overlaps is \'drop\', must be "keep" or "exclude"'):
+        stepper.load("<mujoco/>", overlaps="drop")
+
+
+@st.composite
+def trees(draw):
+    """A tree of up to six links with spheres, on the world or free."""
+    count = draw(st.integers(2, 6))
+    number = st.floats(0.02, 0.4)
+    spheres = [[sphere(draw(number), draw(st.floats(-0.5, 0.5))) for _ in range(draw(st.integers(1, 2)))] for _ in range(count)]
+    links = [link(f"l{i}", "".join(found)) for i, found in enumerate(spheres)]
+    joints = [
+        joint(f"j{i}", f"l{draw(st.integers(0, i - 1))}", f"l{i}", kind="continuous", x=draw(st.floats(0.05, 0.8))) for i in range(1, count)
+    ]
+    free = ('<link name="world"/>', joint("root", "world", "l0", kind="floating")) if draw(st.booleans()) else ()
+    return robot(*free, *links, *joints)
+
+
+@settings(max_examples=60, deadline=None)
+@given(trees())
+def test_nothing_overlaps_and_what_is_apart_collides(text):
+    kept, (model, _) = stepper.load(text), load(text)
+    assert overlapping(model) == []
+    before, after = (_colliding_bodies(m) for m in (kept, model))
+    lost = {pair for pair in before - after if 0 not in pair}
+    assert lost == {pair for pair in overlapping(kept) if 0 not in pair}
+
+
+def _colliding_bodies(model):
+    """Pairs of bodies whose geoms meet where all bodies are in one place: contacts of a model whose geoms are larger than the robot."""
+    large = model.replace(geom_size=np.where(model.geom_size > 0, 9.0, 0.0))
+    return {tuple(sorted(pair)) for pair in contacts_of(large)["body"].tolist()}

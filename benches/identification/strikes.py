@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -76,7 +75,7 @@ class Strike:
         ctrl: Controls, (T, nu).
         noise: Standard deviation of every channel.
         qvel: Velocities at the start.
-        marks: Samples after which intervals are compared with the truth.
+        marks: Samples after which intervals are compared with the truth, and what has happened by then.
     """
 
     name: str
@@ -88,7 +87,7 @@ class Strike:
     ctrl: np.ndarray[Any, Any]
     noise: dict[str, float]
     qvel: dict[str, float]
-    marks: tuple[int, ...]
+    marks: dict[int, str]
 
     def model(self, values: Any) -> stepper.Model:
         """The model with these values."""
@@ -107,14 +106,14 @@ def struck() -> Strike:
     t = np.arange(75) * PERIOD
     ctrl = 0.04 + 0.06 * t - 0.05 * np.cos(4 * np.pi * t)
     noise = {"wrist_force": 0.3, "box_x": 5e-4}
-    marks = (8, 9, 10, 12, 16, 30, 50, 75)
+    marks = {8: "struck", 9: "struck", 10: "pushed", 12: "let go", 16: "slides", 30: "rests", 50: "struck again", 75: "struck a third time"}
     return Strike("struck box", STRUCK, ("mass:box", "friction:floor,box"), (1.3, 0.35), (0.1, 0.05), (1.0, 0.5), ctrl[:, None], noise, {}, marks)
 
 
 def thrown() -> Strike:
     """A box falls on a plate on a spring while it moves sideways, leaves it, and falls on it again; encoders alone."""
     noise = {"x": 1e-3, "z": 1e-3, "plate": 5e-4}
-    marks = (9, 10, 11, 13, 17, 25, 40, 60)
+    marks = {9: "falls on the plate", 10: "slides", 11: "slides", 13: "sticks", 17: "rises", 25: "falls on it again", 40: "rides", 60: "rides"}
     return Strike("thrown box", THROWN, ("mass:box", "friction:plate,box"), (0.4, 0.3), (0.1, 0.05), (0.6, 0.5), np.zeros((60, 0)), noise, {"x": 0.5}, marks)
 
 
@@ -125,7 +124,7 @@ def grasped() -> Strike:
     lift = 0.05 * ramp + 0.02 * np.sin(2 * np.pi * 3.0 * (t - 0.8)) * (t > 0.8)
     squeeze = np.where(t < 0.2, -1.0, np.where(t < 1.5, 12.0, -3.0))
     noise = {"wrist_force": 0.3, "height": 5e-4}
-    marks = (15, 20, 28, 32, 40, 50, 75, 90)
+    marks = {15: "grasped", 28: "lifted", 32: "lifted", 40: "lifted", 50: "slips", 75: "slips", 90: "let go and fallen"}
     return Strike("grasped box", GRASPED, ("mass:box", "friction:left,right,box"), (0.8, 0.45), (0.1, 0.05), (0.5, 0.6), np.stack([lift, squeeze, squeeze], axis=1), noise, {}, marks)
 
 
@@ -133,7 +132,7 @@ def stopped() -> Strike:
     """A pendulum that a motor drives strikes a stop on a spring and bounces."""
     t = np.arange(75) * PERIOD
     noise = {"swing": 2e-3, "stop": 2e-4}
-    marks = (5, 7, 9, 12, 18, 30, 50, 75)
+    marks = {5: "swings", 7: "swings", 9: "strikes", 12: "bounces", 18: "bounces", 30: "strikes again", 50: "rests", 75: "rests"}
     ctrl = 0.8 + 0.4 * np.sin(2 * np.pi * 1.5 * t)
     return Strike("pendulum against a stop", STOPPED, ("mass:arm", "stiffness:stop"), (0.5, 600.0), (0.1, 0.1), (0.8, 1000.0), ctrl[:, None], noise, {"swing": 0.0}, marks)
 
@@ -203,3 +202,33 @@ def follow(scene: Strike, seed: int, **settings: Any) -> Followed:
             low, high = now.interval.T
             kept.append((np.log(now.values / truth), np.sqrt(np.diag(now.covariance)), (low <= truth) & (truth <= high), np.log(high / low) / 2, now.determined))
     return Followed(*(np.stack(column) for column in zip(*kept, strict=True)), np.array(seconds))
+
+
+HEAD = "scene | after | contact | parameter | error | interval | is said | covers"
+
+
+def table(count: int) -> str:
+    """Of so many runs of every scene, as Markdown: errors, widths and coverage are of the runs in which the value is said."""
+    lines = [f"| {HEAD} |", "|" + "---|" * (HEAD.count("|") + 1)]
+    for make in STRIKES:
+        scene = make()
+        runs = [follow(scene, seed) for seed in range(count)]
+        lines += rows(scene, runs)
+        print("\n".join(lines[-2 * len(scene.marks) :]), flush=True)
+    return "\n".join(lines)
+
+
+def rows(scene: Strike, runs: list[Followed]) -> list[str]:
+    """Two lines for every mark."""
+    lines = []
+    for k, (mark, what) in enumerate(scene.marks.items()):
+        for j, parameter in enumerate(scene.parameters):
+            said = [run for run in runs if run.determined[k, j]]
+            cells = "- | - | 0 % | -"
+            if said:
+                error = np.sqrt(np.mean([run.error[k, j] ** 2 for run in said]))
+                width = np.median([run.width[k, j] for run in said])
+                covers = np.mean([run.covers[k, j] for run in said])
+                cells = f"{100 * error:.2g} % | {100 * width:.2g} % | {100 * len(said) / len(runs):.0f} % | {100 * covers:.1f} %"
+            lines.append(f"| {scene.name} | {mark * PERIOD:.2f} s | {what} | {parameter.partition(':')[0]} | {cells} |")
+    return lines

@@ -12,6 +12,7 @@ from stepper._stepper import Model, ModelError
 from stepper.loading.mjcf import describe
 from stepper.loading.origins import remember
 from stepper.loading.urdf import resolve_meshes
+from stepper.shared.files import existing
 
 Source: TypeAlias = "str | os.PathLike[str] | Any"
 
@@ -80,7 +81,7 @@ def is_saved(source: Source) -> bool:
     path = Path(source)
     if path.is_dir():
         raise IsADirectoryError(f"stepper.load takes the path of a file or XML text, and {str(source)!r} is a directory")
-    with path.open("rb") as file:
+    with existing(path, "model").open("rb") as file:
         return file.read(len(_SAVED)) == _SAVED
 
 
@@ -129,7 +130,7 @@ def _compile_text(text: str, package_dirs: Sequence[str | os.PathLike[str]] | No
 
 
 def _compile_file(path: Path, package_dirs: Sequence[str | os.PathLike[str]] | None) -> Any:
-    compiler, place = _mujoco().MjModel, str(path)
+    compiler, place = _mujoco().MjModel, str(existing(path, "model"))
     if path.suffix == ".mjb":
         return _compile(compiler.from_binary_path, place, place)
     text = path.read_text(encoding="utf-8", errors="replace")

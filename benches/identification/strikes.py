@@ -107,14 +107,36 @@ def struck() -> Strike:
     ctrl = 0.04 + 0.06 * t - 0.05 * np.cos(4 * np.pi * t)
     noise = {"wrist_force": 0.3, "box_x": 5e-4}
     marks = {8: "struck", 9: "struck", 10: "pushed", 12: "let go", 16: "slides", 30: "rests", 50: "struck again", 75: "struck a third time"}
-    return Strike("struck box", STRUCK, ("mass:box", "friction:floor,box"), (1.3, 0.35), (0.1, 0.05), (1.0, 0.5), ctrl[:, None], noise, {}, marks)
+    return Strike(
+        "struck box", STRUCK, ("mass:box", "friction:floor,box"), (1.3, 0.35), (0.1, 0.05), (1.0, 0.5), ctrl[:, None], noise, {}, marks
+    )
 
 
 def thrown() -> Strike:
     """A box falls on a plate on a spring while it moves sideways, leaves it, and falls on it again; encoders alone."""
     noise = {"x": 1e-3, "z": 1e-3, "plate": 5e-4}
-    marks = {9: "falls on the plate", 10: "slides", 11: "slides", 13: "sticks", 17: "rises", 25: "falls on it again", 40: "rides", 60: "rides"}
-    return Strike("thrown box", THROWN, ("mass:box", "friction:plate,box"), (0.4, 0.3), (0.1, 0.05), (0.6, 0.5), np.zeros((60, 0)), noise, {"x": 0.5}, marks)
+    marks = {
+        9: "falls on the plate",
+        10: "slides",
+        11: "slides",
+        13: "sticks",
+        17: "rises",
+        25: "falls on it again",
+        40: "rides",
+        60: "rides",
+    }
+    return Strike(
+        "thrown box",
+        THROWN,
+        ("mass:box", "friction:plate,box"),
+        (0.4, 0.3),
+        (0.1, 0.05),
+        (0.6, 0.5),
+        np.zeros((60, 0)),
+        noise,
+        {"x": 0.5},
+        marks,
+    )
 
 
 def grasped() -> Strike:
@@ -125,7 +147,18 @@ def grasped() -> Strike:
     squeeze = np.where(t < 0.2, -1.0, np.where(t < 1.5, 12.0, -3.0))
     noise = {"wrist_force": 0.3, "height": 5e-4}
     marks = {15: "grasped", 28: "lifted", 32: "lifted", 40: "lifted", 50: "slips", 75: "slips", 90: "let go and fallen"}
-    return Strike("grasped box", GRASPED, ("mass:box", "friction:left,right,box"), (0.8, 0.45), (0.1, 0.05), (0.5, 0.6), np.stack([lift, squeeze, squeeze], axis=1), noise, {}, marks)
+    return Strike(
+        "grasped box",
+        GRASPED,
+        ("mass:box", "friction:left,right,box"),
+        (0.8, 0.45),
+        (0.1, 0.05),
+        (0.5, 0.6),
+        np.stack([lift, squeeze, squeeze], axis=1),
+        noise,
+        {},
+        marks,
+    )
 
 
 def stopped() -> Strike:
@@ -134,7 +167,18 @@ def stopped() -> Strike:
     noise = {"swing": 2e-3, "stop": 2e-4}
     marks = {5: "swings", 7: "swings", 9: "strikes", 12: "bounces", 18: "bounces", 30: "strikes again", 50: "rests", 75: "rests"}
     ctrl = 0.8 + 0.4 * np.sin(2 * np.pi * 1.5 * t)
-    return Strike("pendulum against a stop", STOPPED, ("mass:arm", "stiffness:stop"), (0.5, 600.0), (0.1, 0.1), (0.8, 1000.0), ctrl[:, None], noise, {"swing": 0.0}, marks)
+    return Strike(
+        "pendulum against a stop",
+        STOPPED,
+        ("mass:arm", "stiffness:stop"),
+        (0.5, 600.0),
+        (0.1, 0.1),
+        (0.8, 1000.0),
+        ctrl[:, None],
+        noise,
+        {"swing": 0.0},
+        marks,
+    )
 
 
 STRIKES = (struck, thrown, grasped, stopped)
@@ -191,7 +235,14 @@ def follow(scene: Strike, seed: int, **settings: Any) -> Followed:
     noisy = readings(scene, truth, rng)
     model = scene.model(scene.start)
     tracker = stepper.Tracker(
-        model, list(scene.parameters), noise=scene.noise, period=PERIOD, options=HARD, qvel=scene.velocities(model), start_std=START_STD, **settings
+        model,
+        list(scene.parameters),
+        noise=scene.noise,
+        period=PERIOD,
+        options=HARD,
+        qvel=scene.velocities(model),
+        start_std=START_STD,
+        **settings,
     )
     kept, seconds = [], []
     for k, ctrl in enumerate(scene.ctrl):
@@ -200,7 +251,15 @@ def follow(scene: Strike, seed: int, **settings: Any) -> Followed:
         seconds.append(time.process_time() - began)
         if k + 1 in scene.marks:
             low, high = now.interval.T
-            kept.append((np.log(now.values / truth), np.sqrt(np.diag(now.covariance)), (low <= truth) & (truth <= high), np.log(high / low) / 2, now.determined))
+            kept.append(
+                (
+                    np.log(now.values / truth),
+                    np.sqrt(np.diag(now.covariance)),
+                    (low <= truth) & (truth <= high),
+                    np.log(high / low) / 2,
+                    now.determined,
+                )
+            )
     return Followed(*(np.stack(column) for column in zip(*kept, strict=True)), np.array(seconds))
 
 

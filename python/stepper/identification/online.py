@@ -29,6 +29,7 @@ from stepper.identification.findings import undetermined
 from stepper.identification.inertia import Array
 from stepper.identification.linear import Directions
 from stepper.identification.parameters import READING, Block, Unknown, bind, natural, write
+from stepper.identification.shift import Watch, finding
 from stepper.identification.simulate import LANED, UNTRUSTED, compared, find_channels, noise_of, solved
 
 STEP = 1e-5
@@ -80,13 +81,15 @@ class Tracked:
         labels: What each value is.
         values: Estimates in their units, (n,).
         interval: 95 % intervals, (n, 2).
-        determined: Whether what was measured so far says each of them, (n,). Where it is False for friction, the lower end of the
+        determined: Whether what was measured so far says each of them, (n,): False also where the estimate has not settled, where readings
+            of late differ from their prediction by far more than their noise, and where they are shifted (see `warnings`). Where it is False for friction, the lower end of the
             interval is what held without slipping, and the upper end is what was known before.
         covariance: Of theta (logarithms of what is positive), (n, n).
         surprise: Mean of the squares of what this sample's readings differ from their prediction, over noise: about 1, and much more where
             the model lacks something.
         untrusted: Share of the steps of the window that were not solved.
         seconds: Time of the update.
+        warnings: What is wrong with the data: readings that stand one sample too late or too early beside their controls.
     """
 
     time: float
@@ -98,6 +101,7 @@ class Tracked:
     surprise: float
     untrusted: float
     seconds: float
+    warnings: tuple[str, ...] = ()
 
     def __getitem__(self, label: str) -> float:
         """The estimate of a label, as `tracked["mass:box"]`."""
@@ -236,6 +240,7 @@ class Tracker:
         self._samples: deque[tuple[Array, dict[str, Array]]] = deque()
         self._now = 0.0
         self._posterior: Array = self._cov.copy()
+        self._watch: Watch | None = Watch()
 
     def update(self, ctrl: ArrayLike, readings: Mapping[str, ArrayLike]) -> Tracked:
         """Takes a sample.
@@ -253,9 +258,15 @@ class Tracker:
         given = np.asarray(ctrl, np.float64)
         if given.shape != (self.model.nu,) or not np.isfinite(given).all():
             raise ValueError(f"ctrl has shape {given.shape}, must be ({self.model.nu},) and finite")
-        self._samples.append((given, self._checked(readings)))
+        read = self._checked(readings)
+        if self._watch is not None:
+            self._watch.begin(self)
+        self._samples.append((given, read))
         self._now += self.period
         at, newest, settled = self._settle()
+        surprise = float((newest**2).mean()) if len(newest) else 0.0
+        explained = self._watch is None or self._watch.look(given, read, surprise)
+        shift = None if self._watch is None else self._watch.found
         flagged = float(((at.made["status"].astype(np.int64) & int(UNTRUSTED)) != 0).mean())
         known = self._posterior[: self.n, : self.n].copy()
         if len(self._samples) == self._length:
@@ -267,11 +278,12 @@ class Tracker:
             labels=self.labels,
             values=natural(self.blocks, theta),
             interval=np.stack([natural(self.blocks, low), natural(self.blocks, high)], axis=1),
-            determined=~undetermined(self.blocks, std / self._scale, self._reach) & settled,
+            determined=~undetermined(self.blocks, std / self._scale, self._reach) & (settled and explained),
             covariance=known,
-            surprise=float((newest**2).mean()) if len(newest) else 0.0,
+            surprise=surprise,
             untrusted=flagged,
             seconds=time.perf_counter() - began,
+            warnings=() if shift is None else (finding(*shift),),
         )
 
     def sample(self, count: int, *, seed: int = 0) -> dict[str, Any]:

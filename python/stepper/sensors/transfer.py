@@ -64,7 +64,9 @@ class Transfer:
         if self.noise not in ("gaussian", "uniform"):
             raise ValueError(f"noise is {self.noise!r}, must be 'gaussian' or 'uniform'")
         if self.noise == "uniform" and self.noise_density is not None:
-            raise ValueError("noise_density is that of Gaussian noise; give uniform noise its noise_std, which is the half width over sqrt(3)")
+            raise ValueError(
+                "noise_density is that of Gaussian noise; give uniform noise its noise_std, which is the half width over sqrt(3)"
+            )
         check_numbers(self, "noise")
 
     def _row(self, num_envs: int) -> dict[str, Any]:

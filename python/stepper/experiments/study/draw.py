@@ -173,7 +173,13 @@ def _series(panel: Axes, sweep: Sweep, name: str, number: int, *, shares: bool) 
     setting, colour = settings[number], COLOURS[number % len(COLOURS)]
     points, levels = sweep.points(name, setting), sweep.of(name, setting)
     line = panel.plot(
-        _places(points), _bars(points, shares=shares)[0], "-" if number == 0 else "--", color=colour, linewidth=1.2, marker=".", markersize=3
+        _places(points),
+        _bars(points, shares=shares)[0],
+        "-" if number == 0 else "--",
+        color=colour,
+        linewidth=1.2,
+        marker=".",
+        markersize=3,
     )[0]
     line.set_gid(f"{name}/{setting}")
     y, below, above = _bars(levels, shares=shares)

@@ -171,7 +171,9 @@ def no_peer(study: Study) -> str | None:
 def _summary(study: Study, found: Sweep, verdicts: Sequence[Verdict]) -> list[Section]:
     nominal = found.of("")[0]
     model = f" of model `{name}`" if (name := study.loaded[0].name) else ""
-    words = [f"`{study.name}`{model}: {counted(study.episodes, 'episode')} of {study.seconds:g} s at every point, {len(found.table)} rows in all."]
+    words = [
+        f"`{study.name}`{model}: {counted(study.episodes, 'episode')} of {study.seconds:g} s at every point, {len(found.table)} rows in all."
+    ]
     if study.decisive:
         words.append(
             f"{study.decisive.name} {study.decisive.success} {study.decisive.unit}: {nominal.successes} of {nominal.episodes} at the "
@@ -288,7 +290,9 @@ def _settings(study: Study, found: Sweep) -> list[Section]:
 def _differences(own: dict[str, Any], usual: dict[str, Any]) -> str:
     """Settings that are not as usual, in words; "no NAME" is one that an engine does not have."""
     names = list(dict.fromkeys((*usual, *own)))
-    told = [f"{name} {cell(own[name])}" if own.get(name) is not None else f"no {name}" for name in names if own.get(name) != usual.get(name)]
+    told = [
+        f"{name} {cell(own[name])}" if own.get(name) is not None else f"no {name}" for name in names if own.get(name) != usual.get(name)
+    ]
     return ", ".join(told) or "the same"
 
 

@@ -1,4 +1,4 @@
-"""`stepper.Tracker` where contacts begin and end: how many of its 95 % intervals have the truth in them, by the time since the first contact."""
+"""`stepper.Tracker` where contacts begin and end: how many of its 95 % intervals have the truth, as the motion goes on."""
 
 from __future__ import annotations
 

@@ -74,7 +74,7 @@ def test_shifts_undo_one_another(rows, width, shift):
 @settings(max_examples=50, deadline=None)
 @given(st.integers(20, 400), st.integers(1, 6), st.integers(0, 2**20))
 def test_white_noise_is_not_suspicious_and_a_shifted_wave_is(rows, width, seed):
-    """So that a fit that explains the data costs no more than before. Wilson-Hilferty: 1.5 is past 1 + 3 sqrt(2 / n) from 80 readings on."""
+    """So that a fit that explains the data costs no more than before. From 200 readings on, 1.5 is five standard deviations above 1."""
     noise = np.random.default_rng(seed).standard_normal((rows, width))
     if rows * width > 200:
         assert not suspicious([noise])

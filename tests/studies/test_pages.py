@@ -90,7 +90,7 @@ def test_a_cliff_is_as_steep_as_it_is_known(tmp_path):
     x, shares = np.array([p.value for p in points]), np.array([p.share for p in points])
     k = int(np.flatnonzero(np.diff(shares >= 0.5))[0])
     assert (x[k], x[k + 1]) == (cliff.low, cliff.high)
-    # Between two levels of the table and of the bisection alike: Coulomb's distance, to the 4 ms of a step at a speed of up to 1 m/s, less what the contact at the start takes.
+    # Coulomb's distance; the contact takes 1 mm at the start.
     np.testing.assert_allclose([p.mean for p in points], 1 / (2 * 9.81 * x), atol=0.003)
 
 

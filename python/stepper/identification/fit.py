@@ -284,10 +284,11 @@ def _concluded(
         seconds=seconds,
         warnings=(),
     )
-    return found.warned((
-        *_shift_warnings(residuals, best, solver),
-        *warnings_of(residuals, best.x, sure, reach=reach, roughness=roughness, searches=searches, converged=best.converged, weights=weights),
-    ))  # fmt: skip
+    shifts = _shift_warnings(residuals, best, solver)
+    others = warnings_of(
+        residuals, best.x, sure, reach=reach, roughness=roughness, searches=searches, converged=best.converged, weights=weights
+    )
+    return found.warned((*shifts, *others))
 
 
 def _shift_warnings(residuals: Residuals, best: _Found, solver: _Solver) -> tuple[str, ...]:

@@ -46,6 +46,8 @@ SAME = 0.01
 """but for this much: a hundredth of what a standard deviation costs."""
 LITTLE = 0.1
 """Standard deviations by which the last step may move a parameter."""
+NEARBY = 0.5
+"""And that a step may lead away where no part of it lowers the cost."""
 FLAT = 0.01
 """Sum of squares of residuals below which two frictions predict the same."""
 KINKED = ("friction", "torsion", "rolling", "frictionloss")
@@ -81,9 +83,9 @@ class Tracked:
         labels: What each value is.
         values: Estimates in their units, (n,).
         interval: 95 % intervals, (n, 2).
-        determined: Whether what was measured so far says each of them, (n,): False also where the estimate has not settled, where readings
-            of late differ from their prediction by far more than their noise, and where they are shifted (see `warnings`). Where it is False for friction, the lower end of the
-            interval is what held without slipping, and the upper end is what was known before.
+        determined: Whether what was measured so far says each of them, (n,). It is False also where the estimate has not settled, where
+            recent readings differ from their prediction by far more than their noise, and where they are shifted (see `warnings`). Where it
+            is False for friction, the lower end of the interval is what held without slipping, the upper end what was known before.
         covariance: Of theta (logarithms of what is positive), (n, n).
         surprise: Mean of the squares of what this sample's readings differ from their prediction, over noise: about 1, and much more where
             the model lacks something.
@@ -459,9 +461,11 @@ class Tracker:
                     break
                 share /= 2
             else:
-                # The window is not what slopes say of it in any direction that they show: the estimate stays where it is.
+                # The cost is jagged, as where something begins to slip. It is settled if its slopes do not lead far away.
                 self._x = best.points[0].copy()
-                return best, newest, False
+                far = np.abs(step[: self.n]) > NEARBY * np.sqrt(np.diag(self._posterior))[: self.n]
+                far[holding] = False
+                return best, newest, not far.any()
             best = tried
         self._x = best.points[0].copy()
         _, holding = self._other(best.points, best.residual, best.J)

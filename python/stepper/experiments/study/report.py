@@ -290,9 +290,8 @@ def _settings(study: Study, found: Sweep) -> list[Section]:
 def _differences(own: dict[str, Any], usual: dict[str, Any]) -> str:
     """Settings that are not as usual, in words; "no NAME" is one that an engine does not have."""
     names = list(dict.fromkeys((*usual, *own)))
-    told = [
-        f"{name} {cell(own[name])}" if own.get(name) is not None else f"no {name}" for name in names if own.get(name) != usual.get(name)
-    ]
+    changed = [name for name in names if own.get(name) != usual.get(name)]
+    told = [f"no {name}" if own.get(name) is None else f"{name} {cell(own[name])}" for name in changed]
     return ", ".join(told) or "the same"
 
 

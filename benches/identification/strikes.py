@@ -260,7 +260,8 @@ def follow(scene: Strike, seed: int, **settings: Any) -> Followed:
                     now.determined,
                 )
             )
-    return Followed(*(np.stack(column) for column in zip(*kept, strict=True)), np.array(seconds))
+    error, std, covers, width, determined = (np.stack(column) for column in zip(*kept, strict=True))
+    return Followed(error, std, covers, width, determined, np.array(seconds))
 
 
 HEAD = "scene | after | contact | parameter | error | interval | is said | covers"

@@ -10,7 +10,9 @@ from identification.strikes import follow, stopped, struck
 from stepper.identification.linear import LENGTH, Directions
 
 
-@pytest.mark.parametrize(("scene", "marks"), [(struck(), {8: "struck", 9: "struck"}), (stopped(), {9: "strikes"})], ids=["struck", "stopped"])
+@pytest.mark.parametrize(
+    ("scene", "marks"), [(struck(), {8: "struck", 9: "struck"}), (stopped(), {9: "strikes"})], ids=["struck", "stopped"]
+)
 def test_what_is_said_of_a_contact_that_has_just_begun_is_true(scene, marks):
     """Of 24 runs, 18 or fewer intervals of 95 % have the truth with a chance of 0.001; those of slopes at a point had it in 9 to 17."""
     short = dataclasses.replace(scene, ctrl=scene.ctrl[: max(marks)], marks=marks)

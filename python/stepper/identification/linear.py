@@ -68,7 +68,7 @@ class Directions:
             along[self._apart] = slopes(y, spans)[self._apart] * steps
             curved[self._apart] = 0.0
         found = np.linalg.solve(self.columns.T, along.reshape(len(along), -1))
-        return found.reshape(along.shape), curved
+        return np.asarray(found.reshape(along.shape)), np.asarray(curved)
 
 
 def _given(covariance: Array, rest: Sequence[int]) -> Array:

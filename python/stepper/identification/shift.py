@@ -33,7 +33,7 @@ CAUGHT_UP = 2
 """Samples that are tried again with each shift at every update, until they have caught up."""
 _WORDS = {
     LATE: "one sample late: the readings of row k + 1 fit the control of row k. Pair ctrl[:-1] with readings[1:]",
-    EARLY: "one sample early: the readings of row k fit the control of row k + 1. Pair ctrl[1:] with readings[:-1], and start one row later",
+    EARLY: "one sample early: the readings of row k fit the control of row k + 1. Pair ctrl[1:] with readings[:-1], from one row later",
 }
 
 

@@ -159,7 +159,7 @@ def _panel(panel: Axes, sweep: Sweep, name: str, *, shares: bool) -> None:
     else:
         outcome = study.decisive or study.all_outcomes[0]
         panel.set_ylabel(f"{outcome.name}{', ' + outcome.unit if outcome.unit else ''}")
-        if outcome.success:
+        if outcome.threshold is not None:
             panel.axhline(outcome.threshold, color="#444444", linestyle="-.", linewidth=1)
     if not words:
         panel.locator_params(axis="x", nbins=6)

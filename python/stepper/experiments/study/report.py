@@ -172,7 +172,8 @@ def _summary(study: Study, found: Sweep, verdicts: Sequence[Verdict]) -> list[Se
     nominal = found.of("")[0]
     model = f" of model `{name}`" if (name := study.loaded[0].name) else ""
     words = [
-        f"`{study.name}`{model}: {counted(study.episodes, 'episode')} of {study.seconds:g} s at every point, {len(found.table)} rows in all."
+        f"`{study.name}`{model}: {counted(study.episodes, 'episode')} of {study.seconds:g} s at every point, "
+        f"{len(found.table)} rows in all."
     ]
     if study.decisive:
         words.append(

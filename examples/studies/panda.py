@@ -1,7 +1,7 @@
 """A Panda picks a cube by a script: at which friction does it slip out, with how many iterations, in which law and engine?
 
 The arm and the gripper are robosuite's (`pip install --no-deps robosuite`), with position servos that a script moves: above the cube, down,
-close, up by 15 cm. Each finger presses with 20 N, give or take the 1 N of its dry friction, and the friction that is swept is that of cube and
+close, up by 15 cm. Each finger presses with 20 N, give or take the 1 N of its dry friction. The friction that is swept is that of cube and
 fingers:
 
     stepper report examples/studies/panda.py

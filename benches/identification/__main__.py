@@ -10,7 +10,7 @@ from pathlib import Path
 import stepper
 from stepper.shared.machine import provenance
 
-from identification import online, sysid
+from identification import online, strikes, sysid
 from identification.repetitions import HEAD, Kept, Row, Trial, repeated
 from identification.scenes import SCENES
 
@@ -71,8 +71,9 @@ def main() -> None:
     parser.add_argument("--count", type=int, default=100, help="repetitions from each start")
     parser.add_argument("--count-beside", type=int, default=10, help="repetitions beside mujoco.sysid")
     parser.add_argument("--count-online", type=int, default=25, help="runs that are followed sample by sample, of each kind")
+    parser.add_argument("--count-strikes", type=int, default=200, help="runs of each scene in which contacts begin and end")
     parser.add_argument("--threads", type=int, default=0, help="threads of stepper; 0 is all")
-    parser.add_argument("--only", choices=["own", "coloured", "beside", "online"], help="one of the tables")
+    parser.add_argument("--only", choices=["own", "coloured", "beside", "online", "strikes"], help="one of the tables")
     parser.add_argument("--resume", action="store_true", help=f"take repetitions from {OUT} that an earlier run has made")
     parser.add_argument("--update-docs", action="store_true", help=f"write the tables into {PAGE.name}")
     given = parser.parse_args()
@@ -85,6 +86,8 @@ def main() -> None:
         tables["coloured"] = _table("scene", _coloured(given.count, given.threads), Kept(OUT / "coloured.jsonl", given.resume))
     if given.only in (None, "online"):
         tables["online"] = online.table(given.count_online)
+    if given.only in (None, "strikes"):
+        tables["strikes"] = strikes.table(given.count_strikes)
     if given.only in (None, "beside"):
         if missing := sysid.available():
             print(f"not beside mujoco.sysid: {missing}")

@@ -1,7 +1,8 @@
 """A Panda picks a cube by a script: at which friction does it slip out, with how many iterations, in which law and engine?
 
 The arm and the gripper are robosuite's (`pip install --no-deps robosuite`), with position servos that a script moves: above the cube, down,
-close, up by 15 cm. Each finger presses with at most 20 N, and the friction that is swept is that of cube and fingers:
+close, up by 15 cm. Each finger presses with 20 N, give or take the 1 N of its dry friction. The friction that is swept is that of cube and
+fingers:
 
     stepper report examples/studies/panda.py
 
@@ -25,8 +26,11 @@ PLACE = (0.5, 0.0)
 G, FORCE = 9.81, 20.0
 """m/s^2, N: of a finger's servo at its bound."""
 RISE = 0.15
-THEORY = MASS * G / (2.0 * FORCE)
-"""Friction below which the cube slips, once it is held still."""
+DRY = 1.0
+"""N: dry friction of a finger's joint, which adds to what the servo presses with or takes from it."""
+THEORY = MASS * G / (2.0 * (FORCE + DRY)), MASS * (G + 6 * RISE) / (2.0 * (FORCE - DRY))
+"""Friction below which the cube slips even once it is held still, and above which it does not slip even where the lift begins, with an
+acceleration of 6 RISE / s^2: 0.374 and 0.451."""
 TIMES, HEIGHTS = (0.0, 0.6, 1.2, 1.6, 2.6, 3.2), (0.15, 0.15, 0.0, 0.0, RISE, RISE)
 """s, m: of the fingers above the cube's middle; they close from 1.2 s to 1.6 s."""
 

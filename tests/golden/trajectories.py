@@ -114,7 +114,7 @@ def errors(n: int) -> SensorModel:
     return SensorModel(
         {
             "shoulder": Transfer(quantum=0.001, delay=0.0031, jitter=0.001),
-            "elbow": Transfer(period=0.007, dropout=0.2, noise="uniform", noise_std=0.05),
+            "elbow": Transfer(period=0.007, dropout=0.2, noise="uniform", noise_std=0.05 / np.sqrt(3.0)),
             "gyro": Transfer(noise_density=0.01, bias_std=0.1, drift_std=0.2, drift_time=0.5, limits=(-3.0, 3.0)),
             "accelerometer": Transfer(scale_std=0.03, misalignment_std=0.02, bias=spread(-0.1, 0.1, n), drift_std=0.5),
             "pose": Transfer(noise_std=0.02, bias_std=0.05),

@@ -40,7 +40,7 @@ def test_repetitions_of_another_version_are_refused(tmp_path):
     assert path.read_text() == '{"version": 0}\n'
 
 
-@pytest.mark.parametrize("name", ["online", "own", "coloured", "beside"])
+@pytest.mark.parametrize("name", ["online", "strikes", "own", "coloured", "beside"])
 def test_tables_have_rows(name):
     """A heading, a rule and a row or more between the marks."""
     table = re.search(rf"<!-- {name} -->\n(.*?)\n?<!-- end of {name} -->", PAGE.read_text(), re.DOTALL)

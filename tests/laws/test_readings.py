@@ -8,6 +8,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import stepper
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from stepper import SensorModel, Transfer, devices
 
 STILL = """
@@ -53,13 +55,21 @@ def test_gaussian_noise_has_its_moments():
     assert abs(tail - 0.0027) < 5 * np.sqrt(0.0027 / n)
 
 
+@settings(max_examples=20, deadline=None)
+@given(st.sampled_from(["gaussian", "uniform"]), st.floats(1e-3, 10.0), st.integers(0, 2**20))
+def test_noise_of_every_kind_has_the_standard_deviation_that_it_claims(kind, std, seed):
+    """The estimator's own deviation is at most std / sqrt(2 n), that of Gaussian noise; six of them, since seeds are many."""
+    x = errors(20, 256, seed=seed, angle=Transfer(noise_std=std, noise=kind))[:, :, ANGLE]
+    assert abs(x.std() / std - 1) < 6 / np.sqrt(2 * x.size)
+
+
 def test_uniform_noise_has_its_moments():
     x = errors(200, 256, angle=Transfer(noise_std=0.3, noise="uniform"))[:, :, ANGLE]
     mean, var, _, kurtosis = moments(x)
     n = x.size
-    assert np.abs(x).max() <= 0.3
-    assert abs(mean) < 5 * np.sqrt(0.03 / n)
-    assert abs(var / 0.03 - 1) < 5 * np.sqrt(0.8 / n)
+    assert np.abs(x).max() <= 0.3 * np.sqrt(3)
+    assert abs(mean) < 5 * np.sqrt(0.09 / n)
+    assert abs(var / 0.09 - 1) < 5 * np.sqrt(0.8 / n)
     assert abs(kurtosis - 1.8) < 5 * np.sqrt(24 / n)
 
 

@@ -108,6 +108,21 @@ def test_what_an_environment_has_of_its_own_is_seen():
     np.testing.assert_array_equal(renderer.render(sim, 0), first)
 
 
+@pytest.mark.parametrize("kind", ["box", "sphere", "cylinder"])
+@pytest.mark.parametrize("light", ["", '<light pos="0 0 3"/>'])
+def test_a_scene_without_a_light_gets_one(kind, light):
+    """Its picture is as bright as that of a scene with a light, and its bodies throw shadows."""
+    source = f'''<mujoco><worldbody>{light}<geom type="plane" size="2 2 .1"/><body pos="0 0 .3"><freejoint/>
+      <geom type="{kind}" size=".1 .1 .1" rgba=".8 .3 .2 1"/></body></worldbody></mujoco>'''
+    model = stepper.load(source)
+    sim = stepper.Stepper(model)
+    bright, dark = (Renderer(model, **SIZE, lamp=lamp).render(sim).astype(int) for lamp in (True, False))
+    assert bright.mean() > 80  # of 255; MuJoCo's headlight alone leaves 45
+    assert (bright == dark).all() == bool(light)
+    floor = bright[np.ptp(bright, axis=2) < 5]  # It is grey.
+    assert np.percentile(floor, 95) - np.percentile(floor, 1) > 30  # A shadow on it.
+
+
 def test_gymnasium_films_it(tmp_path):
     env = gymnasium.make("stepper/HalfCheetah-v5", render_mode="rgb_array", **SIZE)
     with gymnasium.wrappers.RecordVideo(env, str(tmp_path)) as filmed:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from stepper._stepper import ModelError
 from stepper.cli import chart, compare, demo, evaluate, explain, identify, rank, replay, report, sweep, tune, view
+from stepper.shared.files import in_words
 from stepper.shared.machine import require
 
 if TYPE_CHECKING:
@@ -29,5 +30,6 @@ def main() -> None:
     try:
         application()()
     except (ImportError, ModelError, KeyError, OSError, ValueError) as error:
-        print(f"stepper: {error.args[0] if isinstance(error, KeyError) else error}", file=sys.stderr)
+        text = in_words(error) if isinstance(error, OSError) else error.args[0] if isinstance(error, KeyError) else error
+        print(f"stepper: {text}", file=sys.stderr)
         sys.exit(1)

@@ -42,7 +42,8 @@ class Drawing:
         """Pictures of some environments, (height, width, 3) uint8 each."""
         if self._renderer is None:
             batch = self._batch
-            self._renderer = Renderer(batch.sim.model, source=self._origin, default_config=batch.task.camera, **self._settings)
+            task = batch.task
+            self._renderer = Renderer(batch.sim.model, source=self._origin, default_config=task.camera, lamp=task.lamp, **self._settings)
         return tuple(self._renderer.render(self._batch.sim, env) for env in envs)
 
     def close(self) -> None:

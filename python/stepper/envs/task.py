@@ -180,6 +180,8 @@ class Task(ABC):
     """Law of contact unless an environment is made with another."""
     camera: ClassVar[Camera] = {}
     """From where pictures are taken, unless the model's file has a camera "track" or an environment is made with another."""
+    lamp: ClassVar[bool] = True
+    """Whether pictures of a scene without a light get one: False in Gymnasium's tasks, whose pictures are Gymnasium's."""
     frame_skip: int
     """Steps for each action."""
 
@@ -273,6 +275,7 @@ class MujocoTask(Task):
     """
 
     contact = "mujoco"
+    lamp = False
     strict: ClassVar[bool] = True
     """Whether the model may leave nothing out."""
     xml_file: str

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import contextlib
+import sys
+import time
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
@@ -11,17 +13,25 @@ from stepper.shared.machine import require
 
 Tick = Callable[[str, float], None]
 """Called with what is being done and the fraction done, never while something is timed."""
+PATIENCE = 30.0
+"""Seconds after which a line is written though no tenth is full."""
 
 
 @contextlib.contextmanager
 def progress() -> Iterator[Tick]:
-    """A progress bar that draws itself only when told, so that it never runs while something is timed.
+    """Progress on stderr, written only when told, so that nothing is written while something is timed.
+
+    On a terminal it is a bar. In a file or a pipe it is a line for every tenth, or after half a minute, which is there at once.
 
     Yields:
         A function of (what is being done, fraction done).
     """
-    bars = require("rich.progress", "to show progress")
-    with bars.Progress(auto_refresh=False, transient=False) as bar:
+    bars, consoles = require("rich.progress", "to show progress"), require("rich.console", "to show progress")
+    console = consoles.Console(stderr=True)
+    if not console.is_terminal:
+        yield _lines()
+        return
+    with bars.Progress(console=console, auto_refresh=False, transient=False) as bar:
         tasks: dict[str, Any] = {}
 
         def tick(what: str, done: float) -> None:
@@ -33,6 +43,20 @@ def progress() -> Iterator[Tick]:
         yield tick
 
 
+def _lines() -> Tick:
+    """Progress as lines."""
+    last: dict[str, tuple[int, float]] = {}
+
+    def tick(what: str, done: float) -> None:
+        tenth, now = int(10 * done + 1e-9), time.monotonic()
+        before, when = last.get(what, (-1, now))
+        if tenth > before or now - when > PATIENCE:
+            print(f"{what}: {100 * done:.0f} %", file=sys.stderr, flush=True)
+            last[what] = max(tenth, before), now
+
+    return tick
+
+
 def show_files(paths: Sequence[Path]) -> None:
     """Prints what was written.
 
@@ -40,4 +64,4 @@ def show_files(paths: Sequence[Path]) -> None:
         paths: The files.
     """
     for path in paths:
-        print(f"wrote {path}")
+        print(f"wrote {path}", flush=True)

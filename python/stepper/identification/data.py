@@ -22,6 +22,7 @@ from numpy.typing import ArrayLike
 from stepper._stepper import Model
 from stepper.identification.inertia import Array
 from stepper.recording import HEADER, segments
+from stepper.shared.files import existing
 
 COORDINATES = ("qpos", "qvel", "act")
 APPLIED = ("qfrc_applied", "xfrc_applied", "mocap_pos", "mocap_quat")
@@ -160,15 +161,15 @@ def episodes_of(
 def _read(path: Path, model: Model, channels: Sequence[str] | None, columns: dict[str, str], start: Any) -> list[Episode]:
     if (path / HEADER).exists():
         return _of_recording(path, model, channels)
+    if path.is_dir() or path.suffix not in (".csv", ".npz"):
+        what = "neither a recording" if path.exists() else "not there, and would be neither a recording"
+        raise ValueError(f"{path} is {what} (a folder with {HEADER}) nor a .csv or .npz file; give the path of one of these")
+    existing(path, "log")
     if path.suffix == ".csv":
         table = _csv(path)
-    elif path.suffix == ".npz":
+    else:
         with np.load(path, allow_pickle=False) as file:
             table = {name: np.asarray(file[name]) for name in file.files}
-    elif not path.exists():
-        raise FileNotFoundError(f"there is no file {path}")
-    else:
-        raise ValueError(f"{path} is neither a recording (a folder with {HEADER}) nor a .csv or .npz file")
     if missing := sorted(set(columns) - set(table)):
         raise ValueError(f"{path}: there is no column {missing[0]!r}, there are: {', '.join(table)}")
     table = {columns.get(name, name): values for name, values in table.items()}

@@ -20,6 +20,7 @@ from stepper.identification.inertia import Array
 from stepper.identification.parameters import Block, Unknown, bind, write
 from stepper.identification.residuals import Linearized, Residuals, Together
 from stepper.identification.result import Identification, Search
+from stepper.identification.shift import EARLY, LATE, RATIO, finding, suspicious
 from stepper.identification.simulate import Simulator, noise_of, solved
 from stepper.identification.uncertainty import uncertainty, weights_of
 from stepper.shared.machine import require
@@ -142,6 +143,10 @@ class _Solver:
     def __init__(self, optimize: Any, residuals: Residuals, *, loss: str, f_scale: float, most: int):
         self._optimize, self._residuals, self.loss, self.f_scale, self._most = optimize, residuals, loss, f_scale, most
         self.evaluations = 0
+
+    def with_residuals(self, residuals: Residuals) -> _Solver:
+        """The same solver of other residuals."""
+        return _Solver(self._optimize, residuals, loss=self.loss, f_scale=self.f_scale, most=self._most)
 
     def search(self, starts: Sequence[Array], tolerance: float = COARSE) -> list[_Found]:
         """Local minima that searches from these points end in, to a relative change of x of a tolerance."""
@@ -279,9 +284,25 @@ def _concluded(
         seconds=seconds,
         warnings=(),
     )
-    return found.warned(
-        warnings_of(residuals, best.x, sure, reach=reach, roughness=roughness, searches=searches, converged=best.converged, weights=weights)
+    shifts = _shift_warnings(residuals, best, solver)
+    others = warnings_of(
+        residuals, best.x, sure, reach=reach, roughness=roughness, searches=searches, converged=best.converged, weights=weights
     )
+    return found.warned((*shifts, *others))
+
+
+def _shift_warnings(residuals: Residuals, best: _Found, solver: _Solver) -> tuple[str, ...]:
+    """What is said of readings that fit better one sample earlier or later."""
+    if not suspicious(residuals.whitened(best.at)):
+        return ()
+    tried = []
+    for shift in (LATE, EARLY):
+        other = residuals.shifted(shift)
+        if other.count > other.n:
+            found = min(solver.with_residuals(other).search([best.x, residuals.start]), key=lambda s: s.cost)
+            tried.append((found.cost / other.count / max(best.cost / residuals.count, 1e-300), shift))
+    ratio, shift = min(tried, default=(1.0, 0))
+    return (finding(shift, ratio),) if ratio < RATIO else ()
 
 
 def _rms(residuals: Residuals, at: Linearized) -> Array:

@@ -1,9 +1,10 @@
 """Online identification: a window that moves with the readings, and the normal distribution that is known of what lies before it.
 
 Moving-horizon estimation (Rao, Rawlings and Mayne 2003): unknown are parameters and the state where the window begins. With every sample
-one Gauss-Newton step is made on the window's residuals and on the arrival cost, which is a normal distribution of both (a real-time
-iteration, Diehl 2001). The oldest sample then leaves: a Kalman update takes it into the arrival cost, and the motion's own derivatives take
-that to where the window begins next. Derivatives are differences over one batch of environments that also makes the prediction.
+Gauss-Newton steps are made on the window's residuals and on the arrival cost, which is a normal distribution of both, until the estimate
+settles: one where motion is smooth (a real-time iteration, Diehl 2001), some where a contact begins. The oldest sample then leaves: a
+Kalman update takes it into the arrival cost, and the motion's own derivatives take that to where the window begins next. Derivatives are
+differences over what is not known yet (linear.py), from one batch of environments that also makes the prediction.
 
 Friction that holds has no slope: less of it would slip, more changes nothing. So the batch has environments with other frictions too. One
 that explains the window better is taken; one that would have slipped where nothing slips is excluded, which is a lower bound.
@@ -26,14 +27,29 @@ from stepper._stepper import Model, Stepper
 from stepper.identification.data import COORDINATES, vector
 from stepper.identification.findings import undetermined
 from stepper.identification.inertia import Array
+from stepper.identification.linear import Directions
 from stepper.identification.parameters import READING, Block, Unknown, bind, natural, write
-from stepper.identification.residuals import slopes
+from stepper.identification.shift import Watch, finding
 from stepper.identification.simulate import LANED, UNTRUSTED, compared, find_channels, noise_of, solved
 
 STEP = 1e-5
-"""Half width of differences, in the scales of parameters and in m/s (rad/s)."""
+"""Least half width of differences, in the scales of parameters and in m/s (rad/s)."""
 NUDGE = 1e-7
 """And of displacements, in m (rad)."""
+WIDE = 0.3
+"""Parameters of which less is known than this, in scales, have differences of `STEP`: what lies farther away is another motion."""
+STEPS = 6
+"""Gauss-Newton steps for a sample, at the most,"""
+HALVINGS = 4
+"""each shortened so many times until the window costs no more than before,"""
+SAME = 0.01
+"""but for this much: a hundredth of what a standard deviation costs."""
+LITTLE = 0.1
+"""Standard deviations by which the last step may move a parameter."""
+NEARBY = 0.5
+"""And that a step may lead away where no part of it lowers the cost."""
+FLAT = 0.01
+"""Sum of squares of residuals below which two frictions predict the same."""
 KINKED = ("friction", "torsion", "rolling", "frictionloss")
 """Kinds that have no slope where nothing slides."""
 OTHERS = (-0.5, -0.15, 0.15, 0.5)
@@ -67,13 +83,15 @@ class Tracked:
         labels: What each value is.
         values: Estimates in their units, (n,).
         interval: 95 % intervals, (n, 2).
-        determined: Whether what was measured so far says each of them, (n,). Where it is False for friction, the lower end of the
-            interval is what held without slipping, and the upper end is what was known before.
+        determined: Whether what was measured so far says each of them, (n,). It is False also where the estimate has not settled, where
+            recent readings differ from their prediction by far more than their noise, and where they are shifted (see `warnings`). Where it
+            is False for friction, the lower end of the interval is what held without slipping, the upper end what was known before.
         covariance: Of theta (logarithms of what is positive), (n, n).
         surprise: Mean of the squares of what this sample's readings differ from their prediction, over noise: about 1, and much more where
             the model lacks something.
         untrusted: Share of the steps of the window that were not solved.
         seconds: Time of the update.
+        warnings: What is wrong with the data: readings that stand one sample too late or too early beside their controls.
     """
 
     time: float
@@ -85,12 +103,38 @@ class Tracked:
     surprise: float
     untrusted: float
     seconds: float
+    warnings: tuple[str, ...] = ()
 
     def __getitem__(self, label: str) -> float:
         """The estimate of a label, as `tracked["mass:box"]`."""
         if label not in self.labels:
             raise KeyError(f"there is no {label!r}, there are: {', '.join(self.labels)}")
         return float(self.values[self.labels.index(label)])
+
+
+@dataclass(frozen=True)
+class _Linear:
+    """The window about an estimate.
+
+    Attributes:
+        points: The estimate, points along all directions, other values of friction, (count, n + states).
+        directions: Those of the differences.
+        spans: Widths of local differences, (n + states, 2).
+        made: What was predicted of all points.
+        residual: Residuals of all points, (count, T, width).
+        J: Derivatives at the estimate, (T, width, n + states).
+        noise: Standard deviations of the residuals, with what curvature leaves beside the derivatives, (T, width).
+        cost: Sum of squares of the window's residuals and of the distance from what was known, at the estimate.
+    """
+
+    points: Array
+    directions: Directions
+    spans: Array
+    made: dict[str, Array]
+    residual: Array
+    J: Array
+    noise: Array
+    cost: float
 
 
 class Tracker:
@@ -197,7 +241,8 @@ class Tracker:
         self._bounds = {j: (-math.inf, 0.0) for j in self._kinked}
         self._samples: deque[tuple[Array, dict[str, Array]]] = deque()
         self._now = 0.0
-        self._known: Array = self._cov[: self.n, : self.n]
+        self._posterior: Array = self._cov.copy()
+        self._watch: Watch | None = Watch()
 
     def update(self, ctrl: ArrayLike, readings: Mapping[str, ArrayLike]) -> Tracked:
         """Takes a sample.
@@ -215,38 +260,32 @@ class Tracker:
         given = np.asarray(ctrl, np.float64)
         if given.shape != (self.model.nu,) or not np.isfinite(given).all():
             raise ValueError(f"ctrl has shape {given.shape}, must be ({self.model.nu},) and finite")
-        self._samples.append((given, self._checked(readings)))
+        read = self._checked(readings)
+        if self._watch is not None:
+            self._watch.begin(self)
+        self._samples.append((given, read))
         self._now += self.period
-        points, spans = self._points()
-        made, residual = self._predict(points)
-        newest = residual[0, -1][self._seen(self._samples[-1][1])]
-        half = 1 + 2 * len(self._x)
-        J = slopes(residual[:half], spans).transpose(1, 2, 0)
-        other, holding = self._other(points, residual, J)
-        if other is not None:
-            self._x = other
-            points, spans = self._points()
-            made, residual = self._predict(points)
-            J = slopes(residual[:half], spans).transpose(1, 2, 0)
-            _, holding = self._other(points, residual, J)
-        J[..., holding] = 0.0
-        linearized = points[0]
-        self._gauss_newton(residual[0], J)
-        flagged = float(((made["status"].astype(np.int64) & int(UNTRUSTED)) != 0).mean())
+        at, newest, settled = self._settle()
+        surprise = float((newest**2).mean()) if len(newest) else 0.0
+        explained = self._watch is None or self._watch.look(given, read, surprise)
+        shift = None if self._watch is None else self._watch.found
+        flagged = float(((at.made["status"].astype(np.int64) & int(UNTRUSTED)) != 0).mean())
+        known = self._posterior[: self.n, : self.n].copy()
         if len(self._samples) == self._length:
-            self._advance(linearized, residual[0, 0], J[0], made, spans)
-        theta, std = self._x[: self.n], np.sqrt(np.diag(self._known))
+            self._advance(at)
+        theta, std = self._x[: self.n], np.sqrt(np.diag(known))
         low, high = self._ends(theta, std)
         return Tracked(
             time=self._now,
             labels=self.labels,
             values=natural(self.blocks, theta),
             interval=np.stack([natural(self.blocks, low), natural(self.blocks, high)], axis=1),
-            determined=~undetermined(self.blocks, std / self._scale, self._reach),
-            covariance=self._known.copy(),
-            surprise=float((newest**2).mean()) if len(newest) else 0.0,
+            determined=~undetermined(self.blocks, std / self._scale, self._reach) & (settled and explained),
+            covariance=known,
+            surprise=surprise,
             untrusted=flagged,
             seconds=time.perf_counter() - began,
+            warnings=() if shift is None else (finding(*shift),),
         )
 
     def sample(self, count: int, *, seed: int = 0) -> dict[str, Any]:
@@ -256,7 +295,8 @@ class Tracker:
             count: Environments.
             seed: Of the draws.
         """
-        root = np.linalg.cholesky(self._known + 1e-14 * np.diag(np.diag(self._known)))
+        known = self._posterior[: self.n, : self.n]
+        root = np.linalg.cholesky(known + 1e-14 * np.diag(np.diag(known)))
         drawn = self._x[: self.n] + np.random.default_rng(seed).standard_normal((count, self.n)) @ root.T
         low = np.maximum(self._low, [self._bound(j) for j in range(self.n)])
         return write(self.blocks, np.clip(drawn, low, self._high), self.model).fields
@@ -282,28 +322,29 @@ class Tracker:
             parts.append(np.full(size, finite.all()) if channel.dofs or channel.quaternion else finite)
         return np.asarray(np.concatenate(parts) & np.isfinite(self._sigma))
 
-    def _points(self) -> tuple[Array, Array]:
-        """The estimate, each of its numbers above and below, and other values of friction; and the widths of the differences."""
+    def _points(self) -> tuple[Array, Directions, Array]:
+        """The estimate, points above and below it and other values of friction; their directions; and the widths of local differences."""
         m = len(self._dofs)
         h = np.concatenate([STEP * self._scale, np.full(m, NUDGE), np.full(m, STEP)])
+        room = np.full(len(h), math.inf)
+        room[: self.n] = np.minimum(self._high - self._x[: self.n], self._x[: self.n] - self._low)
+        std = np.sqrt(np.diag(self._posterior))[: self.n]
+        directions = Directions(self._posterior, h, room, np.flatnonzero(std > WIDE * self._scale).tolist())
         points = np.tile(self._x, (self._count, 1))
-        for j, step in enumerate(h):
-            points[1 + 2 * j, j] += step
-            points[2 + 2 * j, j] -= step
         at = 1 + 2 * len(h)
+        points[1:at] = directions.points(self._x)
         for j in self._kinked:
             bound = self._bound(j)
             last = bound + ABOVE_BOUND if math.isfinite(bound) else self._x[j] + 2 * OTHERS[0]
-            near = float(np.clip(NEAR * math.sqrt(self._known[j, j]), NEAREST, -OTHERS[1] / 2))
+            near = float(np.clip(NEAR * std[j], NEAREST, -OTHERS[1] / 2))
             tried = np.array([*(self._x[j] + step for step in (*OTHERS, -near, near)), last])
             points[at : at + len(tried), j] = np.clip(tried, max(self._low[j], bound), self._high[j])
             at += len(tried)
         # At a bound one side has no width: the prediction is made within bounds.
         spans = np.stack([h, h], axis=1)
-        inside = np.clip(points[: 1 + 2 * self.n, : self.n], self._low, self._high)
         for j in range(self.n):
-            spans[j] = inside[1 + 2 * j, j] - inside[0, j], inside[0, j] - inside[2 + 2 * j, j]
-        return points, spans
+            spans[j] = min(self._x[j] + h[j], self._high[j]) - self._x[j], self._x[j] - max(self._x[j] - h[j], self._low[j])
+        return points, directions, spans
 
     def _predict(self, points: Array) -> tuple[dict[str, Array], Array]:
         """States and readings of the window from these points, and residuals (count, T, width)."""
@@ -367,13 +408,19 @@ class Tracker:
             gone = tried[(tried < tried[window.argmin()]) & (window > window.min() + EXCLUDED)]
             if len(gone) and gone.max() > self._bound(j):
                 self._bounds[j] = float(gone.max()), self._now
-            if window[tried.argmax()] <= window.min() + BETTER:
+            if window[tried.argmax()] <= window.min() + BETTER and self._flat(residual[index], tried):
                 holding.append(j)
             needed = np.where(tried < tried[0], EXCLUDED, BETTER)
             excess = known[0] - known - needed
             if excess.max() > gain:
                 best, gain = int(index[excess.argmax()]), float(excess.max())
         return (points[best] if best else None), holding
+
+    @staticmethod
+    def _flat(residual: Array, tried: Array) -> bool:
+        """Whether the two largest frictions predict the same: what slides in both says that friction and mass are known together only."""
+        one, other = residual[np.argsort(tried)[-2:]]
+        return float(((one - other) ** 2).sum()) < FLAT
 
     def _bound(self, j: int) -> float:
         """Lower bound of a number of theta, which what may have changed since lowers."""
@@ -382,49 +429,102 @@ class Tracker:
         value, when = self._bounds[j]
         return value - 3 * float(self._drift[j]) * math.sqrt(max(self._now - when, 0.0))
 
-    def _gauss_newton(self, residual: Array, J: Array) -> None:
-        """One step on the window and the arrival cost, and the covariance of what is known then."""
+    def _settle(self) -> tuple[_Linear, Array, bool]:
+        """Gauss-Newton steps until the estimate moves by little of what is not known of it.
+
+        One step would do where motion is smooth. Where a contact begins, the slopes after the step are others, and a covariance of the
+        slopes before it would be that of another estimate.
+
+        Returns:
+            What the window is at the estimate, residuals of the newest sample before the first step, and whether the estimate has settled.
+        """
+        best, jumped = self._linear(), False
+        newest = best.residual[0, -1][self._seen(self._samples[-1][1])]
+        for _ in range(STEPS):
+            other, holding = self._other(best.points, best.residual, best.J)
+            if other is not None and not jumped:
+                self._x, jumped = other.copy(), True
+                best = self._linear()
+                continue
+            best.J[..., holding] = 0.0
+            step, self._posterior = self._gauss_newton(best)
+            moved = np.abs(step[: self.n]) > LITTLE * np.sqrt(np.diag(self._posterior))[: self.n]
+            moved[holding] = False
+            if not moved.any():
+                self._move(best.points[0], step)
+                return best, newest, True
+            share = 1.0
+            for _ in range(HALVINGS):
+                self._move(best.points[0], share * step)
+                tried = self._linear()
+                if tried.cost <= best.cost + SAME:
+                    break
+                share /= 2
+            else:
+                # The cost is jagged, as where something begins to slip. It is settled if its slopes do not lead far away.
+                self._x = best.points[0].copy()
+                far = np.abs(step[: self.n]) > NEARBY * np.sqrt(np.diag(self._posterior))[: self.n]
+                far[holding] = False
+                return best, newest, not far.any()
+            best = tried
+        self._x = best.points[0].copy()
+        _, holding = self._other(best.points, best.residual, best.J)
+        best.J[..., holding] = 0.0
+        _, self._posterior = self._gauss_newton(best)
+        return best, newest, False
+
+    def _linear(self) -> _Linear:
+        """The window about the estimate."""
+        points, directions, spans = self._points()
+        made, residual = self._predict(points)
+        J, curved = directions.derivative(residual[: 1 + 2 * len(self._x)], spans)
+        noise = np.sqrt(1 + (curved**2).sum(axis=0))
+        apart = np.linalg.solve(np.linalg.cholesky(self._cov), self._x - self._mean)
+        cost = float((residual[0] ** 2).sum() + (apart**2).sum())
+        return _Linear(points, directions, spans, made, residual, J.transpose(1, 2, 0).copy(), noise, cost)
+
+    def _gauss_newton(self, at: _Linear) -> tuple[Array, Array]:
+        """A step on the window and the arrival cost, and the covariance of what is known then."""
         N = len(self._x)
         root = np.linalg.cholesky(self._cov)
-        rows = np.concatenate([J.reshape(-1, N), np.linalg.solve(root, np.eye(N))])
-        left = np.concatenate([residual.ravel(), np.linalg.solve(root, self._x - self._mean)])
+        rows = np.concatenate([(at.J / at.noise[..., None]).reshape(-1, N), np.linalg.solve(root, np.eye(N))])
+        left = np.concatenate([(at.residual[0] / at.noise).ravel(), np.linalg.solve(root, at.points[0] - self._mean)])
         # Columns are of very different sizes.
         size = np.linalg.norm(rows, axis=0)
         step = -np.linalg.lstsq(rows / size, left, rcond=None)[0] / size
         step *= min(1.0, FARTHEST / max(float((np.abs(step[: self.n]) / self._scale).max()), 1e-300))
         inverse = np.linalg.inv((rows / size).T @ (rows / size)) / np.outer(size, size)
-        self._known = np.asarray((inverse + inverse.T)[: self.n, : self.n] / 2)
-        self._x = self._x + step
+        return step, np.asarray((inverse + inverse.T) / 2)
+
+    def _move(self, start: Array, step: Array) -> None:
+        """Sets the estimate to a step from a point, within bounds."""
+        self._x = start + step
         low = np.maximum(self._low, [self._bound(j) for j in range(self.n)])
         self._x[: self.n] = np.clip(self._x[: self.n], low, self._high)
 
-    def _advance(self, linearized: Array, residual: Array, J: Array, made: dict[str, Array], spans: Array) -> None:
-        """The oldest sample leaves the window: the arrival cost takes it in, and goes on to where the window begins next.
-
-        Args:
-            linearized: Point at which what follows is known, (n + states,).
-            residual: Of the oldest sample there, (width,).
-            J: Its Jacobian, (width, n + states).
-            made: States of the window of all points.
-            spans: Widths of the differences.
-        """
+    def _advance(self, at: _Linear) -> None:
+        """The oldest sample leaves the window: the arrival cost takes it in, and goes on to where the window begins next."""
         N, m = len(self._x), len(self._dofs)
+        linearized, J, residual = at.points[0], at.J[0] / at.noise[0][:, None], at.residual[0, 0] / at.noise[0]
         gain = np.linalg.solve(J @ self._cov @ J.T + np.eye(len(J)), J @ self._cov).T
         mean = self._mean - gain @ (residual + J @ (self._mean - linearized))
         keep = np.eye(N) - gain @ J
         cov = keep @ self._cov @ keep.T + gain @ gain.T
-        qpos, qvel = made["qpos"][0], made["qvel"][0]
+        qpos, qvel = at.made["qpos"][0], at.made["qvel"][0]
         moved = self.model.differentiate_pos(np.tile(qpos[0], (2 * N, 1)), qpos[1 : 1 + 2 * N])[:, self._dofs]
         states = np.concatenate([moved, (qvel[1 : 1 + 2 * N] - qvel[0])[:, self._dofs]], axis=1)
         states = np.concatenate([np.zeros((1, 2 * m)), states])
+        slope, curved = at.directions.derivative(states[:, None], at.spans)
         F = np.eye(N)
-        F[self.n :] = slopes(states[:, None], spans)[:, 0].T
+        F[self.n :] = slope[:, 0].T
         self._mean = np.concatenate([mean[: self.n], F[self.n :] @ (mean - linearized)])
         self._x = np.concatenate([self._x[: self.n], F[self.n :] @ (self._x - linearized)])
-        cov = F @ cov @ F.T + np.diag(self._gained**2)
         # What contacts hold exactly has no variance; without any, it could not be inverted.
-        self._cov = (cov + cov.T) / 2 + np.diag(np.concatenate([np.zeros(self.n), np.full(2 * m, (1e-3 * NUDGE) ** 2)]))
-        self._begin = qpos[0].copy(), qvel[0].copy(), made["act"][0, 0].copy()
+        gained = np.diag(self._gained**2 + np.concatenate([np.zeros(self.n), np.full(2 * m, (1e-3 * NUDGE) ** 2)]))
+        gained[self.n :, self.n :] += curved[:, 0].T @ curved[:, 0]
+        cov, posterior = (F @ what @ F.T + gained for what in (cov, self._posterior))
+        self._cov, self._posterior = (cov + cov.T) / 2, (posterior + posterior.T) / 2
+        self._begin = qpos[0].copy(), qvel[0].copy(), at.made["act"][0, 0].copy()
         self._samples.popleft()
 
     def _ends(self, theta: Array, std: Array) -> tuple[Array, Array]:

@@ -11,6 +11,7 @@ import numpy as np
 
 from stepper.identification.data import Episode
 from stepper.identification.inertia import Array
+from stepper.identification.shift import shifted
 from stepper.identification.simulate import Simulator
 
 JUMP = 0.5
@@ -60,6 +61,12 @@ class Residuals:
         self.masks = [np.isfinite(m) for m in simulator.measured]
         self.sigma = np.ones(simulator.width)
         self.count = sum(int(mask.sum()) for mask in self.masks)
+
+    def shifted(self, shift: int) -> Residuals:
+        """Those of the same episodes whose readings stand one row earlier or later, with the same noise."""
+        out = Residuals(self.simulator.with_episodes([shifted(episode, shift) for episode in self.simulator.episodes]), self.step)
+        out.sigma = self.sigma
+        return out
 
     def linearize(self, points: Sequence[Array], step: float | None = None) -> list[Linearized]:
         """Residuals and Jacobians at several points, from one batch of environments.

@@ -199,6 +199,10 @@ class Simulator:
         self.measured = [self._measured(episode) for episode in episodes]
         self.untrusted, self.steps = 0.0, 0
 
+    def with_episodes(self, episodes: Sequence[Episode]) -> Simulator:
+        """The same simulator of other episodes."""
+        return Simulator(self.model, episodes, self.blocks, self.options, threads=self.threads, actuators=self._known)
+
     def _nstep(self, episode: Episode) -> int:
         ratio = episode.period / self.timestep
         if round(ratio) < 1 or abs(ratio - round(ratio)) > 1e-3 * ratio:

@@ -15,6 +15,7 @@ from stepper.loading.origins import remember
 from stepper.loading.urdf import resolve_meshes
 from stepper.loading.urdf_actuators import KINDS, Actuators, add_actuators
 from stepper.loading.urdf_elements import Urdf, omissions, refuse_xacro
+from stepper.shared.files import existing
 
 Source: TypeAlias = "str | os.PathLike[str] | Any"
 
@@ -144,7 +145,7 @@ def is_saved(source: Source) -> bool:
     path = Path(source)
     if path.is_dir():
         raise IsADirectoryError(f"stepper.load takes the path of a file or XML text, and {str(source)!r} is a directory")
-    with path.open("rb") as file:
+    with existing(path, "model").open("rb") as file:
         return file.read(len(_SAVED)) == _SAVED
 
 
@@ -181,7 +182,7 @@ def _compile_text(text: str, package_dirs: Sequence[str | os.PathLike[str]] | No
 
 
 def _compile_file(path: Path, package_dirs: Sequence[str | os.PathLike[str]] | None) -> Any:
-    compiler, place = _mujoco().MjModel, str(path)
+    compiler, place = _mujoco().MjModel, str(existing(path, "model"))
     if path.suffix == ".mjb":
         return _compile(compiler.from_binary_path, place, place)
     text = path.read_text(encoding="utf-8", errors="replace")

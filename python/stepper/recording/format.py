@@ -25,6 +25,8 @@ from typing import Any
 
 import numpy as np
 
+from stepper.shared.files import existing
+
 Arrays = dict[str, np.ndarray[Any, Any]]
 Header = dict[str, Any]
 
@@ -96,7 +98,7 @@ def read_header(folder: Path) -> Header:
         RecordingError: It is not one that this version reads, or it is not what was written.
         OSError: It cannot be read.
     """
-    file = folder / HEADER
+    file = existing(folder / HEADER, "recording")
     with reading(file):
         head = json.loads(file.read_text(encoding="utf-8"))
         if not isinstance(head, dict):

@@ -31,7 +31,7 @@ class Transfer:
         drift_std: Growth of each channel's drift, per sqrt(s); it is 0 at each reset.
         drift_time: Correlation time of the drift in s, which makes it a first-order Gauss-Markov process of standard deviation
             drift_std sqrt(drift_time / 2) in the long run; None is a random walk.
-        noise_std: Standard deviation of the white noise of a sample; of uniform noise the half width.
+        noise_std: Standard deviation of the white noise of a sample. The half width of uniform noise is sqrt(3) times as large.
         noise: "gaussian" or "uniform".
         noise_density: Density of Gaussian white noise per sqrt(Hz), as in data sheets: a sample's standard deviation is this over the
             square root of the sampling time, whatever the time step is.
@@ -64,16 +64,19 @@ class Transfer:
         if self.noise not in ("gaussian", "uniform"):
             raise ValueError(f"noise is {self.noise!r}, must be 'gaussian' or 'uniform'")
         if self.noise == "uniform" and self.noise_density is not None:
-            raise ValueError("noise_density is that of Gaussian noise; give uniform noise its half width as noise_std")
+            raise ValueError(
+                "noise_density is that of Gaussian noise; give uniform noise its noise_std, which is the half width over sqrt(3)"
+            )
         check_numbers(self, "noise")
 
     def _row(self, num_envs: int) -> dict[str, Any]:
         """What the Rust crate's `Transfer` holds."""
         mixes = np.ndim(self.scale) == 2
         low, high = (-math.inf, math.inf) if self.limits is None else self.limits
-        plain = ("scale_std", "misalignment_std", "bias", "bias_std", "drift_std", "noise_std", "quantum", "delay", "jitter", "dropout")
+        plain = ("scale_std", "misalignment_std", "bias", "bias_std", "drift_std", "quantum", "delay", "jitter", "dropout")
         return {
             **{name: numbers(name, getattr(self, name), num_envs) for name in plain},
+            "noise_std": self._spread(num_envs),
             "scale": [1.0] if mixes else numbers("scale", self.scale, num_envs),
             "matrix": np.asarray(self.scale, dtype=np.float64).ravel().tolist() if mixes else [],
             "drift_time": numbers("drift_time", math.inf if self.drift_time is None else self.drift_time, num_envs),
@@ -83,3 +86,8 @@ class Transfer:
             "high": numbers("limits[1]", high, num_envs),
             "period": numbers("period", 0.0 if self.period is None else self.period, num_envs),
         }
+
+    def _spread(self, num_envs: int) -> list[float]:
+        """The `noise_std` of the Rust crate: the standard deviation of Gaussian noise, the half width of uniform noise."""
+        half_widths = math.sqrt(3.0) if self.noise == "uniform" else 1.0
+        return [std * half_widths for std in numbers("noise_std", self.noise_std, num_envs)]

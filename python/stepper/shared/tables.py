@@ -14,6 +14,8 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike
 
+from stepper.shared.files import existing
+
 T = TypeVar("T")
 
 
@@ -21,11 +23,12 @@ def read_file(path: str | os.PathLike[str]) -> dict[str, Any]:
     """The contents of a TOML (.toml) or JSON (.json) file.
 
     Raises:
+        FileNotFoundError: There is no such file.
         ValueError: Another ending, or text that is neither.
     """
-    file = Path(path)
-    if file.suffix not in (".toml", ".json"):
-        raise ValueError(f"{file}: the ending is {file.suffix!r}, must be .toml or .json")
+    if Path(path).suffix not in (".toml", ".json"):
+        raise ValueError(f"{path}: the ending is {Path(path).suffix!r}, must be .toml or .json")
+    file = existing(path, "TOML" if Path(path).suffix == ".toml" else "JSON")
     text = file.read_text(encoding="utf-8")
     try:
         data: dict[str, Any] = tomllib.loads(text) if file.suffix == ".toml" else json.loads(text)

@@ -20,6 +20,10 @@ TRACK = "track"
 SHADOWS = 1024
 """Most pixels of a map of shadows on a side. MuJoCo's 4,096 take most of a picture's time where no graphics card draws it, and pictures of
 this size look the same."""
+_LAMP = {"ambient": 0.15, "diffuse": 0.55, "specular": 0.2}
+"""Parts of the light of a lamp, white. Pictures are then as bright as those of the same scene with a light in its file."""
+_SLANT = (-0.3, 0.4, -1.0)
+"""Direction in which it shines, so that no two sides of a box look alike."""
 _CONFIG = ("distance", "azimuth", "elevation", "lookat", "trackbodyid")
 
 
@@ -38,6 +42,7 @@ class Renderer:
             whose centre of mass (with all that hangs from it) the camera follows in x and y; -1 is none.
         default_config: What a task has for `camera_config` where nothing is asked for.
         source: What the model was loaded from, as `stepper.load` takes it; None is what this process loaded it from.
+        lamp: Whether a scene without a light gets one. Without it MuJoCo's headlight is all there is, in which a picture is nearly black.
 
     Raises:
         LooksError: Nobody knows the MJCF of the model, or it is of another one.
@@ -56,6 +61,7 @@ class Renderer:
         camera_config: Mapping[str, Any] | None = None,
         default_config: Mapping[str, Any] | None = None,
         source: Any = None,
+        lamp: bool = True,
     ):
         if camera is not None and camera_config is not None:
             raise ValueError("a camera of the file and numbers of a free one were given: give one of them")
@@ -72,6 +78,7 @@ class Renderer:
         m.vis.quality.shadowsize = min(m.vis.quality.shadowsize, SHADOWS)
         self._model, self._m, self._d = model, m, mujoco.MjData(m)
         self._sized = sized_geoms(model)
+        self._lamp = lamp and m.nlight == 0
         mujoco.mj_forward(m, self._d)
         self._camera, self._follows = self._chosen(camera, camera_config, default_config)
         self._lookat, self._start = self._camera.lookat.copy(), self._d.subtree_com[self._follows].copy()
@@ -97,6 +104,8 @@ class Renderer:
         if self._follows:
             self._camera.lookat[:2] = (self._lookat + d.subtree_com[self._follows] - self._start)[:2]
         self._renderer.update_scene(d, self._camera)
+        if self._lamp:
+            _add_lamp(mujoco, self._renderer.scene)
         picture: Array = self._renderer.render()
         return picture
 
@@ -139,6 +148,17 @@ class Renderer:
         if body >= self._m.nbody:
             raise ValueError(f"trackbodyid is {body}, must be less than {self._m.nbody}")
         return max(body, 0)
+
+
+def _add_lamp(mujoco: Any, scene: Any) -> None:
+    """Adds a distant light, with shadows, to what is drawn."""
+    light = scene.lights[scene.nlight]
+    scene.nlight += 1
+    light.type, light.headlight, light.castshadow, light.texid = mujoco.mjtLightType.mjLIGHT_DIRECTIONAL, 0, 1, -1
+    light.dir[:] = np.array(_SLANT) / np.linalg.norm(_SLANT)
+    light.pos[:] = -10.0 * np.array(_SLANT)
+    for name, value in _LAMP.items():
+        getattr(light, name)[:] = value
 
 
 def _renderer(mujoco: Any, m: Any, width: int, height: int) -> Any:

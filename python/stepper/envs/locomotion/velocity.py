@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -131,7 +132,7 @@ class VelocityTask(Task):
         """Uniform errors of what is observed."""
         if not self.noise:
             return None
-        errors = {row: Transfer(noise="uniform", noise_std=self.noise * width) for row, width in self.ERRORS.items()}
+        errors = {row: Transfer(noise="uniform", noise_std=self.noise * width / math.sqrt(3.0)) for row, width in self.ERRORS.items()}
         joints = self.robot().joint_names[1:]
         named = {row: errors[row] for row in ("linear_velocity", "angular_velocity", "vertical")}
         return SensorModel({**named, **{f"{row} {joint}": errors[row] for row in ("angles", "rates") for joint in joints}})

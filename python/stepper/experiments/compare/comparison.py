@@ -15,6 +15,7 @@ from stepper._stepper import Model, Stepper
 from stepper.experiments.compare.draw import draw
 from stepper.experiments.compare.trial import Array, Course, Drive, Engine, Ours, Slip, Theirs, run
 from stepper.loading import load
+from stepper.shared.files import existing
 from stepper.shared.machine import require
 
 ONSET = 1e-3
@@ -146,7 +147,7 @@ def _load(source: Any) -> tuple[Model, Any]:
     elif text.lstrip().startswith("<"):
         compiled = mujoco.MjModel.from_xml_string(text)
     elif text.endswith((".xml", ".mjcf", ".urdf")):
-        compiled = mujoco.MjModel.from_xml_path(text)
+        compiled = mujoco.MjModel.from_xml_path(str(existing(text, "model")))
     else:
         return load(source, strict=False), None
     return load(compiled, strict=False), compiled

@@ -15,8 +15,8 @@ _STYLE = """
 :root { color-scheme: light dark; }
 body { font: 15px/1.5 system-ui, sans-serif; max-width: 68rem; margin: 2rem auto; padding: 0 1rem; }
 h1 { font-size: 1.6rem; } h2 { font-size: 1.15rem; margin-top: 2.2rem; border-bottom: 1px solid #8884; }
-table { border-collapse: collapse; font-variant-numeric: tabular-nums; margin: .8rem 0; display: block; overflow-x: auto; }
-th, td { padding: .2rem .7rem; text-align: left; border-bottom: 1px solid #8883; } th { font-weight: 600; }
+table { border-collapse: collapse; font-variant-numeric: tabular-nums; margin: .8rem 0; max-width: 100%; }
+th, td { padding: .2rem .5rem; text-align: left; border-bottom: 1px solid #8883; overflow-wrap: anywhere; } th { font-weight: 600; }
 td.n { text-align: right; } img { max-width: 100%; background: white; } code { font-size: .92em; }
 pre { overflow-x: auto; background: #8881; padding: .6rem; }
 """

@@ -200,7 +200,7 @@ def load_file(path: Path) -> ModuleType:
     if name not in sys.modules:
         spec = importlib.util.spec_from_file_location(name, path)
         if spec is None or spec.loader is None or not path.exists():
-            raise FileNotFoundError(f"there is no file {path}")
+            raise FileNotFoundError(f"there is no file {path}; check the name, or give its full path")
         module = importlib.util.module_from_spec(spec)
         sys.modules[name] = module
         try:

@@ -170,8 +170,11 @@ def no_peer(study: Study) -> str | None:
 
 def _summary(study: Study, found: Sweep, verdicts: Sequence[Verdict]) -> list[Section]:
     nominal = found.of("")[0]
-    name = study.loaded[0].name or study.name
-    words = [f"`{name}`: {counted(study.episodes, 'episode')} of {study.seconds:g} s at every point, {len(found.table)} rows in all."]
+    model = f" of model `{name}`" if (name := study.loaded[0].name) else ""
+    words = [
+        f"`{study.name}`{model}: {counted(study.episodes, 'episode')} of {study.seconds:g} s at every point, "
+        f"{len(found.table)} rows in all."
+    ]
     if study.decisive:
         words.append(
             f"{study.decisive.name} {study.decisive.success} {study.decisive.unit}: {nominal.successes} of {nominal.episodes} at the "
@@ -276,13 +279,21 @@ def _settings(study: Study, found: Sweep) -> list[Section]:
     columns: dict[str, dict[str, Any]] = {}
     for row in found.table.rows:
         columns.setdefault(row["setting"], row["settings"])
-    names = list(dict.fromkeys(name for own in columns.values() for name in own))
-    rows = [[name, *(own.get(name) for own in columns.values())] for name in names]
-    return [
-        Section(
-            "Solver settings in force", ["Tolerances are residuals in m/s in stepper, and MuJoCo's own in MuJoCo."], ("", *columns), rows
-        )
+    usual = columns[USUAL]
+    rows = [[setting, _differences(own, {} if setting == USUAL else usual)] for setting, own in columns.items()]
+    words = [
+        "Of the study's own settings all that is in force, and of each of the others what differs from these. Tolerances are residuals in "
+        "m/s in stepper, and MuJoCo's own in MuJoCo."
     ]
+    return [Section("Solver settings in force", words, ("settings", "in force"), rows)]
+
+
+def _differences(own: dict[str, Any], usual: dict[str, Any]) -> str:
+    """Settings that are not as usual, in words; "no NAME" is one that an engine does not have."""
+    names = list(dict.fromkeys((*usual, *own)))
+    changed = [name for name in names if own.get(name) != usual.get(name)]
+    told = [f"no {name}" if own.get(name) is None else f"{name} {cell(own[name])}" for name in changed]
+    return ", ".join(told) or "the same"
 
 
 def _perturbations(found: Sweep, folder: Path) -> list[Section]:

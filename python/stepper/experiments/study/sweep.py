@@ -26,6 +26,8 @@ RESOLUTION = 1e-3
 """Width of a cliff's bracket over the range of its parameter."""
 _AT_ONCE = 7
 """Points between the ends of a bracket that are tried together: they share a batch."""
+Tried = list[tuple[float, list[Row]]]
+"""Values of a parameter with the episodes of each."""
 UNSOLVED = Status.NOT_CONVERGED | Status.NON_FINITE | Status.CONTACTS_FULL | Status.UNRESOLVED | Status.TUNNELLED | Status.INFEASIBLE
 
 
@@ -99,6 +101,7 @@ class Sweep:
         cliffs: Where success ends.
         table: All episodes.
         skipped: What was not run, with the reason.
+        bisected: Levels between those, at which the ends of success were located.
     """
 
     study: Study
@@ -106,10 +109,18 @@ class Sweep:
     cliffs: tuple[Cliff, ...]
     table: Table
     skipped: tuple[str, ...] = field(default=())
+    bisected: tuple[Level, ...] = field(default=())
 
     def of(self, parameter: str, setting: str = USUAL) -> list[Level]:
         """Levels of a parameter ("" is the nominal point) with settings."""
         return [level for level in self.levels if (level.parameter, level.setting) == (parameter, setting)]
+
+    def points(self, parameter: str, setting: str = USUAL) -> list[Level]:
+        """Levels of a parameter with settings, those of bisections among them, in the order of their values where these are numbers."""
+        found = self.of(parameter, setting)
+        found += [level for level in self.bisected if (level.parameter, level.setting) == (parameter, setting)]
+        words = any(isinstance(level.value, str) for level in found)
+        return found if words else sorted(found, key=lambda level: float(level.value or 0))
 
     @property
     def ranking(self) -> list[tuple[str, float]]:
@@ -174,14 +185,17 @@ def sweep(
     levels = [_level(study, cell, found, by_cell[cell[0], "", None]) for cell, found in by_cell.items()]
     every = list(rows)
     ends: list[Cliff] = []
+    between: list[Level] = []
     if cliffs and study.decisive is not None:
         for setting in settings:
             for name in names:
                 own = [level for level in levels if (level.setting, level.parameter) == (setting, name)]
-                for cliff, more in _cliffs(study, own, journal, resolution, tick):
+                for cliff, tried in _cliffs(study, own, journal, resolution, tick):
                     ends.append(cliff)
-                    every += more
-    return Sweep(study, tuple(levels), tuple(ends), Table(every), tuple(skipped))
+                    for value, more in tried:
+                        every += more
+                        between.append(_level(study, (setting, name, value), more, by_cell[setting, "", None]))
+    return Sweep(study, tuple(levels), tuple(ends), Table(every), tuple(skipped), tuple(between))
 
 
 def _point(study: Study, cell: tuple[str, str, Value | None]) -> Point:
@@ -233,8 +247,8 @@ def _deviation(values: np.ndarray[tuple[int], np.dtype[np.float64]]) -> float:
     return float(values.std(ddof=1)) if len(values) > 1 else math.nan
 
 
-def _cliffs(study: Study, levels: Sequence[Level], journal: Journal, resolution: float, tick: Tick | None) -> list[tuple[Cliff, list[Row]]]:
-    """Every cliff between neighbouring levels of a parameter, with the episodes that located it."""
+def _cliffs(study: Study, levels: Sequence[Level], journal: Journal, resolution: float, tick: Tick | None) -> list[tuple[Cliff, Tried]]:
+    """Every cliff between neighbouring levels of a parameter, with the values that located it and their episodes."""
     numeric = [level for level in levels if isinstance(level.value, int | float) and not isinstance(level.value, bool)]
     if study.parameters[levels[0].parameter].leaf in COUNTS if levels else True:
         return []
@@ -256,12 +270,12 @@ def _shares(study: Study, points: Sequence[Point], journal: Journal, tick: Tick 
 
 def _bisect(
     study: Study, one: Level, other: Level, width: float, run: Callable[[Sequence[Point]], list[tuple[float, list[Row]]]]
-) -> tuple[Cliff, list[Row]]:
+) -> tuple[Cliff, Tried]:
     """The cliff between two levels, with a bracket no wider than a width: each round tries some points at once."""
     assert isinstance(one.value, int | float)
     assert isinstance(other.value, int | float)
     low, high, below, above = float(one.value), float(other.value), one.share, other.share
-    rows: list[Row] = []
+    every: Tried = []
     steps = study.parameters[one.parameter].leaf == "timestep"
     while high - low > width:
         inner = [float(x) for x in np.linspace(low, high, _AT_ONCE + 2)[1:-1]]
@@ -273,8 +287,8 @@ def _bisect(
             # No number, or no such step, is between the ends.
             break
         tried = run([_point(study, (one.setting, one.parameter, x)) for x in values[1:-1]])
-        rows += [row for _, own in tried for row in own]
+        every += [(value, own) for value, (_, own) in zip(values[1:-1], tried, strict=True)]
         shares = [below, *(share for share, _ in tried), above]
         k = next(k for k in range(1, len(shares)) if (shares[k] >= CLIFF) != (shares[0] >= CLIFF))
         low, high, below, above = values[k - 1], values[k], shares[k - 1], shares[k]
-    return Cliff(one.setting, one.parameter, low, high, below, above), rows
+    return Cliff(one.setting, one.parameter, low, high, below, above), every

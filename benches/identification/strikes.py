@@ -1,0 +1,294 @@
+"""`stepper.Tracker` where contacts begin and end: how many of its 95 % intervals have the truth, as the motion goes on."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import stepper
+
+PERIOD = 0.02
+START_STD = (1e-4, 1e-3)
+"""Scatter of the true start, m (rad) and m/s (rad/s), which the tracker is told."""
+HARD = stepper.Options(tolerance=1e-9)
+
+STRUCK = """<mujoco model="struck box"><option timestep="0.002"/><worldbody>
+  <geom name="floor" type="plane" size="2 2 .1" friction="{1}"/>
+  <body name="box" pos="0 0 .04"><joint name="x" type="slide" axis="1 0 0"/><joint name="z" type="slide" axis="0 0 1"/>
+    <geom name="box" type="box" size=".05 .04 .04" mass="{0}" friction="{1}"/></body>
+  <body name="hand" pos="-.1 0 .04"><joint name="push" type="slide" axis="1 0 0" damping="2"/>
+    <geom name="hand" type="box" size=".01 .01 .01" mass=".4" contype="2" conaffinity="2"/>
+    <body name="finger" pos=".02 0 0"><joint name="give" type="slide" axis="1 0 0" stiffness="3000" damping="5"/>
+      <geom name="finger" type="sphere" size=".01" mass=".05" condim="1" priority="1"/>
+      <site name="wrist" pos="-.01 0 0"/></body>
+  </body></worldbody>
+  <actuator><position joint="push" kp="800" kv="60"/></actuator>
+  <sensor><force name="wrist_force" site="wrist"/><jointpos name="box_x" joint="x"/></sensor></mujoco>"""
+
+THROWN = """<mujoco model="thrown box"><option timestep="0.002"/><worldbody>
+  <geom name="floor" type="plane" size="5 5 .1" friction="{1}"/>
+  <body name="plate" pos="0 0 .1"><joint name="plate" type="slide" axis="0 0 1" stiffness="400" springref=".0123" damping="2"/>
+    <geom name="plate" type="box" size=".5 .1 .01" mass=".5" friction="{1}" contype="1" conaffinity="2"/></body>
+  <body name="box" pos="-.3 0 .3"><joint name="x" type="slide" axis="1 0 0"/><joint name="z" type="slide" axis="0 0 1"/>
+    <geom name="box" type="box" size=".04 .04 .04" mass="{0}" friction="{1}" contype="2" conaffinity="1"/></body></worldbody>
+  <sensor><jointpos name="x" joint="x"/><jointpos name="z" joint="z"/><jointpos name="plate" joint="plate"/></sensor></mujoco>"""
+
+GRASPED = """<mujoco model="grasped box"><option timestep="0.002"/><worldbody>
+  <geom name="floor" type="plane" size="2 2 .1"/>
+  <body name="arm" pos="0 0 .3"><joint name="lift" type="slide" axis="0 0 1" damping="5"/>
+    <geom type="box" size=".03 .03 .03" mass="1" contype="0" conaffinity="0"/>
+    <body name="wrist" pos="0 0 -.05"><site name="wrist"/>
+      <geom type="box" size=".04 .02 .01" mass=".3" contype="0" conaffinity="0"/>
+      <body name="left" pos="-.04 0 -.19"><joint name="left" type="slide" axis="1 0 0" damping="20"/>
+        <geom name="left" type="box" size=".005 .02 .03" mass=".05" friction="{1}" contype="2" conaffinity="1"/></body>
+      <body name="right" pos=".04 0 -.19"><joint name="right" type="slide" axis="-1 0 0" damping="20"/>
+        <geom name="right" type="box" size=".005 .02 .03" mass=".05" friction="{1}" contype="2" conaffinity="1"/></body>
+    </body></body>
+  <body name="box" pos="0 0 .05"><joint name="x" type="slide" axis="1 0 0"/><joint name="z" type="slide" axis="0 0 1"/>
+    <geom name="box" type="box" size=".025 .02 .05" mass="{0}" friction="{1}" contype="1" conaffinity="3"/></body>
+  </worldbody>
+  <actuator><position joint="lift" kp="4000" kv="200"/><motor joint="left"/><motor joint="right"/></actuator>
+  <sensor><force name="wrist_force" site="wrist"/><jointpos name="height" joint="z"/></sensor></mujoco>"""
+
+STOPPED = """<mujoco model="pendulum against a stop"><option timestep="0.002"/><worldbody>
+  <body name="arm" pos="0 0 1"><joint name="swing" axis="0 -1 0" damping=".02"/>
+    <geom name="bob" type="sphere" pos="0 0 -.4" size=".03" mass="{0}" contype="1" conaffinity="2"/></body>
+  <body name="stop" pos=".1 0 .6"><joint name="stop" type="slide" axis="1 0 0" stiffness="{1}" damping="4"/>
+    <geom name="stop" type="box" size=".02 .05 .05" mass=".1" contype="2" conaffinity="1"/></body></worldbody>
+  <actuator><motor joint="swing"/></actuator>
+  <sensor><jointpos name="swing" joint="swing"/><jointpos name="stop" joint="stop"/></sensor></mujoco>"""
+
+
+@dataclass(frozen=True)
+class Strike:
+    """A scene in which contacts begin and end.
+
+    Attributes:
+        name: Its name.
+        source: MJCF with places for both parameters.
+        parameters: Both.
+        truth: Their true values, which each run scatters by `spread` as logarithms.
+        spread: See `truth`.
+        start: Values at which the tracker begins.
+        ctrl: Controls, (T, nu).
+        noise: Standard deviation of every channel.
+        qvel: Velocities at the start.
+        marks: Samples after which intervals are compared with the truth, and what has happened by then.
+    """
+
+    name: str
+    source: str
+    parameters: tuple[str, str]
+    truth: tuple[float, float]
+    spread: tuple[float, float]
+    start: tuple[float, float]
+    ctrl: np.ndarray[Any, Any]
+    noise: dict[str, float]
+    qvel: dict[str, float]
+    marks: dict[int, str]
+
+    def model(self, values: Any) -> stepper.Model:
+        """The model with these values."""
+        return stepper.load(self.source.format(*(repr(float(value)) for value in values)))
+
+    def velocities(self, model: stepper.Model) -> np.ndarray[Any, Any]:
+        """Velocities at the start, (nv,)."""
+        out = np.zeros(model.nv)
+        for name, value in self.qvel.items():
+            out[model.joint(name).dofadr] = value
+        return out
+
+
+def struck() -> Strike:
+    """A finger on a spring strikes a box, lets go, and strikes it again."""
+    t = np.arange(75) * PERIOD
+    ctrl = 0.04 + 0.06 * t - 0.05 * np.cos(4 * np.pi * t)
+    noise = {"wrist_force": 0.3, "box_x": 5e-4}
+    marks = {8: "struck", 9: "struck", 10: "pushed", 12: "let go", 16: "slides", 30: "rests", 50: "struck again", 75: "struck a third time"}
+    return Strike(
+        "struck box", STRUCK, ("mass:box", "friction:floor,box"), (1.3, 0.35), (0.1, 0.05), (1.0, 0.5), ctrl[:, None], noise, {}, marks
+    )
+
+
+def thrown() -> Strike:
+    """A box falls on a plate on a spring while it moves sideways, leaves it, and falls on it again; encoders alone."""
+    noise = {"x": 1e-3, "z": 1e-3, "plate": 5e-4}
+    marks = {
+        9: "falls on the plate",
+        10: "slides",
+        11: "slides",
+        13: "sticks",
+        17: "rises",
+        25: "falls on it again",
+        40: "rides",
+        60: "rides",
+    }
+    return Strike(
+        "thrown box",
+        THROWN,
+        ("mass:box", "friction:plate,box"),
+        (0.4, 0.3),
+        (0.1, 0.05),
+        (0.6, 0.5),
+        np.zeros((60, 0)),
+        noise,
+        {"x": 0.5},
+        marks,
+    )
+
+
+def grasped() -> Strike:
+    """Two fingers close on a box, lift it, shake it so that it slips, and let go of it."""
+    t = np.arange(90) * PERIOD
+    ramp = np.clip((t - 0.5) / 0.3, 0, 1)
+    lift = 0.05 * ramp + 0.02 * np.sin(2 * np.pi * 3.0 * (t - 0.8)) * (t > 0.8)
+    squeeze = np.where(t < 0.2, -1.0, np.where(t < 1.5, 12.0, -3.0))
+    noise = {"wrist_force": 0.3, "height": 5e-4}
+    marks = {15: "grasped", 28: "lifted", 32: "lifted", 40: "lifted", 50: "slips", 75: "slips", 90: "let go and fallen"}
+    return Strike(
+        "grasped box",
+        GRASPED,
+        ("mass:box", "friction:left,right,box"),
+        (0.8, 0.45),
+        (0.1, 0.05),
+        (0.5, 0.6),
+        np.stack([lift, squeeze, squeeze], axis=1),
+        noise,
+        {},
+        marks,
+    )
+
+
+def stopped() -> Strike:
+    """A pendulum that a motor drives strikes a stop on a spring and bounces."""
+    t = np.arange(75) * PERIOD
+    noise = {"swing": 2e-3, "stop": 2e-4}
+    marks = {5: "swings", 7: "swings", 9: "strikes", 12: "bounces", 18: "bounces", 30: "strikes again", 50: "rests", 75: "rests"}
+    ctrl = 0.8 + 0.4 * np.sin(2 * np.pi * 1.5 * t)
+    return Strike(
+        "pendulum against a stop",
+        STOPPED,
+        ("mass:arm", "stiffness:stop"),
+        (0.5, 600.0),
+        (0.1, 0.1),
+        (0.8, 1000.0),
+        ctrl[:, None],
+        noise,
+        {"swing": 0.0},
+        marks,
+    )
+
+
+STRIKES = (struck, thrown, grasped, stopped)
+
+
+@dataclass(frozen=True)
+class Followed:
+    """One run, at the marks.
+
+    Attributes:
+        error: Logarithms of the values over the truth, (marks, 2).
+        std: Standard deviations of these, by the tracker.
+        covers: Whether the interval has the truth.
+        width: Half its width, as a logarithm.
+        determined: Whether the value is said.
+        seconds: Of the processor, of every update.
+    """
+
+    error: np.ndarray[Any, Any]
+    std: np.ndarray[Any, Any]
+    covers: np.ndarray[Any, Any]
+    width: np.ndarray[Any, Any]
+    determined: np.ndarray[Any, Any]
+    seconds: np.ndarray[Any, Any]
+
+
+def readings(scene: Strike, truth: Any, rng: np.random.Generator) -> dict[str, np.ndarray[Any, Any]]:
+    """What sensors with noise read of a run with these values, (T, dim) each, from a start that is not exactly known."""
+    model = scene.model(truth)
+    sim = stepper.Stepper(model, options=HARD)
+    shift = START_STD[0] * rng.standard_normal(model.nv)
+    # Contacts that exist at the start hold what they touch where it is.
+    shift = np.where(np.isin(np.arange(model.nv), resting(model)), np.abs(shift), shift)
+    qvel = scene.velocities(model) + START_STD[1] * rng.standard_normal(model.nv)
+    sim.set_state(model.integrate_pos(model.qpos0, shift), qvel)
+    made = sim.rollout(scene.ctrl, round(PERIOD / sim.timestep), fields=("observation",))["observation"]
+    out = {}
+    for name, std in scene.noise.items():
+        at = model.sensor(name)
+        clean = made[:, at.adr : at.adr + at.dim]
+        out[name] = clean + std * rng.standard_normal(clean.shape)
+    return out
+
+
+def resting(model: stepper.Model) -> list[int]:
+    """Degrees of freedom along which the box touches the floor at the start."""
+    return [model.joint("z").dofadr] if "z" in model.joint_names else []
+
+
+def follow(scene: Strike, seed: int, **settings: Any) -> Followed:
+    """One run with noise of its own."""
+    rng = np.random.default_rng(seed)
+    truth = np.array(scene.truth) * np.exp(np.array(scene.spread) * rng.uniform(-1, 1, 2))
+    noisy = readings(scene, truth, rng)
+    model = scene.model(scene.start)
+    tracker = stepper.Tracker(
+        model,
+        list(scene.parameters),
+        noise=scene.noise,
+        period=PERIOD,
+        options=HARD,
+        qvel=scene.velocities(model),
+        start_std=START_STD,
+        **settings,
+    )
+    kept, seconds = [], []
+    for k, ctrl in enumerate(scene.ctrl):
+        began = time.process_time()
+        now = tracker.update(ctrl, {name: rows[k] for name, rows in noisy.items()})
+        seconds.append(time.process_time() - began)
+        if k + 1 in scene.marks:
+            low, high = now.interval.T
+            kept.append(
+                (
+                    np.log(now.values / truth),
+                    np.sqrt(np.diag(now.covariance)),
+                    (low <= truth) & (truth <= high),
+                    np.log(high / low) / 2,
+                    now.determined,
+                )
+            )
+    error, std, covers, width, determined = (np.stack(column) for column in zip(*kept, strict=True))
+    return Followed(error, std, covers, width, determined, np.array(seconds))
+
+
+HEAD = "scene | after | contact | parameter | error | interval | is said | covers"
+
+
+def table(count: int) -> str:
+    """Of so many runs of every scene, as Markdown: errors, widths and coverage are of the runs in which the value is said."""
+    lines = [f"| {HEAD} |", "|" + "---|" * (HEAD.count("|") + 1)]
+    for make in STRIKES:
+        scene = make()
+        runs = [follow(scene, seed) for seed in range(count)]
+        lines += rows(scene, runs)
+        print("\n".join(lines[-2 * len(scene.marks) :]), flush=True)
+    return "\n".join(lines)
+
+
+def rows(scene: Strike, runs: list[Followed]) -> list[str]:
+    """Two lines for every mark."""
+    lines = []
+    for k, (mark, what) in enumerate(scene.marks.items()):
+        for j, parameter in enumerate(scene.parameters):
+            said = [run for run in runs if run.determined[k, j]]
+            cells = "- | - | 0 % | -"
+            if said:
+                error = np.sqrt(np.mean([run.error[k, j] ** 2 for run in said]))
+                width = np.median([run.width[k, j] for run in said])
+                covers = np.mean([run.covers[k, j] for run in said])
+                cells = f"{100 * error:.2g} % | {100 * width:.2g} % | {100 * len(said) / len(runs):.0f} % | {100 * covers:.1f} %"
+            lines.append(f"| {scene.name} | {mark * PERIOD:.2f} s | {what} | {parameter.partition(':')[0]} | {cells} |")
+    return lines

@@ -1,0 +1,48 @@
+"""Files that users name: whether they are there, and errors of the system in words."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+
+def existing(path: str | os.PathLike[str], what: str) -> Path:
+    """The path of a file that must exist.
+
+    Args:
+        path: The path.
+        what: What the file is, for the message: "model".
+
+    Raises:
+        FileNotFoundError: There is none; the message names the file, the working folder and the remedy.
+        IsADirectoryError: A folder is there.
+    """
+    file = Path(path)
+    if not file.exists():
+        raise FileNotFoundError(_absent(file, what))
+    if file.is_dir():
+        raise IsADirectoryError(f"the {what} {str(file)!r} is a folder; give the path of a file in it")
+    return file
+
+
+def in_words(error: OSError) -> str:
+    """What an error of the system says to a user: the file, what is wrong, and what to do, without its number."""
+    if error.errno is None or error.filename is None:
+        return str(error)
+    name = os.fsdecode(error.filename)
+    if isinstance(error, FileNotFoundError):
+        return _absent(Path(name), "file")
+    remedies = {
+        IsADirectoryError: "give the path of a file in it",
+        NotADirectoryError: "give a path whose folders are folders",
+        FileExistsError: "give another path, or remove it",
+        PermissionError: "change its permissions, or give another path",
+    }
+    remedy = next((text for kind, text in remedies.items() if isinstance(error, kind)), "see to the disk, or give another path")
+    return f"{name!r} cannot be used: {os.strerror(error.errno).lower()}; {remedy}"
+
+
+def _absent(file: Path, what: str) -> str:
+    kind = what if what == "file" else f"{what} file"
+    place = "" if file.is_absolute() else f" in {Path.cwd()}"
+    return f"there is no {kind} {str(file)!r}{place}; check the name, or give its full path"

@@ -1,0 +1,184 @@
+"""What a study shows: pictures whose points stand at their values, pages of a bounded width, progress that is written as it is made."""
+
+import math
+import subprocess
+import sys
+import textwrap
+
+import numpy as np
+import pytest
+import stepper
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from stepper.experiments.progress import progress
+from stepper.experiments.study.draw import WIDEST, cliffs_of, figure_of
+from stepper.experiments.study.report import _differences
+from stepper.experiments.study.sweep import Cliff, Level, Sweep
+from stepper.experiments.study.table import Table
+from stepper.shared.files import existing, in_words
+
+BLOCK = """<mujoco model="block and plane"><option timestep="0.004"/><worldbody><geom type="plane" size="3 3 1" friction=".3"/>
+<body name="block" pos="0 0 .05"><freejoint/><geom type="box" size=".05 .05 .05" mass="1" friction=".3"/></body></worldbody></mujoco>"""
+
+
+def start(now, _):
+    velocity = np.zeros((now.num_envs, 6))
+    velocity[:, 0] = 1.0
+    return np.tile(now.model.qpos0, (now.num_envs, 1)), velocity
+
+
+def study(parameters, names):
+    return stepper.Study(
+        name="sliding distance",
+        model=BLOCK,
+        start=start,
+        parameters={name: stepper.Parameter(target="geom_friction", column=0, low=0.1, high=1.0) for name in parameters},
+        outcomes=[stepper.Outcome(name="slide", measure="body block x", over="change", success="<= 0.2", unit="m")],
+        settings={name: {"iterations": 5 + k} for k, name in enumerate(names)},
+        seconds=1.2,
+        control=0.008,
+        episodes=1,
+    )
+
+
+def level(setting, parameter, value):
+    """One whose episode slides as far as Coulomb has it, v^2 / (2 mu g)."""
+    slide = 1 / (2 * 9.81 * value)
+    return Level(setting, parameter, value, 1, int(slide <= 0.2), 1, (0.0, 1.0), slide, math.nan, (0.0, math.nan), 0, 0)
+
+
+words = st.text("abcdefghij klmno", min_size=1, max_size=60).filter(lambda text: text.strip() not in ("", "stepper"))
+
+
+@settings(max_examples=15, deadline=None)
+@given(st.lists(words, min_size=1, max_size=7, unique=True), st.lists(words, max_size=12, unique=True), st.data())
+def test_points_stand_at_their_values_and_pictures_fit_a_page(parameters, names, data):
+    """For any number of parameters and settings, with names of any length."""
+    own = study(parameters, names)
+    values = st.lists(st.floats(0.1, 1.0), min_size=2, max_size=4, unique=True)
+    every = [(setting, name) for setting in ("stepper", *names) for name in parameters]
+    tried = {cell: (data.draw(values), data.draw(values)) for cell in every[:6]}
+    levels, between = ([level(*cell, value) for cell, pair in tried.items() for value in pair[k]] for k in (0, 1))
+    cliffs = [Cliff(*cell, 0.25, 0.26, 0.0, 1.0) for cell in tried]
+    sweep = Sweep(own, tuple(levels), tuple(cliffs), Table([]), (), tuple(between))
+    figure = figure_of(sweep)
+    lines = {line.get_gid(): line for panel in figure.axes for line in panel.lines if line.get_gid()}
+    assert lines
+    for (setting, name), pair in tried.items():
+        np.testing.assert_array_equal(lines[f"{name}/{setting}"].get_xdata(), sorted([*pair[0], *pair[1]]))
+    for picture in (figure, cliffs_of(sweep)):
+        if picture is None:
+            continue
+        picture.canvas.draw()
+        width, height = picture.canvas.get_width_height()
+        assert width <= WIDEST
+        for legend in picture.legends:
+            box = legend.get_window_extent()
+            # A pixel of rounding.
+            assert box.x0 >= -1
+            assert box.x1 <= width + 1
+            assert box.y0 >= -1
+            assert box.y1 <= height + 1
+
+
+def test_a_cliff_is_as_steep_as_it_is_known(tmp_path):
+    """The line of shares crosses one half between the ends of the bracket, and bisected points carry the outcome."""
+    found = stepper.sweep(study(["friction"], ["5 iterations"]), tmp_path).sweep
+    (cliff, _) = found.cliffs
+    points = found.points("friction")
+    assert len(points) > len(found.of("friction"))
+    x, shares = np.array([p.value for p in points]), np.array([p.share for p in points])
+    k = int(np.flatnonzero(np.diff(shares >= 0.5))[0])
+    assert (x[k], x[k + 1]) == (cliff.low, cliff.high)
+    # Coulomb's distance; the contact takes 1 mm at the start.
+    np.testing.assert_allclose([p.mean for p in points], 1 / (2 * 9.81 * x), atol=0.003)
+
+
+@pytest.mark.parametrize("count", [0, 7, 20])
+def test_tables_of_a_page_do_not_widen_with_settings(tmp_path, count):
+    own = study(["friction"], [f"{k + 1} iterations and a name that is rather long" for k in range(count)])
+    document = stepper.report(own, tmp_path).document
+    # 68 rem are 1,088 pixels; thirteen columns of wrapped words fit.
+    assert max(len(section.head) for section in document.sections) <= 13
+    assert "overflow-wrap: anywhere" in document.html()
+    assert "nowrap" not in document.html()
+
+
+def test_a_report_is_named_after_its_study(tmp_path):
+    found = stepper.report(study(["friction"], []), tmp_path)
+    assert found.document.title == "Simulator report of sliding distance"
+    assert found.document.sections[0].words[0].startswith("`sliding distance` of model `block and plane`: ")
+    assert found.files[0].parent == tmp_path / "sliding distance"
+
+
+def test_differences_of_settings_are_told():
+    usual, other = {"iterations": 50, "slop": 1e-5, "cone": None}, {"iterations": 5, "cone": "pyramidal"}
+    assert _differences(usual, {}) == "iterations 50, slop 1e-05"
+    assert _differences(other, usual) == "iterations 5, no slop, cone pyramidal"
+    assert _differences(usual, usual) == "the same"
+
+
+def test_progress_into_a_file_is_written_at_once(capfd):
+    """A line for every tenth, before the next one is made."""
+    with progress() as tick:
+        seen = []
+        for k in range(101):
+            tick("sweep", k / 100)
+            seen.append(capfd.readouterr().err)
+    assert [k for k, text in enumerate(seen) if text] == list(range(0, 101, 10))
+    assert seen[30] == "sweep: 30 %\n"
+
+
+def test_progress_into_a_pipe_comes_before_the_end():
+    """As `stepper report ... | cat` has it."""
+    code = "from stepper.experiments.progress import progress\nwith progress() as tick:\n    tick('sweep', 0.5)\n    input()"
+    child = subprocess.Popen([sys.executable, "-c", code], stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    assert child.stderr is not None
+    assert child.stderr.readline() == "sweep: 50 %\n"
+    child.communicate("\n")
+
+
+@pytest.mark.parametrize(("command", "words"), [
+    (["report", "nothing.toml"], "there is no TOML file 'nothing.toml' in "),
+    (["sweep", "nothing.py"], "there is no file "),
+    (["explain", "nothing.xml"], "there is no model file 'nothing.xml' in "),
+    (["identify", "{model}", "nothing.csv", "-p", "mass:block"], "there is no log file 'nothing.csv' in "),
+    (["replay", "nothing"], "there is no recording file 'nothing/run.json' in "),
+    (["compare", "nothing.xml"], "there is no model file 'nothing.xml' in "),
+    (["view", "nothing.xml"], "there is no model file 'nothing.xml' in "),
+    (["sweep", "{study}", "--out", "{model}"], "cannot be used: "),
+])  # fmt: skip
+def test_files_that_are_not_there_are_named(tmp_path, capsys, monkeypatch, command, words):
+    """Without the number of the system's error, and with what to do."""
+    from stepper.cli.app import main
+
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "model.xml").write_text(BLOCK)
+    (tmp_path / "study.toml").write_text('model = "model.xml"\n[[outcomes]]\nname = "x"\nmeasure = "body block x"\n')
+    given_ = [part.format(model="model.xml", study="study.toml") for part in command]
+    monkeypatch.setattr(sys, "argv", ["stepper", *given_])
+    with pytest.raises(SystemExit) as end:
+        main()
+    told = textwrap.dedent(capsys.readouterr().err)
+    assert end.value.code == 1
+    assert words in told
+    assert "Errno" not in told
+    assert "give" in told
+
+
+@pytest.mark.parametrize("kind", [FileNotFoundError, IsADirectoryError, NotADirectoryError, PermissionError, FileExistsError, OSError])
+def test_errors_of_the_system_in_words(kind):
+    import errno
+
+    number = {
+        FileNotFoundError: errno.ENOENT, IsADirectoryError: errno.EISDIR, NotADirectoryError: errno.ENOTDIR,
+        PermissionError: errno.EACCES, FileExistsError: errno.EEXIST, OSError: errno.ENOSPC,
+    }[kind]  # fmt: skip
+    error = OSError(number, "words of the system", "place/file")
+    assert type(error) is kind
+    told = in_words(error)
+    assert "'place/file'" in told
+    assert "Errno" not in told
+    assert "give" in told
+    with pytest.raises(FileNotFoundError, match=r"there is no model file 'place/file' in .*; check the name"):
+        existing("place/file", "model")

@@ -40,6 +40,18 @@ def check(sim: Stepper, blocks: Sequence[Block], *, extrapolate: bool, sensors: 
         raise ValueError(f"actuators= have a memory, of which there are no implicit derivatives: {remedy}")
 
 
+def where_available(
+    sim: Stepper, nominal: Nominal, blocks: Sequence[Block], *, nstep: int, tolerance: float, sensors: bool
+) -> dict[str, NDArray[Any]] | None:
+    """Derivatives at the modes of the solution, or None where `method="implicit"` refuses the options or what is asked for."""
+    stencil = stencil_of(sim.model, blocks, nominal.fields, step=STEP, levels=1, centered=True)
+    try:
+        check(sim, blocks, extrapolate=False, sensors=sensors)
+        return derivatives(sim, nominal, blocks, stencil, nstep=nstep, tolerance=tolerance)
+    except ValueError:
+        return None
+
+
 def derivatives(
     sim: Stepper, nominal: Nominal, blocks: Sequence[Block], stencil: Stencil, *, nstep: int, tolerance: float
 ) -> dict[str, NDArray[Any]]:

@@ -35,10 +35,9 @@ def by_differences(model: stepper.Model, ctrl: np.ndarray, options: Options, wid
     return (ends[0] - ends[1]) / (2 * width)
 
 
-@pytest.mark.parametrize("law", ["mujoco", "hard"])
 @pytest.mark.parametrize("method", ["fd", "implicit"])
-def test_the_push_of_a_box_that_just_touches_the_floor(law, method):
-    model, ctrl, options = stepper.load(PUSHED_BOX), np.full((40, 1), 2.0), Options(contact=law)
+def test_the_push_of_a_box_that_just_touches_the_floor(method):
+    model, ctrl, options = stepper.load(PUSHED_BOX), np.full((40, 1), 2.0), Options(contact="mujoco")
     made = rollout(stepper.Stepper(model, options=options), ctrl, 2)
     found = made.vjp(qpos=last(made, 1), method=method)
     assert found.near_kink.any()
@@ -50,7 +49,7 @@ def test_the_push_of_a_box_that_just_touches_the_floor(law, method):
 @pytest.mark.parametrize("law", list(LAWS))
 def test_gradients_of_random_contact_scenes_agree_with_differences_of_whole_rollouts(law):
     judged = Judged(Counter(), [])
-    for seed in range(16):
+    for seed in range(12):
         judge(bodies_on_a_floor(seed, LAWS[law], steps=10), seed, judged)
     rows = [judged.row(kind) for kind in ("no kink", "near a kink")]
     _, known, good, wrong = np.sum(rows, axis=0)

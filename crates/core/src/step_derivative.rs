@@ -11,9 +11,9 @@ use stepper_real::{Mask, Real, Scalar};
 use stepper_solve::newton::{Followed, Switch};
 
 use crate::compile::LaneModel;
-use crate::constraints::solved_overlaps::{Crossing, SolvedOverlaps};
 use crate::dynamics::kinematics::{displace, quat_at};
 use crate::integrators::devices::Devices;
+use crate::integrators::held_overlaps::{HeldOverlaps, compare_overlaps};
 use crate::integrators::mujoco;
 use crate::integrators::renewed::Renewed;
 use crate::integrators::response::{HardResponse, is_solved};
@@ -129,17 +129,6 @@ impl<'a> DerivativeRows<'a> {
     }
 }
 
-/// Calls `near` with the gaps that have crossed zero at the displaced state in `s`, in the lanes `lanes` (bits). Returns those of them that
-/// have all overlaps of the solution.
-fn compare_overlaps<R: Real>(compiled: &LaneModel<R>, s: &Workspace<R>, lanes: u32, near: &mut dyn FnMut(Followed)) -> u32 {
-    let Some(overlaps) = &s.constraints.solved_overlaps else { return lanes };
-    let contacts = &s.evaluation.contacts;
-    overlaps.find_crossings(compiled, contacts, &s.evaluation.q, lanes, &mut |Crossing { lane, is_limit, distance }| {
-        near(Followed { lane, switch: if is_limit { Switch::Limit } else { Switch::Contact }, distance });
-    });
-    overlaps.found(contacts, lanes)
-}
-
 /// Rows of `num_envs` environments in parts of so many environments; as many empty parts as are asked for where rows have no numbers.
 fn rows<T: Send>(all: &mut [T], num_envs: usize, size: usize) -> impl Iterator<Item = &mut [T]> + Send {
     all.chunks_mut((all.len() / num_envs * size).max(1)).chain(std::iter::repeat_with(Default::default))
@@ -149,8 +138,7 @@ fn rows<T: Send>(all: &mut [T], num_envs: usize, size: usize) -> impl Iterator<I
 #[derive(Clone, Debug)]
 pub(crate) struct StepDerivative<R: Real> {
     law: LawResponse<R>,
-    /// Overlaps of the solution, unless the rows have them.
-    overlaps: Option<Box<SolvedOverlaps<R>>>,
+    overlaps: HeldOverlaps<R>,
     /// Configuration, velocity, activations and controls before the step.
     before: [Vec<R>; 4],
     /// Configuration, velocity and activations after it.
@@ -178,7 +166,7 @@ impl<R: Real> StepDerivative<R> {
                 ContactLaw::Hard => LawResponse::Hard(Box::new(HardResponse::new(compiled, options, max_contacts))),
                 ContactLaw::Mujoco => LawResponse::Mujoco(zeros(nv)),
             },
-            overlaps: Some(Box::new(SolvedOverlaps::new(compiled, max_contacts))),
+            overlaps: HeldOverlaps::new(compiled, max_contacts),
             before: [nq, nv, na, compiled.actuators.len()].map(zeros),
             after: [nq, nv, na].map(zeros),
             changes: [2 * nv + na; 2].map(zeros),
@@ -211,7 +199,7 @@ impl<R: Real> StepDerivative<R> {
                 self.write_slopes(&offsets[..query.points], options.tolerance, alive, rows, (c, columns.len()));
             }
         }
-        self.overlaps = s.constraints.solved_overlaps.take();
+        self.overlaps.release(s);
         for l in each_of(alive) {
             rows.sound[l] = u8::from(sound >> l & 1 == 1);
             if solved >> l & 1 == 0 {
@@ -273,11 +261,7 @@ impl<R: Real> StepDerivative<R> {
             }
         }
         self.return_to_beginning(s);
-        if let Some(mut overlaps) = self.overlaps.take() {
-            // The step has handed its contacts on.
-            overlaps.keep(compiled, &s.state.contacts, &s.evaluation.q);
-            s.constraints.solved_overlaps = Some(overlaps);
-        }
+        self.overlaps.hold(compiled, s);
         if let LawResponse::Hard(response) = &mut self.law {
             sound = response.settle(compiled, options, s, sound);
         }

@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from stepper._options import Options
 from stepper._stepper import Model, ModelError, Stepper
+from stepper.derivatives.nominal_mode import Pairs
 from stepper.derivatives.perturbations import PARAMETERS, STATE, Array, Block, Stencil
 
 ROOM = 1024
@@ -161,13 +162,12 @@ def _part(
     return Part(envs, count, copies, flat["ctrl"])
 
 
-def copies_of(
-    sim: Stepper, nominal: Nominal, blocks: Sequence[Block], env: NDArray[np.int64], column: NDArray[np.int64], offsets: Array, options: Options
-) -> tuple[Stepper, Array]:
+def copies_of(sim: Stepper, nominal: Nominal, blocks: Sequence[Block], pairs: Pairs, options: Options) -> tuple[Stepper, Array]:
     """Copies of environments that are displaced along one column each, and their controls, (rows, nu).
 
-    Row k * count is environment `env[k]` itself; the count - 1 rows behind it are displaced along `column[k]` by `offsets[k]`.
+    Row k * count is the environment of pair k itself; the count - 1 rows behind it are displaced along the pair's column.
     """
+    env, column, offsets = pairs.env, pairs.column, pairs.offsets.reshape(len(pairs), -1)
     count = 1 + offsets.shape[1]
     index = np.repeat(env, count)
     fields = {name: np.repeat(value[env], count, axis=0).reshape(len(env), count, value.shape[1]) for name, value in nominal.fields.items()}

@@ -10,9 +10,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from stepper._stepper import Model, Stepper
-from stepper.derivatives import implicit, nominal_mode, pair_readings
+from stepper.derivatives import implicit, nominal_mode
 from stepper.derivatives.copies import Part, ends_of, nominal_of, parts_of
 from stepper.derivatives.kinks import Bools, Kink, Watch
+from stepper.derivatives.pair_readings import Reader
 from stepper.derivatives.perturbations import ROUNDING, STATE, Array, Block, Stencil, blocks_of, stencil_of, step_of
 
 TOLERANCE = 1e-13
@@ -162,7 +163,7 @@ def linearize(
             for name, value in own.items():
                 whole[name][envs] = value
         width = implicit.STEP if step is None else width
-    read = pair_readings.reader(sim, nominal, blocks, whole, pair_readings.Settings(int(nstep), tolerance, sensors))
+    read = Reader(sim, nominal, blocks, whole, nstep=int(nstep), tolerance=tolerance, sensors=sensors)
     nominal_mode.settle(whole, stencil, [*_groups(sim.model), slice(_size(sim.model), None)], solved=solved, read=read)
     # What Richardson's extrapolation divides by: errors are of second order in the width, or of first.
     order = (2 if centered else 1) if extrapolate else 0

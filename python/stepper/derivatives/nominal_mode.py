@@ -25,6 +25,9 @@ NARROWER = 0.25
 SHRINKS = 0.5
 """Share of a difference of slopes that is left at a quarter of the width if it is curvature: a quarter in theory, all of it at a corner."""
 
+HARMLESS = np.uint32(Kink.CONTACT | Kink.SLOPE | Kink.UNSOLVED)
+"""Kinks that may have no effect: a contact that carries nothing begins, and slopes are compared here again."""
+
 LARGEST_BEND = 0.1
 """Difference of slopes, relative to them, that may be curvature."""
 
@@ -79,8 +82,7 @@ def slopes_of(readings: Readings, offsets: Array, groups: Sequence[slice]) -> tu
     """Slopes of the nominal mode, as far as copies keep it.
 
     The widest difference counts whose copies are in the nominal mode, on both sides or on one, and whose slope a quarter of the width
-    confirms: a jump makes it four times as large. Where no copy is in that mode, a slope that is the same on both sides and at two widths
-    is the best there is: what switched may have no effect, as a contact that carries nothing.
+    confirms: a jump makes it four times as large. Where no copy is in that mode, a slope may be the same on both sides and at two widths.
 
     Args:
         readings: Differences of some pairs.
@@ -126,7 +128,8 @@ def _agree(a: Array, b: Array, width: Array, groups: Sequence[slice], noise: Arr
         size = np.abs([a[..., group], b[..., group]]).max(axis=(0, -1), initial=LEAST_SLOPE)
         apart = np.abs(a[..., group] - b[..., group]).max(axis=-1, initial=0.0)
         shrinks = np.zeros_like(good)
-        shrinks[..., :-1] = (apart[..., 1:] <= SHRINKS * apart[..., :-1] + floor[..., 1:]) & (apart[..., :-1] <= LARGEST_BEND * size[..., :-1])
+        falls = apart[..., 1:] <= SHRINKS * apart[..., :-1] + floor[..., 1:]
+        shrinks[..., :-1] = falls & (apart[..., :-1] <= LARGEST_BEND * size[..., :-1])
         good &= shrinks | (apart <= np.minimum(CURVATURE * safe, LARGEST_BEND) * size + floor)
     return good
 
@@ -160,7 +163,8 @@ def settle(
         left &= ~chosen
     for pairs, readings in read(pairs_of(left, stencil), False):
         slopes, nominal, other = slopes_of(readings, pairs.offsets, groups)
-        at_rest = ~nominal & ((whole["causes"][pairs.env, pairs.column] & np.uint32(Kink.GAP)) != 0)
+        causes = whole["causes"][pairs.env, pairs.column]
+        at_rest = ~nominal & ((causes & np.uint32(Kink.GAP)) != 0)
         places = iter(np.flatnonzero(at_rest))
         for some, smooth in read(pairs[at_rest], True):
             own, found, _ = slopes_of(smooth, some.offsets, groups)
@@ -169,5 +173,5 @@ def settle(
                 if found[k]:
                     slopes[place], nominal[place] = own[k], True
         whole["slopes"][pairs.env, :, pairs.column] = slopes[:, None]
-        lost = ~nominal & ~other
+        lost = ~nominal & ~(other & ((causes & ~HARMLESS) == 0))
         whole["causes"][pairs.env[lost], pairs.column[lost]] |= np.uint32(Kink.UNDETERMINED)

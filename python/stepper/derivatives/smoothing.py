@@ -72,8 +72,8 @@ def smoothed(
         **settings: Other arguments of `linearize`.
 
     Returns:
-        Blocks and sensors are means over the samples that have a derivative; flags of kinks are those of all samples together, and distances the least. There are no `errors`. The
-        state is that of the first sample.
+        Blocks and sensors are means over the samples that have a derivative; flags of kinks are those of all samples together, and
+        distances the least. There are no `errors`. The state is that of the first sample.
     """
     nominal, model, count = nominal_of(sim, ctrl, ()), sim.model, smoothing.samples
     n, half = nominal.num_envs, smoothing.samples // 2

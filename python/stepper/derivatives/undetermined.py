@@ -23,8 +23,8 @@ class UndeterminedDerivative(ArithmeticError):  # noqa: N818
         self.env, self.control, self.coordinate, self.kinks = env, control, coordinate, kinks
         cause = " | ".join(kink.name or "" for kink in kinks & ~Kink.UNDETERMINED)
         super().__init__(
-            f"the steps of control {control} have no derivative by {coordinate} in environment {env}: there is a kink ({cause}) on both sides. "
-            "Take a mean over displacements, vjp(smoothing=Smoothing(...)), or leave the environment out, vjp(undetermined='zero')"
+            f"the steps of control {control} have no derivative by {coordinate} in environment {env}: there is a kink ({cause}) on both "
+            "sides. Take a mean over displacements, vjp(smoothing=Smoothing(...)), or leave the environment out, vjp(undetermined='zero')"
         )
 
 
@@ -35,7 +35,8 @@ def first_undetermined(part: Linearization, needed: Bools, control: int, model: 
         rows = flags.reshape(len(needed), -1)
         for env, column in np.argwhere((rows & np.uint32(Kink.UNDETERMINED)) != 0):
             if needed[env] and int(env) not in errors:
-                errors[int(env)] = UndeterminedDerivative(int(env), control, _coordinate(model, name, int(column)), Kink(int(rows[env, column])))
+                coordinate, kinks = _coordinate(model, name, int(column)), Kink(int(rows[env, column]))
+                errors[int(env)] = UndeterminedDerivative(int(env), control, coordinate, kinks)
     return errors
 
 

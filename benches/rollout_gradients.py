@@ -32,7 +32,7 @@ a gradient method does not feel it: Adam divides by the size of the gradient."""
 
 FLOOR = 1e-3
 """Difference that counts as none, relative to the largest derivative of the same scene and kind, or to 1: it turns the gradient by a
-thousandth. At rest, hard contact has corners that are alike on both sides, where no mode's slope is the difference; they are of this size."""
+thousandth. Hard contact at rest has corners that look alike from both sides, where differences are the slope of no mode."""
 
 LAWS = {"hard": Options(tolerance=1e-13), "mujoco": Options(contact="mujoco", tolerance=1e-13)}
 """Both laws with their defaults, solved as tightly as derivatives are: rollouts and differences are of one map."""
@@ -237,10 +237,10 @@ def main() -> None:
     parser.add_argument("--count", type=int, default=100, help="random scenes [100]")
     given = parser.parse_args()
     warnings.filterwarnings("ignore")
-    print("| rollouts | law | kinks | derivatives | judged by differences | agree | wrong sign | corner | differences differ | refused |")
-    print("|---|---|---|---|---|---|---|---|---|---|")
-    said = []
     models = task_models() if "tasks" in given.parts else {}
+    print("| rollouts | law | kinks | derivatives | judged by differences | agree | wrong sign | corner | differences differ |")
+    print("|---|---|---|---|---|---|---|---|---|")
+    said = []
     for part in given.parts:
         for law, options in LAWS.items():
             judged = Judged(Counter(), [])
@@ -253,8 +253,8 @@ def main() -> None:
                 total, known, good, wrong = judged.row(kind)
                 rest = [judged.counts[kind, verdict] for verdict in ("corner", "differences differ")]
                 share = f"{good / known:.2%}" if known else ""
-                print(f"| {part} | {law} | {kind} | {total} | {known} | {share} | {wrong} | {rest[0]} | {rest[1]} | |", flush=True)
-            print(f"| {part} | {law} | refused | {judged.counts['refused', 'refused']} | | | | | | |", flush=True)
+                print(f"| {part} | {law} | {kind} | {total} | {known} | {share} | {wrong} | {rest[0]} | {rest[1]} |", flush=True)
+            print(f"| {part} | {law} | refused | {judged.counts['refused', 'refused']} | | | | | |", flush=True)
             said += [f"{law}, {line}" for line in judged.worst]
     print("", *said, sep="\n")
 

@@ -144,7 +144,7 @@ class Rollout:
                 else:
                     part = smoothed(self._plant, smoothing, wrt, draw=t, **asked, **settings)
                 reading = None if cotangents["sensors"] is None else cotangents["sensors"][t]
-                needed = adjoint.any(axis=1) if reading is None else adjoint.any(axis=1) | reading.any(axis=1)
+                needed = np.any(adjoint if reading is None else np.concatenate([adjoint, reading], axis=1), axis=1)
                 for env, error in first_undetermined(part, needed, t, model).items():
                     if undetermined == "raise":
                         raise error

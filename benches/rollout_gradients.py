@@ -11,6 +11,7 @@ import warnings
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Any
 
 import gymnasium
 import numpy as np
@@ -31,8 +32,11 @@ SAME = 0.01
 a gradient method does not feel it: Adam divides by the size of the gradient."""
 
 FLOOR = 1e-3
-"""Difference that counts as none, relative to the largest derivative of the same scene and kind, or to 1: it turns the gradient by a
-thousandth. Hard contact at rest has corners that look alike from both sides, where differences are the slope of no mode."""
+"""Difference between gradient and differences that counts as none, relative to the largest derivative of the same scene and kind, or to 1:
+it turns the gradient by a thousandth."""
+
+NOISE = 1e-5
+"""The same between differences: noise of the narrowest, whose rollouts are solved to 1e-13 m/s."""
 
 LAWS = {"hard": Options(tolerance=1e-13), "mujoco": Options(contact="mujoco", tolerance=1e-13)}
 """Both laws with their defaults, solved as tightly as derivatives are: rollouts and differences are of one map."""
@@ -176,19 +180,18 @@ def judge(scene: Scene, seed: int, into: Judged, count: int = 4) -> None:
         ends = differences(scene, env, chosen, (moved[env], speed[env]), made.qpos[-1, env])
         for (kind, state, ctrl), (central, sides) in zip(chosen, ends, strict=True):
             ours = float(by_state[env] @ state + (found.ctrl[:, env] * ctrl).sum())
-            floor = FLOOR * max(float(scale[kind][env]), 1.0)
-            verdict = verdict_of(ours, central, sides, floor)
+            verdict = verdict_of(ours, central, sides, max(float(scale[kind][env]), 1.0))
             into.counts[kinked, verdict] += 1
             if verdict in ("differs", "wrong sign"):
                 into.worst.append(f"{scene.name}, env {env}, by {kind} {np.argmax(state)}, {kinked}: {ours:.6g}, differences {central}")
 
 
-def verdict_of(ours: float, central: Array, sides: Array, floor: float) -> str:
-    """What the differences at all widths, central (3,) and to both sides (2, 3), say of a derivative."""
-    size = max(np.abs(central).max(), np.abs(sides).max())
-    if np.ptp(central) > SAME * size + floor:
+def verdict_of(ours: float, central: Array, sides: Array, scale: float) -> str:
+    """What the differences at all widths, central (3,) and to both sides (2, 3), say of a derivative; `scale` is that of the largest."""
+    size, noise, floor = max(np.abs(central).max(), np.abs(sides).max()), NOISE * scale, FLOOR * scale
+    if np.ptp(central) > SAME * size + noise:
         return "differences differ"
-    if np.abs(sides[0] - sides[1]).max() > SAME * size + floor:
+    if np.abs(sides[0] - sides[1]).max() > SAME * size + noise:
         return "corner"
     near = float(central[-1])
     if abs(ours - near) <= 2.0 * SAME * abs(near) + 2.0 * floor:
@@ -221,12 +224,12 @@ def task_models() -> dict[str, stepper.Model]:
     found: dict[str, stepper.Model] = {}
     for name in sorted(name for name in gymnasium.registry if name.startswith("stepper/")):
         try:
-            model = gymnasium.make(name, disable_env_checker=True).unwrapped.sim.model
+            env: Any = gymnasium.make(name, disable_env_checker=True).unwrapped
         except ImportError as error:
             print(f"{name} is left out: {error}")
             continue
-        if model not in found.values():
-            found[name] = model
+        if env.sim.model not in found.values():
+            found[name] = env.sim.model
     return found
 
 

@@ -46,6 +46,22 @@ def test_the_push_of_a_box_that_just_touches_the_floor(method):
         assert found.ctrl[0, 0] == pytest.approx(by_differences(model, ctrl, options, width), rel=1e-3)
 
 
+def test_a_parameter_takes_nothing_from_the_other_columns():
+    model, ctrl = stepper.load(PUSHED_BOX), np.full((40, 1), 2.0)
+    sim = stepper.Stepper(model, options=Options(contact="mujoco"))
+    alone, both = (rollout(sim, ctrl, 2, parameters=names) for names in ((), ("body_mass",)))
+    gradient = last(alone, 1)
+    found = both.vjp(qpos=gradient)
+    np.testing.assert_array_equal(found.ctrl, alone.vjp(qpos=gradient).ctrl)
+    h, ends = 1e-4, []
+    for factor in (1 + h, 1 - h):
+        other = stepper.Stepper(model, options=Options(contact="mujoco", tolerance=1e-13))
+        other.randomize(body_mass=np.asarray(model.body_mass) * factor)
+        ends.append(other.rollout(ctrl, 2, fields=["qpos"])["qpos"][-1, 1])
+    # As above; differences of masses are relative ones, whose truncation is 1e-8.
+    assert found.parameters["body_mass"] @ np.asarray(model.body_mass) == pytest.approx((ends[0] - ends[1]) / (2 * h), rel=1e-3)
+
+
 @pytest.mark.parametrize("law", list(LAWS))
 def test_gradients_of_random_contact_scenes_agree_with_differences_of_whole_rollouts(law):
     judged = Judged(Counter(), [])

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from stepper._stepper import Stepper
 from stepper.derivatives.copies import Nominal, replicas_of, rows
+from stepper.derivatives.kinks import Kink
 from stepper.derivatives.perturbations import PARAMETERS, ROUNDING, STATE, Array, Block, Stencil, blocks_of, stencil_of
 
 STEP = 2.0**-20
@@ -43,13 +44,24 @@ def check(sim: Stepper, blocks: Sequence[Block], *, extrapolate: bool, sensors: 
 def where_available(
     sim: Stepper, nominal: Nominal, blocks: Sequence[Block], *, nstep: int, tolerance: float, sensors: bool
 ) -> dict[str, NDArray[Any]] | None:
-    """Derivatives at the modes of the solution, or None where `method="implicit"` refuses the options or what is asked for."""
-    stencil = stencil_of(sim.model, blocks, nominal.fields, step=STEP, levels=1, centered=True)
+    """Derivatives at the modes of the solution, or None where `method="implicit"` refuses the options or the sensors.
+
+    Columns of parameters are marked as unsolved.
+    """
+    state = [block for block in blocks if block.field not in PARAMETERS]
+    if not state:
+        return None
+    stencil = stencil_of(sim.model, state, nominal.fields, step=STEP, levels=1, centered=True)
     try:
-        check(sim, blocks, extrapolate=False, sensors=sensors)
-        return derivatives(sim, nominal, blocks, stencil, nstep=nstep, tolerance=tolerance)
+        check(sim, state, extrapolate=False, sensors=sensors)
+        found = derivatives(sim, nominal, state, stencil, nstep=nstep, tolerance=tolerance)
     except ValueError:
         return None
+    chosen = np.concatenate([np.full(block.count, block.field not in PARAMETERS) for block in blocks])
+    n, _, _, size = found["slopes"].shape
+    slopes, causes = np.zeros((n, 1, len(chosen), size)), np.full((n, len(chosen)), np.uint32(Kink.UNSOLVED))
+    slopes[:, :, chosen], causes[:, chosen] = found["slopes"], found["causes"]
+    return found | {"slopes": slopes, "causes": causes}
 
 
 def derivatives(

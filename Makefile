@@ -45,6 +45,7 @@ bench: build
 	$(MJBATCH)/bin/python -m pip install --quiet 'mjbatch>=0.1.4' 'gymnasium>=1.2'
 	$(BIN)/python benches/environments.py --mjbatch $(MJBATCH)/bin/python
 	$(BIN)/python benches/derivatives.py
+	$(BIN)/python benches/rollout_gradients.py
 	$(BIN)/python benches/states.py
 
 # Time until a robot can be stepped, beside MuJoCo's compiler: docs/performance.md. Downloads four packages; FILES='h1_2.xml' for further robots.

@@ -196,7 +196,7 @@ class Learner:
     def update(self) -> dict[str, float]:
         """Acts for a horizon and improves both networks by it. Returns how it went."""
         made = self.collect()
-        loss, kinks = self.objective(made)
+        loss, kinks, left_out = self.objective(made)
         self.actor.zero_grad()
         loss.backward()
         norm = float(nn.utils.clip_grad_norm_([*self.net.actor.parameters(), self.net.log_std], self.plan.bound))
@@ -207,13 +207,13 @@ class Learner:
         self.observed.update(np.stack(made.seen[1:]))
         self.updates += 1
         std = float(torch.exp(self.net.log_std.detach()).mean())
-        return {"gradient": norm, "value_error": error, "near_kink": kinks, "std": std}
+        return {"gradient": norm, "value_error": error, "near_kink": kinks, "left_out": left_out, "std": std}
 
     def _scale(self) -> float:
         return float(1.0 / np.sqrt(self.returned.var[0] + 1e-8))
 
-    def objective(self, made: Horizon) -> tuple[Tensor, float]:
-        """What the policy makes less, as a function of its weights, and the share of steps near a kink.
+    def objective(self, made: Horizon) -> tuple[Tensor, float, float]:
+        """What the policy makes less, as a function of its weights, the share of steps near a kink, and that of environments left out.
 
         Where the policy acts as it did, states are those that were; a little beside it they are off by A and B times what came before.
         """
@@ -238,7 +238,10 @@ class Learner:
             state = after
         last = self.normal(self.task.observation(state[:, : self.nv], state[:, self.nv :]))
         total = total + self.plan.gamma**T * self.ahead.critic(last).squeeze(-1)
-        return -total.mean() / T, float(np.mean(lin.near_kink))
+        # A horizon with a step that has no derivative says nothing of the policy.
+        kept = torch.from_numpy(~lin.undetermined.reshape(T, n).any(axis=0))
+        loss = -(total * kept).sum() / max(int(kept.sum()), 1) / T
+        return loss, float(np.mean(lin.near_kink)), 1.0 - float(kept.double().mean())
 
     @staticmethod
     def _check(ours: Tensor, theirs: Array, what: str) -> None:

@@ -13,6 +13,7 @@ use stepper_solve::newton::{Followed, Switch};
 use crate::compile::LaneModel;
 use crate::dynamics::kinematics::{displace, quat_at};
 use crate::integrators::devices::Devices;
+use crate::integrators::held_overlaps::{HeldOverlaps, compare_overlaps};
 use crate::integrators::mujoco;
 use crate::integrators::renewed::Renewed;
 use crate::integrators::response::{HardResponse, is_solved};
@@ -28,6 +29,9 @@ use crate::step_derivative::kink::*;
 /// Change of a slope per unit of a coordinate, relative to the slope, that smooth motion may have, and the largest for any width.
 const CURVATURE: f64 = 1e4;
 const LARGEST_BEND: f64 = 0.1;
+
+/// Slope below which a column is compared with this one, SI units: what rests has columns that are 0 but for terms of second order.
+const LEAST_SLOPE: f64 = 0.1;
 
 /// Difference of the response at the solution from the solution, relative to its velocities, that is rounding and residual: elsewhere
 /// something has a part in the step that the response does not know.
@@ -134,6 +138,7 @@ fn rows<T: Send>(all: &mut [T], num_envs: usize, size: usize) -> impl Iterator<I
 #[derive(Clone, Debug)]
 pub(crate) struct StepDerivative<R: Real> {
     law: LawResponse<R>,
+    overlaps: HeldOverlaps<R>,
     /// Configuration, velocity, activations and controls before the step.
     before: [Vec<R>; 4],
     /// Configuration, velocity and activations after it.
@@ -161,6 +166,7 @@ impl<R: Real> StepDerivative<R> {
                 ContactLaw::Hard => LawResponse::Hard(Box::new(HardResponse::new(compiled, options, max_contacts))),
                 ContactLaw::Mujoco => LawResponse::Mujoco(zeros(nv)),
             },
+            overlaps: HeldOverlaps::new(compiled, max_contacts),
             before: [nq, nv, na, compiled.actuators.len()].map(zeros),
             after: [nq, nv, na].map(zeros),
             changes: [2 * nv + na; 2].map(zeros),
@@ -193,6 +199,7 @@ impl<R: Real> StepDerivative<R> {
                 self.write_slopes(&offsets[..query.points], options.tolerance, alive, rows, (c, columns.len()));
             }
         }
+        self.overlaps.release(s);
         for l in each_of(alive) {
             rows.sound[l] = u8::from(sound >> l & 1 == 1);
             if solved >> l & 1 == 0 {
@@ -254,6 +261,7 @@ impl<R: Real> StepDerivative<R> {
             }
         }
         self.return_to_beginning(s);
+        self.overlaps.hold(compiled, s);
         if let LawResponse::Hard(response) = &mut self.law {
             sound = response.settle(compiled, options, s, sound);
         }
@@ -336,7 +344,7 @@ impl<R: Real> StepDerivative<R> {
                     s.poses.begin();
                 }
                 mujoco::respond_step(compiled, options, s, solution, renewed);
-                lanes
+                if renewed == Renewed::Configuration { compare_overlaps(compiled, s, lanes, near) } else { lanes }
             }
         }
     }
@@ -390,7 +398,7 @@ impl<R: Real> StepDerivative<R> {
                 let limit = (R::of(CURVATURE) * a.abs()).min(R::of(LARGEST_BEND));
                 let mut kinked = 0;
                 for group in [0..nv, nv..2 * nv, 2 * nv..n] {
-                    let (mut size, mut bend) = (R::zero(), R::zero());
+                    let (mut size, mut bend) = (R::of(LEAST_SLOPE), R::zero());
                     for (x, &y) in first[group.clone()].iter_mut().zip(&second[group]) {
                         bend = bend.max((*x / a - y / b).abs());
                         *x = weights[0] * *x + weights[1] * y;

@@ -9,5 +9,6 @@ from stepper.derivatives.kinks import Kink
 from stepper.derivatives.linearize import Linearization, linearize
 from stepper.derivatives.rollout import Gradients, Rollout, rollout
 from stepper.derivatives.smoothing import Smoothing
+from stepper.derivatives.undetermined import UndeterminedDerivative
 
-__all__ = ["Gradients", "Kink", "Linearization", "Rollout", "Smoothing", "linearize", "rollout"]
+__all__ = ["Gradients", "Kink", "Linearization", "Rollout", "Smoothing", "UndeterminedDerivative", "linearize", "rollout"]

@@ -15,8 +15,10 @@ from weakref import WeakKeyDictionary
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from stepper._options import Options
 from stepper._stepper import Model, ModelError, Stepper
-from stepper.derivatives.perturbations import PARAMETERS, Array, Block, Stencil
+from stepper.derivatives.nominal_mode import Pairs
+from stepper.derivatives.perturbations import PARAMETERS, STATE, Array, Block, Stencil
 
 ROOM = 1024
 """Copies that a thread steps in one call at the most, unless one environment alone needs more: so many stay in the caches of its core."""
@@ -145,7 +147,7 @@ def _part(
     n, levels, points, columns = offsets.shape
     count = 1 + levels * points * columns
     index = np.repeat(np.arange(envs.start, envs.stop), count)
-    copies = kept.get((len(index), tolerance)) or _stepper(sim, index, tolerance)
+    copies = kept.get((len(index), tolerance)) or _stepper(sim, index, replace(sim.options, tolerance=tolerance))
     fields = {name: np.repeat(value[envs], count, axis=0).reshape(n, count, value.shape[1]) for name, value in nominal.fields.items()}
     place = 0
     for block in blocks:
@@ -156,11 +158,49 @@ def _part(
         place += block.count
     flat = {name: value.reshape(n * count, value.shape[2]) for name, value in fields.items()}
     _randomize(copies, nominal, blocks, flat, index)
-    _restore(sim, copies, envs, count)
-    for name, value in nominal.applied.items():
-        getattr(copies, name)[...] = value[index]
-    copies.set_state(flat["qpos"], flat["qvel"], act=flat["act"], cold=False)
+    _begin(sim, copies, nominal, flat, index)
     return Part(envs, count, copies, flat["ctrl"])
+
+
+def copies_of(sim: Stepper, nominal: Nominal, blocks: Sequence[Block], pairs: Pairs, options: Options) -> tuple[Stepper, Array]:
+    """Copies of environments that are displaced along one column each, and their controls, (rows, nu).
+
+    Row k * count is the environment of pair k itself; the count - 1 rows behind it are displaced along the pair's column.
+    """
+    env, column, offsets = pairs.env, pairs.column, pairs.offsets.reshape(len(pairs), -1)
+    count = 1 + offsets.shape[1]
+    index = np.repeat(env, count)
+    fields = {name: np.repeat(value[env], count, axis=0).reshape(len(env), count, value.shape[1]) for name, value in nominal.fields.items()}
+    place = 0
+    for block in blocks:
+        own = np.flatnonzero((column >= place) & (column < place + block.count))
+        field, at = fields[block.field], block.places[column[own] - place]
+        if block.field == "qpos":
+            displacement = np.zeros((len(own), count, sim.model.nv))
+            displacement[np.arange(len(own)), 1:, at] = offsets[own]
+            field[own] = sim.model.integrate_pos(field[own], displacement)
+        else:
+            field[own, 1:, at] += offsets[own]
+        place += block.count
+    flat = {name: value.reshape(len(index), value.shape[2]) for name, value in fields.items()}
+    copies = _stepper(sim, index, options)
+    _randomize(copies, nominal, blocks, flat, index)
+    _begin(sim, copies, nominal, flat, index)
+    return copies, flat["ctrl"]
+
+
+def ends_of(sim: Stepper, count: int, *, sensors: bool) -> tuple[dict[str, Array], Array]:
+    """States of copies, `count` of each environment, and what they differ by from the first of them, (num_envs, count, rows)."""
+    n = len(sim.qpos) // count
+    end = {name: np.array(getattr(sim, name)) for name in STATE}
+    end = {name: value.reshape(n, count, value.shape[1]) for name, value in end.items()}
+    moved = sim.model.differentiate_pos(np.array(np.broadcast_to(end["qpos"][:, :1], end["qpos"].shape)), end["qpos"])
+    outputs = [moved, end["qvel"] - end["qvel"][:, :1], end["act"] - end["act"][:, :1]]
+    if sensors:
+        truth = np.array(sim.sensor_truth)
+        truth = truth.reshape(n, count, truth.shape[1])
+        outputs.append(truth - truth[:, :1])
+    return end, np.concatenate(outputs, axis=-1)
 
 
 def replicas_of(sim: Stepper, nominal: Nominal, count: int, tolerance: float | None = None) -> Stepper:
@@ -168,11 +208,10 @@ def replicas_of(sim: Stepper, nominal: Nominal, count: int, tolerance: float | N
 
     Steps are solved to the stepper's own tolerance, or to another, m/s.
     """
-    envs = slice(0, nominal.num_envs)
     index = np.repeat(np.arange(nominal.num_envs), count)
-    copies = _stepper(sim, index, sim.tolerance if tolerance is None else tolerance)
+    copies = _stepper(sim, index, replace(sim.options, tolerance=sim.tolerance if tolerance is None else tolerance))
     _randomize(copies, nominal, (), {}, index)
-    _restore(sim, copies, envs, count)
+    _restore(sim, copies, index)
     for name, value in nominal.applied.items():
         getattr(copies, name)[...] = value[index]
     return copies
@@ -192,9 +231,7 @@ def _move(model: Model, fields: dict[str, Array], block: Block, copy: NDArray[np
         field[:, copy, place] += moved
 
 
-def _stepper(sim: Stepper, index: NDArray[np.int64], tolerance: float) -> Stepper:
-    options = replace(sim.options, tolerance=tolerance)
-
+def _stepper(sim: Stepper, index: NDArray[np.int64], options: Options) -> Stepper:
     # Delay lines are as long as the longest of all environments, whichever of them are copied; nothing reads what the copies' sensors
     # observe, whose ideal readings are those that are differentiated.
     def memory_of(own: Any) -> Any:
@@ -247,19 +284,24 @@ def _randomize(copies: Stepper, nominal: Nominal, blocks: Sequence[Block], flat:
             raise ModelError(f"a parameter cannot be perturbed: {said}; name those that can in wrt, as 'dof_damping:knee'") from None
 
 
-def _restore(sim: Stepper, copies: Stepper, envs: slice, count: int) -> None:
-    """Gives copies the whole state of their environments, the memory that no attribute shows included.
+def _begin(sim: Stepper, copies: Stepper, nominal: Nominal, flat: dict[str, Array], index: NDArray[np.int64]) -> None:
+    """Gives copies the memory and the applied forces of their environments, and their own states."""
+    _restore(sim, copies, index)
+    for name, value in nominal.applied.items():
+        getattr(copies, name)[...] = value[index]
+    copies.set_state(flat["qpos"], flat["qvel"], act=flat["act"], cold=False)
+
+
+def _restore(sim: Stepper, copies: Stepper, index: NDArray[np.int64]) -> None:
+    """Gives every copy k the whole state of environment index[k], the memory that no attribute shows included.
 
     A state goes from one environment to a mask of others: environments are copied one by one, and stepped together.
     """
     if sim.precision == "f32":
-        copies.set_state(time=np.repeat(rows(sim, "time")[envs], count))
+        copies.set_state(time=rows(sim, "time")[index])
         return
     if sim.num_envs is None:
         copies.set_state(sim.get_state())
         return
-    mask = np.zeros((envs.stop - envs.start, count), dtype=bool)
-    for k, env in enumerate(range(envs.start, envs.stop)):
-        mask[k] = True
-        copies.set_state(sim.get_state(env=env), mask=mask.reshape(-1))
-        mask[k] = False
+    for env in np.unique(index):
+        copies.set_state(sim.get_state(env=int(env)), mask=index == env)

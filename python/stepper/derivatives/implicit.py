@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from stepper._stepper import Stepper
 from stepper.derivatives.copies import Nominal, replicas_of, rows
+from stepper.derivatives.kinks import Kink
 from stepper.derivatives.perturbations import PARAMETERS, ROUNDING, STATE, Array, Block, Stencil, blocks_of, stencil_of
 
 STEP = 2.0**-20
@@ -38,6 +39,29 @@ def check(sim: Stepper, blocks: Sequence[Block], *, extrapolate: bool, sensors: 
         raise ValueError("extrapolate=True is for method='fd': implicit derivatives have no differences of solved steps to extrapolate")
     if sim.actuators is not None:
         raise ValueError(f"actuators= have a memory, of which there are no implicit derivatives: {remedy}")
+
+
+def where_available(
+    sim: Stepper, nominal: Nominal, blocks: Sequence[Block], *, nstep: int, tolerance: float, sensors: bool
+) -> dict[str, NDArray[Any]] | None:
+    """Derivatives at the modes of the solution, or None where `method="implicit"` refuses the options or the sensors.
+
+    Columns of parameters are marked as unsolved.
+    """
+    state = [block for block in blocks if block.field not in PARAMETERS]
+    if not state:
+        return None
+    stencil = stencil_of(sim.model, state, nominal.fields, step=STEP, levels=1, centered=True)
+    try:
+        check(sim, state, extrapolate=False, sensors=sensors)
+        found = derivatives(sim, nominal, state, stencil, nstep=nstep, tolerance=tolerance)
+    except ValueError:
+        return None
+    chosen = np.concatenate([np.full(block.count, block.field not in PARAMETERS) for block in blocks])
+    n, _, _, size = found["slopes"].shape
+    slopes, causes = np.zeros((n, 1, len(chosen), size)), np.full((n, len(chosen)), np.uint32(Kink.UNSOLVED))
+    slopes[:, :, chosen], causes[:, chosen] = found["slopes"], found["causes"]
+    return found | {"slopes": slopes, "causes": causes}
 
 
 def derivatives(

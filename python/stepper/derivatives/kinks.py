@@ -22,6 +22,12 @@ Bools = NDArray[np.bool_]
 CURVATURE = 1e4
 """Change of a slope per unit of a coordinate, relative to the slope, that smooth motion may have."""
 
+LEAST_SLOPE = 0.1
+"""Slope below which a column is compared with this one, SI units: what rests has columns that are 0 but for terms of second order."""
+
+SOLVED = 1e-9
+"""Residual with which the modes of a step are certain, m/s."""
+
 
 class Kink(IntFlag):
     """Why a derivative is near a kink: what differs between perturbed copies and the nominal environment."""
@@ -46,6 +52,8 @@ class Kink(IntFlag):
     """Slopes on both sides of the nominal point differ, whatever the cause."""
     UNSOLVED = 128
     """A step was not solved, not finite, or too long for its motion (`Status`)."""
+    UNDETERMINED = 256
+    """No slope of the nominal mode was found: the column is 0, and no derivative."""
 
 
 @dataclass
@@ -127,7 +135,7 @@ class Watch:
         h = self.stencil.step[:, 0]
         floor = 4.0 * noise / np.where(h > 0.0, h, 1.0)
         for group in groups:
-            size = np.abs(slopes[..., group]).max(axis=-1, initial=0.0)
+            size = np.abs(slopes[..., group]).max(axis=-1, initial=LEAST_SLOPE)
             bend = bends[..., group].max(axis=-1, initial=0.0)
             kinked = bend > np.minimum(CURVATURE * h, 0.1) * size + floor
             self.report.causes[:, -1][kinked] |= np.uint32(Kink.SLOPE)

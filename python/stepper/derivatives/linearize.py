@@ -10,9 +10,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from stepper._stepper import Model, Stepper
-from stepper.derivatives import implicit
-from stepper.derivatives.copies import Part, nominal_of, parts_of
+from stepper.derivatives import implicit, nominal_mode
+from stepper.derivatives.copies import Part, ends_of, nominal_of, parts_of
 from stepper.derivatives.kinks import Bools, Kink, Watch
+from stepper.derivatives.pair_readings import Reader
 from stepper.derivatives.perturbations import ROUNDING, STATE, Array, Block, Stencil, blocks_of, stencil_of, step_of
 
 TOLERANCE = 1e-13
@@ -35,7 +36,7 @@ class Linearization:
             `sensors=True`.
         errors: Estimated error of every entry of `blocks`, with `extrapolate=True`; else empty.
         kinks: Flags of `Kink` for every column of `blocks`, of all steps together, (num_envs, *columns) uint32.
-        near_kink: Whether any column of an environment has a flag, (num_envs,) bool.
+        near_kink: Whether any column of an environment has a flag, (num_envs,) bool. Such columns are those of the nominal mode.
         kinked_steps: The same of every step, (num_envs, nstep) bool.
         kink_distance: Distance to the nearest kink whose distance can be stated, to first order, in widths of the difference (`step` times
             the size of the coordinate): beyond 1 it is not reached, infinite where nothing can be stated, (num_envs,).
@@ -100,6 +101,14 @@ class Linearization:
         return blocks[name]
 
     @property
+    def undetermined(self) -> Bools:
+        """Whether an environment has a column of which no slope of the nominal mode was found, (num_envs,) bool: such columns are 0."""
+        lost = [(flags & np.uint32(Kink.UNDETERMINED)) != 0 for flags in self.kinks.values()]
+        shape = np.shape(self.near_kink)
+        found: Bools = np.logical_or.reduce([own.reshape(*shape, -1).any(axis=-1) for own in lost], axis=0)
+        return found
+
+    @property
     def causes(self) -> Kink:
         """What kinks there are in any column of any environment."""
         return Kink(int(np.bitwise_or.reduce([np.bitwise_or.reduce(flags, axis=None) for flags in self.kinks.values()], initial=0)))
@@ -141,16 +150,22 @@ def linearize(
 
     width = step_of(tolerance) if step is None else _positive("step", step)
     if method == "fd":
-        whole = differences(stencil_with(width))
+        stencil = stencil_with(width)
+        whole = differences(stencil)
+        solved = None
+        if (whole["causes"] != 0).any():
+            solved = implicit.where_available(sim, nominal, blocks, nstep=int(nstep), tolerance=tolerance, sensors=sensors)
     else:
         stencil = stencil_with(implicit.STEP if step is None else width)
-        whole = implicit.derivatives(sim, nominal, blocks, stencil, nstep=int(nstep), tolerance=tolerance)
+        whole = solved = implicit.derivatives(sim, nominal, blocks, stencil, nstep=int(nstep), tolerance=tolerance)
         for envs in _runs(~whole["implicit"]):
             # What the theorem says nothing of is differentiated as it is.
             own = differences(stencil_with(width), envs)
             for name, value in own.items():
                 whole[name][envs] = value
         width = implicit.STEP if step is None else width
+    read = Reader(sim, nominal, blocks, whole, nstep=int(nstep), tolerance=tolerance, sensors=sensors)
+    nominal_mode.settle(whole, stencil, [*_groups(sim.model), slice(_size(sim.model), None)], solved=solved, read=read)
     # What Richardson's extrapolation divides by: errors are of second order in the width, or of first.
     order = (2 if centered else 1) if extrapolate else 0
     return _result(sim, blocks, whole, width, tolerance, order=order, sensors=sensors)
@@ -169,7 +184,7 @@ def _positive(name: str, value: float) -> float:
 
 
 def _rows(stencil: Stencil, envs: slice) -> Stencil:
-    return Stencil(stencil.offsets[envs], stencil.step[envs], stencil.central[envs])
+    return Stencil(stencil.offsets[envs], stencil.step[envs], stencil.central[envs], stencil.bounded[envs])
 
 
 def _differences(part: Part, stencil: Stencil, nstep: int, tolerance: float, *, sensors: bool) -> dict[str, NDArray[Any]]:
@@ -180,23 +195,13 @@ def _differences(part: Part, stencil: Stencil, nstep: int, tolerance: float, *, 
         sim.step(part.ctrl if k == 0 else None)
         watch.look(k)
         status |= np.asarray(sim.status)
-    model = sim.model
-    end = {name: np.array(getattr(sim, name)) for name in STATE}
-    end = {name: value.reshape(n, count, value.shape[1]) for name, value in end.items()}
-    moved = model.differentiate_pos(np.array(np.broadcast_to(end["qpos"][:, :1], end["qpos"].shape)), end["qpos"])
-    outputs = [moved, end["qvel"] - end["qvel"][:, :1], end["act"] - end["act"][:, :1]]
-    if sensors:
-        truth = np.array(sim.sensor_truth)
-        truth = truth.reshape(n, count, truth.shape[1])
-        outputs.append(truth - truth[:, :1])
+    end, whole = ends_of(sim, count, sensors=sensors)
     levels, points, columns = stencil.offsets.shape[1:]
-    whole = np.concatenate(outputs, axis=-1)
     changes = whole[:, 1:].reshape(n, levels, points, columns, whole.shape[-1])
     slopes = stencil.slopes(changes)
     residual = np.asarray(sim.residual).reshape(n, count).max(axis=1)
     size = np.abs(end["qvel"]).max(axis=(1, 2), initial=1.0)
-    groups = [slice(0, model.nv), slice(model.nv, 2 * model.nv), slice(2 * model.nv, 2 * model.nv + model.na)]
-    watch.bends(changes, slopes[:, 0], groups, tolerance)
+    watch.bends(changes, slopes[:, 0], _groups(sim.model), tolerance)
     causes = watch.report.causes
     return {
         "slopes": slopes,
@@ -256,6 +261,11 @@ def _result(
         tolerance=tolerance,
         **{name: shown(whole[name]) for name in ("kinked_steps", "kink_distance", "residual", "status", "implicit", *STATE)},
     )
+
+
+def _groups(model: Model) -> list[slice]:
+    """Rows of a kind, whose slopes are compared with one another: displacements, velocities, activations."""
+    return [slice(0, model.nv), slice(model.nv, 2 * model.nv), slice(2 * model.nv, 2 * model.nv + model.na)]
 
 
 def _size(model: Model) -> int:

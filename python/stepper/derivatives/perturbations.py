@@ -90,11 +90,13 @@ class Stencil:
         step: Widths, (num_envs, levels, columns); 0 where a column is absent.
         central: Whether points are on both sides, (num_envs, columns); otherwise two are on one side, at one and two widths, or there is
             one alone.
+        bounded: Whether a bound lets the column go to one side only, (num_envs, columns).
     """
 
     offsets: Array
     step: Array
     central: NDArray[np.bool_]
+    bounded: NDArray[np.bool_]
 
     def slopes(self, changes: Array) -> Array:
         """Derivatives of second order of accuracy, or of first order from one point.
@@ -222,9 +224,9 @@ def stencil_of(model: Model, blocks: Sequence[Block], values: Mapping[str, Array
     step_levels = width[:, None] * 2.0 ** np.arange(levels)[None, :, None]
     first = sign[:, None] * step_levels
     if not centered:
-        return Stencil(first[:, :, None], step_levels, np.zeros_like(both, dtype=np.bool_))
+        return Stencil(first[:, :, None], step_levels, np.zeros_like(both, dtype=np.bool_), ~both.astype(np.bool_))
     second = np.where(both[:, None], -first, 2.0 * first)
-    return Stencil(np.stack([first, second], axis=2), step_levels, both.astype(np.bool_))
+    return Stencil(np.stack([first, second], axis=2), step_levels, both.astype(np.bool_), ~both.astype(np.bool_))
 
 
 def _bounds(model: Model, block: Block) -> tuple[Array, Array]:

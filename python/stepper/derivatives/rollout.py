@@ -6,7 +6,7 @@ import copy
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -18,6 +18,7 @@ from stepper.derivatives.linearize import Linearization, linearize
 from stepper.derivatives.perturbations import STATE, Array, blocks_of
 from stepper.derivatives.smoothing import Smoothing, smoothed
 from stepper.derivatives.tangent import from_tangent, to_tangent
+from stepper.derivatives.undetermined import first_undetermined
 
 OUTPUTS = (*STATE, "sensors")
 
@@ -32,7 +33,9 @@ class Gradients:
         act: By the first act, (num_envs, na).
         ctrl: By the controls, (T, num_envs, nu).
         parameters: By parameters, (num_envs, *shape) for each name of `wrt` that is one.
-        near_kink: Steps of a control with a kink near them, (T, num_envs); see `Linearization`.
+        near_kink: Steps of a control with a kink near them, (T, num_envs); see `Linearization`. Gradients are those of the nominal mode
+            there.
+        undetermined: Environments whose rollout has a kink without such a slope, (num_envs,); their gradients are 0.
     """
 
     qpos: Array
@@ -41,6 +44,7 @@ class Gradients:
     ctrl: Array
     parameters: dict[str, Array]
     near_kink: Bools
+    undetermined: Bools
 
 
 class Rollout:
@@ -94,6 +98,7 @@ class Rollout:
         act: ArrayLike | None = None,
         sensors: ArrayLike | None = None,
         smoothing: Smoothing | None = None,
+        undetermined: Literal["raise", "zero"] = "raise",
         **settings: Any,
     ) -> Gradients:
         """Gradients of a function of the rollout, from its gradients by the rollout's states.
@@ -107,20 +112,26 @@ class Rollout:
             act: Likewise by `self.act`.
             sensors: Likewise by `self.sensors`.
             smoothing: Smoothed derivatives, for a gradient that kinks do not hide; None is those of the steps that were made.
-            **settings: `step`, `tolerance`, `centered` and `extrapolate` of `linearize`.
+            undetermined: Action where a rollout has a kink and no slope of the nominal mode: "raise", or gradients of "zero" for the
+                environment (`Gradients.undetermined`).
+            **settings: `step`, `tolerance`, `centered`, `extrapolate` and `method` of `linearize`.
 
         Raises:
+            UndeterminedDerivative: A kink without a slope of the nominal mode, with its environment, control and coordinate.
             ValueError: A wrong shape, a number that is not finite; gradients by sensors that were not asked for.
             TypeError: A smoothing that is none.
         """
         if smoothing is not None and not isinstance(smoothing, Smoothing):
             raise TypeError(f"smoothing is {type(smoothing).__name__}, must be a stepper.derivatives.Smoothing or None")
+        if undetermined not in ("raise", "zero"):
+            raise ValueError(f"undetermined is {undetermined!r}, must be 'raise' or 'zero'")
         given = {"qpos": qpos, "qvel": qvel, "act": act, "sensors": sensors}
         cotangents = {name: self._cotangent(name, value) for name, value in given.items()}
         model, T, n = self._plant.model, len(self._ctrl), self._plant.num_envs or 1
         adjoint = np.zeros((n, 2 * model.nv + model.na))
         controls, kinked = np.zeros((T, n, model.nu)), np.zeros((T, n), dtype=bool)
         parameters: dict[str, Array] = {}
+        lost = np.zeros(n, dtype=bool)
         wrt = (*STATE, "ctrl", *self._parameters)
         for first in reversed(range(0, T, self.every)):
             segment = range(first, min(first + self.every, T))
@@ -133,12 +144,20 @@ class Rollout:
                 else:
                     part = smoothed(self._plant, smoothing, wrt, draw=t, **asked, **settings)
                 reading = None if cotangents["sensors"] is None else cotangents["sensors"][t]
+                needed = np.any(adjoint if reading is None else np.concatenate([adjoint, reading], axis=1), axis=1)
+                for env, error in first_undetermined(part, needed, t, model).items():
+                    if undetermined == "raise":
+                        raise error
+                    lost[env] = True
                 controls[t] = self._pull(part, "ctrl", adjoint, reading)
                 for name in self._parameters:
                     parameters[name] = parameters.get(name, 0.0) + self._pull(part, name, adjoint, reading)
                 kinked[t] = np.asarray(part.near_kink).reshape(n)
                 adjoint = np.concatenate([self._pull(part, name, adjoint, reading) for name in STATE], axis=1)
-        return self._gradients(adjoint, controls, parameters, kinked)
+        adjoint[lost], controls[:, lost] = 0.0, 0.0
+        for gradient in parameters.values():
+            gradient[lost] = 0.0
+        return self._gradients(adjoint, controls, parameters, kinked, lost)
 
     def _cotangent(self, name: str, given: ArrayLike | None) -> Array | None:
         if given is None:
@@ -184,7 +203,7 @@ class Rollout:
             out = out + np.einsum("er,er...->e...", reading, own.reshape(n, reading.shape[1], *block.shape[2:]))
         return out
 
-    def _gradients(self, adjoint: Array, controls: Array, parameters: dict[str, Array], kinked: Bools) -> Gradients:
+    def _gradients(self, adjoint: Array, controls: Array, parameters: dict[str, Array], kinked: Bools, lost: Bools) -> Gradients:
         model = self._plant.model
         single = self._plant.num_envs is None
         nv = model.nv
@@ -197,6 +216,7 @@ class Rollout:
             ctrl=controls[:, 0] if single else controls,
             parameters={name: value[0] if single else value for name, value in parameters.items()},
             near_kink=kinked[:, 0] if single else kinked,
+            undetermined=lost[0] if single else lost,
         )
 
 

@@ -11,6 +11,7 @@ import numpy as np
 
 from stepper._stepper import Stepper
 from stepper.derivatives.copies import nominal_of, replicas_of
+from stepper.derivatives.kinks import Kink
 from stepper.derivatives.linearize import Linearization, linearize
 from stepper.derivatives.perturbations import Array
 
@@ -71,8 +72,8 @@ def smoothed(
         **settings: Other arguments of `linearize`.
 
     Returns:
-        Blocks and sensors are means; flags of kinks are those of all samples together, and distances the least. There are no `errors`. The
-        state is that of the first sample.
+        Blocks and sensors are means over the samples that have a derivative; flags of kinks are those of all samples together, and
+        distances the least. There are no `errors`. The state is that of the first sample.
     """
     nominal, model, count = nominal_of(sim, ctrl, ()), sim.model, smoothing.samples
     n, half = nominal.num_envs, smoothing.samples // 2
@@ -99,12 +100,26 @@ def smoothed(
     def first(array: Any, axis: int) -> Any:
         return array.take(0, axis=axis)
 
+    def determined(name: str) -> Any:
+        return (lin.kinks[name] & np.uint32(Kink.UNDETERMINED)) == 0
+
+    def mean(name: str, block: Any) -> Any:
+        # Over the samples that have the derivative; the others are 0.
+        there = determined(name).reshape(n, count, 1, *block.shape[2:]).sum(axis=1)
+        means = block.reshape(n, count, *block.shape[1:]).sum(axis=1) / np.maximum(there, 1)
+        return means[0] if single else means
+
+    def flags_of(name: str, flags: Any) -> Any:
+        some = by_env(determined(name), np.any)
+        together = by_env(flags, np.bitwise_or.reduce)
+        return np.where(some, together & ~np.uint32(Kink.UNDETERMINED), together)
+
     return replace(
         lin,
-        blocks={name: by_env(block, np.mean) for name, block in lin.blocks.items()},
-        sensors={name: by_env(block, np.mean) for name, block in lin.sensors.items()},
+        blocks={name: mean(name, block) for name, block in lin.blocks.items()},
+        sensors={name: mean(name, block) for name, block in lin.sensors.items()},
         errors={},
-        kinks={name: by_env(flags, np.bitwise_or.reduce) for name, flags in lin.kinks.items()},
+        kinks={name: flags_of(name, flags) for name, flags in lin.kinks.items()},
         near_kink=by_env(lin.near_kink, np.any),
         kinked_steps=by_env(lin.kinked_steps, np.any),
         kink_distance=by_env(lin.kink_distance, np.min),

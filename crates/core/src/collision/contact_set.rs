@@ -321,7 +321,7 @@ impl<R: Real> Contacts<R> {
 
     /// Slot of the contact `id` of lane `l`, which is in slot `k` most likely.
     #[inline(always)]
-    fn find(&self, l: usize, k: usize, id: ContactId) -> Option<usize> {
+    pub(crate) fn find(&self, l: usize, k: usize, id: ContactId) -> Option<usize> {
         let is_it = |&k: &usize| self.ids[k][l] == id;
         Some(k).filter(|&k| k < self.count[l]).filter(is_it).or_else(|| (0..self.count[l]).find(is_it))
     }

@@ -11,6 +11,7 @@ use crate::constraints::assembled_rows::AssembledRows;
 use crate::constraints::hyperstatic::Patches;
 use crate::constraints::islands::Islands;
 use crate::constraints::soft::SoftSystem;
+use crate::constraints::solved_overlaps::SolvedOverlaps;
 use crate::constraints::worst_row::WorstRows;
 use crate::dynamics::inertia::{MassMatrix, NewtonEuler};
 use crate::math::spatial::*;
@@ -112,6 +113,8 @@ pub struct Constraints<R: Real> {
     pub(crate) eliminated_entries: [Vec<R>; 2],
     /// Rows of MuJoCo's contact law, where it is asked for; the problem above is empty then.
     pub(crate) soft: Option<Box<SoftSystem<R>>>,
+    /// Overlaps of the solution near which rows are made, while a step is differentiated.
+    pub(crate) solved_overlaps: Option<Box<SolvedOverlaps<R>>>,
 }
 
 /// Request for the problem of a lane as the next solve of stage 5 finds it, and the answer.
@@ -265,6 +268,7 @@ impl<R: Real> Constraints<R> {
             eliminated_entries: std::array::from_fn(|_| {
                 Vec::with_capacity(compiled.equalities.iter().map(|b| b.rows * b.support.len()).sum())
             }),
+            solved_overlaps: None,
         }
     }
 }

@@ -121,7 +121,8 @@ impl<R: Real> Constraints<R> {
         self.half_solve::<3>(compiled, mass);
         let springs = compiled.has_contact_springs.then(|| self.give_way(input, contacts, k, lanes, [free[0], before[0]]));
         let rigid = springs.as_ref().map_or(active, |row| active.and_not(row.lanes));
-        let (mut bias, mut position) = self.biases(options, assembly.gap(slot.point.distance), assembly.h, rigid);
+        let solved = self.solved_overlaps.as_ref().map(|solved| solved.distance(contacts, k));
+        let (mut bias, mut position) = self.biases(options, assembly.gap(slot.point.distance), solved, assembly.h, rigid);
         if let Some(row) = &springs {
             // Its position is the spring's, and nothing corrects it.
             [bias, position] = [bias, position].map(|x| R::select(row.lanes, row.bias, x));

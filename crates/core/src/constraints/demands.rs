@@ -11,24 +11,29 @@ use crate::options::{Stabilization, StepSettings};
 const LIMIT_RETURN: f64 = 10.0;
 
 impl<R: Real> Constraints<R> {
-    /// The biases of a contact's normal row at distance `phi` (see the module): of the velocity solve and of the position solve.
+    /// The biases of a contact's normal row at distance `phi` (see the module): of the velocity solve and of the position solve. Where a
+    /// step is differentiated, `solved` is the distance in its solution.
     #[inline(always)]
-    pub(crate) fn biases(&mut self, options: &StepSettings, phi: R, h: R, active: R::Mask) -> (R, R) {
-        self.biases_up_to(options, options.max_correction_speed, phi, h, active)
+    pub(crate) fn biases(&mut self, options: &StepSettings, phi: R, solved: Option<R>, h: R, active: R::Mask) -> (R, R) {
+        self.biases_up_to(options, options.max_correction_speed, phi, solved, h, active)
     }
 
     /// The same of a limit. Where positions alone move, it comes back faster than an overlap does: no energy can come of it.
     #[inline(always)]
-    pub(crate) fn limit_biases(&mut self, options: &StepSettings, phi: R, h: R, active: R::Mask) -> (R, R) {
+    pub(crate) fn limit_biases(&mut self, options: &StepSettings, phi: R, solved: Option<R>, h: R, active: R::Mask) -> (R, R) {
         let split = options.stabilization == Stabilization::Split;
         let fastest = options.max_correction_speed * if split { LIMIT_RETURN } else { 1.0 };
-        self.biases_up_to(options, fastest, phi, h, active)
+        self.biases_up_to(options, fastest, phi, solved, h, active)
     }
 
     #[inline(always)]
-    pub(crate) fn biases_up_to(&mut self, options: &StepSettings, fastest: f64, phi: R, h: R, active: R::Mask) -> (R, R) {
-        let apart = phi.ge(R::zero());
-        let overlap = (-phi - R::of(options.slop)).max(R::zero());
+    fn biases_up_to(&mut self, options: &StepSettings, fastest: f64, phi: R, solved: Option<R>, h: R, active: R::Mask) -> (R, R) {
+        let apart = solved.unwrap_or(phi).ge(R::zero());
+        let beyond = -phi - R::of(options.slop);
+        let overlap = match solved {
+            None => beyond.max(R::zero()),
+            Some(solved) => R::select(solved.lt(-R::of(options.slop)), beyond, R::zero()),
+        };
         let (wanted, fastest) = (overlap * R::of(options.baumgarte) / h, R::of(fastest));
         let mut correction = wanted.min(fastest);
         if options.stabilization == Stabilization::Split && overlap.gt(R::zero()).any() {

@@ -36,7 +36,8 @@ impl<R: Real> Constraints<R> {
                 self.scalar_impulse[i] = R::zero();
                 continue;
             }
-            let (bias, position) = self.limit_biases(options, phi, assembly.h, active);
+            let solved = self.solved_overlaps.as_ref().map(|solved| solved.limit(i));
+            let (bias, position) = self.limit_biases(options, phi, solved, assembly.h, active);
             self.add_scalar(compiled, mass, limit.dof, i, sign, active, [v + bias, v + position], bounds);
         }
     }

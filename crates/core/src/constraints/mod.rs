@@ -19,6 +19,7 @@ pub mod limits;
 pub mod restitution;
 pub mod rows;
 pub mod soft;
+pub(crate) mod solved_overlaps;
 pub mod tendon;
 pub mod torsional_rolling;
 pub mod worst_row;

@@ -68,7 +68,7 @@ impl<R: Real> Constraints<R> {
         if active.none() {
             return None;
         }
-        let (velocity, position) = self.limit_biases(input.options, phi, h, active);
+        let (velocity, position) = self.limit_biases(input.options, phi, None, h, active);
         Some((active, velocity, position))
     }
 

@@ -6,6 +6,7 @@ pub mod devices;
 pub mod euler;
 pub mod evaluation;
 pub mod free_motion;
+pub(crate) mod held_overlaps;
 pub mod impact;
 pub mod impact_set;
 pub mod implicit;

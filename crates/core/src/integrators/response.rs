@@ -8,6 +8,7 @@ use crate::collision::contact_set::{Contacts, Slot};
 use crate::compile::{ActuatorParams, LaneModel};
 use crate::constraints::Constraints;
 use crate::constraints::restitution::any_elastic;
+use crate::constraints::solved_overlaps::limit_gap;
 use crate::dynamics::kinematics::{advance, displace};
 use crate::integrators::corrected_forces::take_forces_again;
 use crate::integrators::evaluation::{assemble_here, evaluate};
@@ -22,7 +23,7 @@ use crate::options::{Stabilization, StepSettings};
 use crate::probe::NoProbe;
 use crate::stages::s01_actuate::advance_activation;
 use crate::stages::s04_assemble::assemble_demands;
-use crate::stages::s05_solve::is_estimated;
+use crate::stages::s05_solve::{fastest, is_estimated};
 use crate::stages::s06_integrate_velocity::integrate_velocity;
 use crate::stages::s07_integrate_position::integrate_position;
 use crate::stages::s08_stabilise::{Solved, damp_rows, find_correction};
@@ -32,6 +33,10 @@ const NOBODY: u64 = u64::MAX;
 
 /// Residual with which a step counts as solved, m/s: modes are certain, and what the response is wrong by is of this order.
 const SOLVED: f64 = 1e-9;
+
+/// Weight of an error of the expected velocity, relative to the motion within the step, rad or m: estimates are the rougher the less moves,
+/// since inertial forces are quadratic in velocities. At 1e2 their error counts with 1e-11 m/s.
+const EXPECTED: f64 = 1e2;
 
 /// Part of the bounds of a correction of positions that it may not come near to, so that beside the state it is within them, too.
 const NEAR_BOUND: f64 = 1e-3;
@@ -121,13 +126,17 @@ impl<R: Real> HardResponse<R> {
         }
         // The time of an impact is found by iteration, to a part of the step.
         let lanes = lanes & !s.impacts.lanes.bits();
-        let follows = is_estimated(&s.state.v, self.scheme.h).bits() | if depends_on_estimate(compiled) { 0 } else { lanes };
-        lanes & follows & self.has_expected(options, s).bits()
+        let matters = depends_on_estimate(compiled);
+        let estimated = is_estimated(&s.state.v, self.scheme.h).bits();
+        // What rests expects the velocity by the impulses of the step before.
+        let follows = if matters { estimated & self.has_expected(options, s, R::one()).bits() } else { !estimated };
+        let inertia = self.has_expected(options, s, self.scheme.h * fastest(&s.state.v) * R::of(EXPECTED));
+        lanes & (follows | if matters { 0 } else { inertia.bits() })
     }
 
     /// Lanes in which the step expected the velocity that the estimate leads to when it is solved for: else it is not a solution, and does
-    /// not follow its rows as one does.
-    fn has_expected(&self, options: &StepSettings, s: &Workspace<R>) -> R::Mask {
+    /// not follow its rows as one does. Differences of velocities count with `weight`, 1 at the most.
+    fn has_expected(&self, options: &StepSettings, s: &Workspace<R>, weight: R) -> R::Mask {
         R::vectorize(
             #[inline(always)]
             || {
@@ -136,7 +145,7 @@ impl<R: Real> HardResponse<R> {
                     // Written so that a NaN stays.
                     apart = R::select((kept - now).abs().le(apart), apart, (kept - now).abs());
                 }
-                is_solved(options, apart)
+                is_solved(options, apart * weight.min(R::one()))
             },
         )
     }
@@ -352,18 +361,6 @@ fn edges(options: &StepSettings) -> Vec<f64> {
         Stabilization::Baumgarte | Stabilization::Split if slop == 0.0 => vec![0.0],
         Stabilization::Baumgarte | Stabilization::Split => vec![0.0, -slop],
     }
-}
-
-/// Distance to the nearer end of a limited joint's range.
-fn limit_gap<R: Real>(compiled: &LaneModel<R>, i: usize, q: &[R]) -> R {
-    R::vectorize(
-        #[inline(always)]
-        || {
-            let [lowest, highest] = compiled.params.limit(i);
-            let q = q[compiled.limits[i].q];
-            (q - lowest).min(highest - q)
-        },
-    )
 }
 
 /// Whether the velocity to be expected matters where all rests: inertial forces are quadratic in it, drag and what pushes with the motion

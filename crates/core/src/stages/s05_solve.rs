@@ -216,7 +216,7 @@ fn is_moving<R: Real>(turn: R) -> R::Mask {
 }
 
 #[inline(always)]
-fn fastest<R: Real>(v: &[R]) -> R {
+pub(crate) fn fastest<R: Real>(v: &[R]) -> R {
     let mut fastest = R::zero();
     for &v in v {
         fastest = fastest.max(v.abs());

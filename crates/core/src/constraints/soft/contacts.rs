@@ -163,7 +163,8 @@ impl<R: Real> Constraints<R> {
                 break;
             }
             for k in 0..contacts.slots() {
-                let near = R::Mask::from_bits(contacts.lanes_of(k)).and(contacts.data[k].point.distance.lt(R::zero())).bits();
+                let distance = self.solved_overlaps.as_ref().map_or(contacts.data[k].point.distance, |solved| solved.distance(contacts, k));
+                let near = R::Mask::from_bits(contacts.lanes_of(k)).and(distance.lt(R::zero())).bits();
                 let mut rolling = 0;
                 if compiled.has_rolling_friction {
                     for (pair, lanes) in contacts.pairs(k, near) {

@@ -110,7 +110,8 @@ impl<R: Real> Constraints<R> {
             let q = assembly.q[limit.q];
             let [lowest, highest] = compiled.params.limit(i);
             let (sign, error) = nearer_end(q, lowest, highest);
-            let active = assembly.alive.and(error.lt(R::zero()));
+            let distance = self.solved_overlaps.as_ref().map_or(error, |solved| solved.limit(i));
+            let active = assembly.alive.and(distance.lt(R::zero()));
             if active.any() {
                 self.column[limit.dof] = [sign, R::zero(), R::zero()];
                 system.terms.clear();

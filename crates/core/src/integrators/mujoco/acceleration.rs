@@ -19,6 +19,10 @@ use crate::probe::{Counter, Probe, Span};
 use crate::stages::s01_actuate::actuate;
 use crate::stages::s03_detect::detect;
 
+/// Time by which contacts are looked ahead where a step is differentiated, s: displaced states have the contacts of the solution, also
+/// where these open. Gravity alone covers ten displacements in it.
+const LOOK_AHEAD: f64 = 1e-3;
+
 /// Stages 1 to 5 at the state in `s.state`: the acceleration with constraints, left in the soft system. It starts from the impulse of the
 /// last step, or from the acceleration before.
 pub(super) fn accelerate<R: Real>(
@@ -55,7 +59,8 @@ pub(super) fn prepare<R: Real>(
         _ => free_acceleration(compiled, h, s, renewed, probe),
     }
     if renewed == Renewed::Configuration {
-        find_contacts(compiled, s, probe);
+        let ahead = if s.constraints.solved_overlaps.is_some() { R::of(LOOK_AHEAD) } else { R::zero() };
+        find_contacts(compiled, ahead, s, probe);
     }
     // What actuator dynamics lose bounds rows of dry friction.
     if renewed != Renewed::Forces || compiled.lossy {
@@ -132,11 +137,11 @@ fn add_tendon_springs<R: Real>(compiled: &LaneModel<R>, q: &[R], v: &[R], forces
     )
 }
 
-/// Stage 3: contacts at the configuration, without a look ahead.
-fn find_contacts<R: Real>(compiled: &LaneModel<R>, s: &mut Workspace<R>, probe: impl Probe) {
+/// Stage 3: contacts at the configuration, and those that close within `ahead` s.
+fn find_contacts<R: Real>(compiled: &LaneModel<R>, ahead: R, s: &mut Workspace<R>, probe: impl Probe) {
     let none = R::zero();
     let (kinematics, v) = (&s.evaluation.kinematics, &s.state.v);
-    detect(compiled, kinematics, [v, v], [none, none], s.alive, &mut s.poses, &mut s.evaluation.contacts, probe);
+    detect(compiled, kinematics, [v, v], [ahead, none], s.alive, &mut s.poses, &mut s.evaluation.contacts, probe);
     probe.span(Span::WarmStart, || s.evaluation.contacts.choose_tangents());
     probe.count(Counter::Contacts, || s.evaluation.contacts.count[..R::LANES].iter().sum::<usize>() as f64);
 }

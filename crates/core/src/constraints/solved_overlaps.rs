@@ -1,0 +1,113 @@
+//! Overlaps of the solution that a derivative is taken at.
+//!
+//! What a contact or a limit demands has a corner, or with MuJoCo's law a jump, where its gap closes. A robot at rest has gaps of 1e-17 m
+//! of either sign, so that no displacement is small enough to stay on one side of all corners. At displaced states contacts and limits
+//! therefore stay on the side on which the solution has them.
+
+use stepper_real::{Real, Scalar};
+
+use crate::collision::contact_set::Contacts;
+use crate::compile::LaneModel;
+use crate::math::lanes::each_of;
+
+/// Contacts and limits of a solution.
+#[derive(Clone, Debug)]
+pub(crate) struct SolvedOverlaps<R: Real> {
+    contacts: Contacts<R>,
+    /// Distances of limited joints to the nearer end of their range, m or rad.
+    limits: Vec<R>,
+}
+
+/// A gap that closes or opens between a solution and a displaced state.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Crossing {
+    /// The lane.
+    pub(crate) lane: usize,
+    /// Whether it is a limit's gap.
+    pub(crate) is_limit: bool,
+    /// Place of the crossing, as a part of the displacement.
+    pub(crate) distance: f64,
+}
+
+impl<R: Real> SolvedOverlaps<R> {
+    /// Room for a compiled model.
+    pub(crate) fn new(compiled: &LaneModel<R>, max_contacts: usize) -> Self {
+        Self {
+            contacts: Contacts::new(max_contacts).with_torques(compiled.has_rolling_friction),
+            limits: vec![R::zero(); compiled.limits.len()],
+        }
+    }
+
+    /// Keeps the contacts of a solution, and the limits at its configuration `q`.
+    pub(crate) fn keep(&mut self, compiled: &LaneModel<R>, contacts: &Contacts<R>, q: &[R]) {
+        self.contacts.clone_from(contacts);
+        for (i, gap) in self.limits.iter_mut().enumerate() {
+            *gap = limit_gap(compiled, i, q);
+        }
+    }
+
+    /// Distances that the contacts in slot `k` of a displaced state have in the solution; infinite where it has them not.
+    #[inline(never)]
+    pub(crate) fn distance(&self, contacts: &Contacts<R>, k: usize) -> R {
+        let mut distance = R::of(f64::INFINITY);
+        for lane in each_of(contacts.lanes_of(k)) {
+            if let Some(solved) = self.contacts.find(lane, k, contacts.ids[k][lane]) {
+                distance.set_lane(lane, self.contacts.data[solved].point.distance.lane(lane));
+            }
+        }
+        distance
+    }
+
+    /// Distance of limit `i` in the solution.
+    #[inline(always)]
+    pub(crate) fn limit(&self, i: usize) -> R {
+        self.limits[i]
+    }
+
+    /// Those of the lanes `lanes` (bits) in which a displaced state has all contacts that overlap in the solution.
+    pub(crate) fn found(&self, contacts: &Contacts<R>, lanes: u32) -> u32 {
+        let overlaps = |lane: usize, k: usize| self.contacts.data[k].point.distance.lane(lane).to_f64() < 0.0;
+        let has = |lane: usize, k: usize| contacts.find(lane, k, self.contacts.ids[k][lane]).is_some();
+        each_of(lanes)
+            .filter(|&lane| (0..self.contacts.count[lane]).all(|k| !overlaps(lane, k) || has(lane, k)))
+            .fold(0, |found, lane| found | 1 << lane)
+    }
+
+    /// Calls `see` with every gap of the lanes `lanes` (bits) that is on another side at a displaced state with the configuration `q`.
+    pub(crate) fn find_crossings(
+        &self,
+        compiled: &LaneModel<R>,
+        contacts: &Contacts<R>,
+        q: &[R],
+        lanes: u32,
+        see: &mut dyn FnMut(Crossing),
+    ) {
+        let mut compare = |is_limit: bool, before: R, after: R, lanes: u32| {
+            for lane in each_of(lanes) {
+                let [before, after] = [before, after].map(|gap| gap.lane(lane).to_f64());
+                if (before < 0.0) != (after < 0.0) {
+                    let distance = if before.is_finite() { before / (before - after) } else { 1.0 };
+                    see(Crossing { lane, is_limit, distance });
+                }
+            }
+        };
+        for k in 0..contacts.slots() {
+            compare(false, self.distance(contacts, k), contacts.data[k].point.distance, lanes & contacts.lanes_of(k));
+        }
+        for (i, &before) in self.limits.iter().enumerate() {
+            compare(true, before, limit_gap(compiled, i, q), lanes);
+        }
+    }
+}
+
+/// Distance to the nearer end of a limited joint's range.
+pub(crate) fn limit_gap<R: Real>(compiled: &LaneModel<R>, i: usize, q: &[R]) -> R {
+    R::vectorize(
+        #[inline(always)]
+        || {
+            let [lowest, highest] = compiled.params.limit(i);
+            let q = q[compiled.limits[i].q];
+            (q - lowest).min(highest - q)
+        },
+    )
+}

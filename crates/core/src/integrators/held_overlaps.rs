@@ -1,0 +1,44 @@
+//! Overlaps of a solution, which displaced states keep while its step is differentiated.
+
+use stepper_real::Real;
+use stepper_solve::newton::{Followed, Switch};
+
+use crate::compile::LaneModel;
+use crate::constraints::solved_overlaps::{Crossing, SolvedOverlaps};
+use crate::integrators::workspace::Workspace;
+
+/// Room for the overlaps of a solution, empty while rows are made by them.
+#[derive(Clone, Debug)]
+pub(crate) struct HeldOverlaps<R: Real>(Option<Box<SolvedOverlaps<R>>>);
+
+impl<R: Real> HeldOverlaps<R> {
+    /// Room for a compiled model.
+    pub(crate) fn new(compiled: &LaneModel<R>, max_contacts: usize) -> Self {
+        Self(Some(Box::new(SolvedOverlaps::new(compiled, max_contacts))))
+    }
+
+    /// Makes rows by the overlaps of the step that was just made, until they are released.
+    pub(crate) fn hold(&mut self, compiled: &LaneModel<R>, s: &mut Workspace<R>) {
+        if let Some(mut overlaps) = self.0.take() {
+            // The step has handed its contacts on.
+            overlaps.keep(compiled, &s.state.contacts, &s.evaluation.q);
+            s.constraints.solved_overlaps = Some(overlaps);
+        }
+    }
+
+    /// Makes rows by their own overlaps again.
+    pub(crate) fn release(&mut self, s: &mut Workspace<R>) {
+        self.0 = s.constraints.solved_overlaps.take().or_else(|| self.0.take());
+    }
+}
+
+/// Calls `near` with the gaps that have crossed zero at the displaced state in `s`, in the lanes `lanes` (bits). Returns those of them that
+/// have all overlaps of the solution.
+pub(crate) fn compare_overlaps<R: Real>(compiled: &LaneModel<R>, s: &Workspace<R>, lanes: u32, near: &mut dyn FnMut(Followed)) -> u32 {
+    let Some(overlaps) = &s.constraints.solved_overlaps else { return lanes };
+    let contacts = &s.evaluation.contacts;
+    overlaps.find_crossings(compiled, contacts, &s.evaluation.q, lanes, &mut |Crossing { lane, is_limit, distance }| {
+        near(Followed { lane, switch: if is_limit { Switch::Limit } else { Switch::Contact }, distance });
+    });
+    overlaps.found(contacts, lanes)
+}

@@ -1,0 +1,51 @@
+"""The error for gradients that would need a column without a derivative."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from stepper._stepper import Model
+from stepper.derivatives.kinks import Bools, Kink
+from stepper.derivatives.linearize import Linearization
+
+
+class UndeterminedDerivative(ArithmeticError):  # noqa: N818
+    """A rollout passes a kink of which no slope of the nominal mode was found.
+
+    Attributes:
+        env: Index of the environment.
+        control: Index of the control whose steps have the kink.
+        coordinate: The coordinate along which the step has no derivative.
+        kinks: What switches there.
+    """
+
+    def __init__(self, env: int, control: int, coordinate: str, kinks: Kink):
+        self.env, self.control, self.coordinate, self.kinks = env, control, coordinate, kinks
+        cause = " | ".join(kink.name or "" for kink in kinks & ~Kink.UNDETERMINED)
+        super().__init__(
+            f"the steps of control {control} have no derivative by {coordinate} in environment {env}: there is a kink ({cause}) on both "
+            "sides. Take a mean over displacements, vjp(smoothing=Smoothing(...)), or leave the environment out, vjp(undetermined='zero')"
+        )
+
+
+def first_undetermined(part: Linearization, needed: Bools, control: int, model: Model) -> dict[int, UndeterminedDerivative]:
+    """Errors by environment for columns without a derivative, of the environments that need any, (num_envs,)."""
+    errors: dict[int, UndeterminedDerivative] = {}
+    for name, flags in part.kinks.items():
+        rows = flags.reshape(len(needed), -1)
+        for env, column in np.argwhere((rows & np.uint32(Kink.UNDETERMINED)) != 0):
+            if needed[env] and int(env) not in errors:
+                coordinate, kinks = _coordinate(model, name, int(column)), Kink(int(rows[env, column]))
+                errors[int(env)] = UndeterminedDerivative(int(env), control, coordinate, kinks)
+    return errors
+
+
+def _coordinate(model: Model, name: str, column: int) -> str:
+    """Name of a column: of a degree of freedom with its joint, of a control with its actuator."""
+    if name in ("qpos", "qvel"):
+        joint = max((model.joint(k) for k in range(model.njnt)), key=lambda joint: joint.dofadr if joint.dofadr <= column else -1)
+        return f"{name}[{column}] (joint {joint.name!r})" if joint.name else f"{name}[{column}]"
+    if name == "ctrl":
+        actuator = model.actuator(column).name
+        return f"ctrl[{column}] (actuator {actuator!r})" if actuator else f"ctrl[{column}]"
+    return f"{name}[{column}]"

@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 
 from stepper._stepper import Stepper
 from stepper.derivatives.copies import Nominal, replicas_of, rows
-from stepper.derivatives.perturbations import PARAMETERS, ROUNDING, STATE, Array, Block, Stencil, blocks_of, stencil_of
+from stepper.derivatives.perturbations import ROUNDING, STATE, Array, Block, Stencil, blocks_of, stencil_of
+from stepper.shared.fields import RANDOMIZED
 
 STEP = 2.0**-20
 """Half width of the differences for coordinates of order 1. Modes are held within it and no solver has a part in it: rounding makes 1e-9
@@ -29,7 +30,7 @@ def check(sim: Stepper, blocks: Sequence[Block], *, extrapolate: bool, sensors: 
         ValueError: Something that only differences of whole steps give.
     """
     remedy = "method='fd' gives them"
-    parameters = [block.name for block in blocks if block.field in PARAMETERS]
+    parameters = [block.name for block in blocks if block.field in RANDOMIZED]
     if parameters:
         raise ValueError(f"wrt has the parameters {', '.join(parameters)}, of which there are no implicit derivatives: {remedy}")
     if sensors:

@@ -42,7 +42,7 @@ def load(source: Source, *, strict: bool = True, package_dirs: Sequence[str | os
 
     Warns:
         ModelWarning: The source asks expressly for what by default runs otherwise: another integrator than Euler's, solref or solimp of its
-            own. Once for each call. `Options.of(model)` takes the source's integrator; contacts stay hard. Silence it with
+            own. Once for each call. `Options.from_model(model)` takes the source's integrator; contacts stay hard. Silence it with
             `warnings.filterwarnings("ignore", category=stepper.ModelWarning)`.
 
     Raises:

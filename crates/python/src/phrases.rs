@@ -14,7 +14,7 @@ const PHRASES: [(&str, &str); 13] = [
     ("all environments of a simulation", "all environments of a Stepper"),
     ("the simulation was made without", "the Stepper was made without"),
     ("make a simulation with it", "make a Stepper with it"),
-    ("this simulation has", "this Stepper has"),
+    ("this simulation has", "this stepper has"),
 ];
 
 /// A message of the core with the names that calls have in Python.

@@ -169,7 +169,8 @@ proptest! {
             prop_assert!(labels.iter().all(|label| !label.is_empty()));
             let name = format!("x{i}");
             for found in [model.body(&name), model.geom(&name), model.site(&name), model.actuator(&name), model.equality(&name), model.tendon(&name), model.pair(&name), model.keyframe(&name)] {
-                prop_assert!(found.is_ok() || matches!(found, Err(ModelError::NoSuchName { .. })));
+                let named = found.is_ok() || matches!(found, Err(ModelError::NoSuchName { .. }));
+                prop_assert!(named, "{name}");
             }
             if let Ok(joint) = model.joint(&name) {
                 prop_assert!(joint.qpos.end <= model.nq() && joint.qvel.end <= model.nv() && model.joints[joint.index].name == name);

@@ -26,7 +26,8 @@ impl Simulation {
     fn set_ctrl_of(&mut self, rows: &[f64], nstep: usize, mask: &[bool]) -> Result<(), Error> {
         let nu = self.model.nu();
         if rows.len() != self.ctrl.len() && rows.len() != nu {
-            return self.check_each_input(&StepInputs { ctrl: rows, ..StepInputs::default() }, 1, self.num_envs);
+            let detail = format!(" ({} environments x {nu})", self.num_envs);
+            return Err(Error::Length { name: "ctrl", found: rows.len(), must: self.ctrl.len(), detail });
         }
         if nstep == 0 {
             return Ok(());

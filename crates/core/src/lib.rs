@@ -79,7 +79,7 @@
 //! # Features
 //!
 //! - `avx2` and `avx512` (on by default) compile the step for these CPU levels, beside the baseline (SSE2, or NEON). The fastest that the
-//!   machine has runs, with the same bits. `default-features = false` compiles the baseline alone, in a third of the time.
+//!   machine has runs, with the same bits. `default-features = false` compiles the baseline alone, which builds faster.
 //! - `nalgebra` (off by default) adds its types to the interface: fields of the state as vectors and matrices, body poses as isometries,
 //!   contact forces in world axes; builders take its vectors, points, rotations and isometries. The crate computes with nalgebra in any
 //!   case; the feature makes it a part of the interface, and exports it so that a user has the same version.
@@ -92,9 +92,9 @@
 
 //! # Build times and debug builds
 //!
-//! The step is compiled once for every lane type and CPU level. A release build takes 5 minutes of processor time for one level beside
-//! nothing else (`STEPPER_ONE_LEVEL=avx2`, for development) and 10 minutes for all; with all cores of a laptop a fraction of that. A
-//! debug build of a program is slow unless its dependencies are optimised:
+//! The step is compiled once for every lane type and CPU level. A release build of this crate takes about 5 minutes of processor time for
+//! one level (`STEPPER_ONE_LEVEL=avx2`, for development) and 10 for all. In a debug build a step takes many times as long, unless
+//! dependencies are optimised in the program's Cargo.toml:
 //!
 //! ```toml
 //! [profile.dev.package."*"]

@@ -202,7 +202,7 @@ def main() -> None:
     parser.add_argument("--contact", choices=("hard", "mujoco"), default="hard")
     parser.add_argument("--threads", type=int, default=1, help="of the planner; 0 is all [1]")
     given = parser.parse_args()
-    options = stepper.Options() if given.contact == "hard" else stepper.Options.of(model_of(ROBOTS[given.robot]))
+    options = stepper.Options() if given.contact == "hard" else stepper.Options.from_model(model_of(ROBOTS[given.robot]))
     settings = {"precision": given.precision, "threads": given.threads, "options": options}
     found = run(given.robot, seconds=given.seconds, samples=given.samples, seed=given.seed, **settings)
     print(f"{given.robot}: {found.distance:.2f} m in {given.seconds:g} s, mean reward {found.reward:.2f}")

@@ -55,7 +55,7 @@ def _beside(count: int, threads: int) -> list[Row]:
     rows = []
     for make in SCENES:
         scene = make()
-        trial = Trial(scene, sysid.readings(scene), stepper.Options.of(scene.model(*scene.truth)), threads)
+        trial = Trial(scene, sysid.readings(scene), stepper.Options.from_model(scene.model(*scene.truth)), threads)
         for start in scene.starts:
             place = f"{scene.name}, from {start[0]:g} kg and {start[1]:g}"
             runs = {f"stepper, {n} start{'s' * (n > 1)}": partial(trial.once, start, starts=n) for n in (4, 1)}

@@ -70,7 +70,7 @@ def many_contacts(path: Path) -> str:
 
 
 def _measure(case: Case, plan: Plan) -> tuple[float, float]:
-    options = Options.of(case.model)
+    options = Options.from_model(case.model)
     with one_core():
         ours = [StepperCrowd(case.model, plan.num_envs, precision=p, threads=1, options=options, setting="law") for p in ("f64", "f32")]
         theirs: list[Crowd] = [

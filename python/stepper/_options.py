@@ -11,14 +11,6 @@ Precision: TypeAlias = Literal["f64", "f32"]
 if TYPE_CHECKING:
     from stepper._stepper import Model
 
-_INTEGRATORS: dict[str, Literal["euler", "implicit", "implicitfast", "discrete", "rk4"]] = {
-    "Euler": "euler",
-    "RK4": "rk4",
-    "implicit": "implicit",
-    "implicitfast": "implicitfast",
-    "discrete": "discrete",
-}
-
 
 @dataclass(frozen=True, kw_only=True)
 class Options:
@@ -87,8 +79,8 @@ class Options:
     max_contacts: int | None = None
 
     @classmethod
-    def of(cls, model: Model) -> Options:
-        """What the model's source asks for: MuJoCo's law of contact with the numbers of the model, and its integrator.
+    def from_model(cls, model: Model) -> Options:
+        """Settings that the model's source asks for: MuJoCo's law of contact with the numbers of the model, and the source's integrator.
 
         The numbers are softness, cone, impratio and noslip sweeps.
 
@@ -102,10 +94,4 @@ class Options:
         Raises:
             ValueError: The source asks for an integrator that stepper does not have.
         """
-        asked = model.requested
-        if asked is None:
-            return cls()
-        name = asked["integrator"]
-        if name not in _INTEGRATORS:
-            raise ValueError(f'the source asks for {name}, which stepper does not have; choose Options(contact="mujoco", integrator=...)')
-        return cls(contact="mujoco", integrator=_INTEGRATORS[name], iterations=max(cls.iterations, asked["iterations"]))
+        return cls(**model._requested_options())

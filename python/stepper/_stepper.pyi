@@ -158,6 +158,29 @@ class Geom:
     """Distance beyond the margin that is reported, m."""
 
 @final
+class Pair:
+    """An explicit pair of geoms of a model: they collide whatever filters say, with the pair's own numbers."""
+
+    id: Final[int]
+    """Index."""
+    name: Final[str]
+    """Name; may be empty."""
+    geom1: Final[int]
+    """Index of the first geom."""
+    geom2: Final[int]
+    """Index of the second geom."""
+    dim: Final[int]
+    """Rows of a contact: 1, 3, 4 or 6."""
+    friction: Final[_Array]
+    """Sliding (1), torsional (m), rolling (m) friction: (3,)."""
+    restitution: Final[float]
+    """Newton's coefficient of restitution, 0 to 1."""
+    margin: Final[float]
+    """Distance at which a contact pushes, m."""
+    gap: Final[float]
+    """Distance beyond the margin that is reported, m."""
+
+@final
 class Site:
     """A site of a model."""
 
@@ -290,6 +313,8 @@ class Model:
     """Sites."""
     ngeom: Final[int]
     """Geoms."""
+    npair: Final[int]
+    """Explicit pairs of geoms."""
     nsensordata: Final[int]
     """Readings of all sensors together."""
     body_names: Final[list[str]]
@@ -298,6 +323,8 @@ class Model:
     """Names of the joints in their order; empty where one has none."""
     geom_names: Final[list[str]]
     """Names of the geoms in their order; empty where one has none."""
+    pair_names: Final[list[str]]
+    """Names of the explicit pairs of geoms in their order; empty where one has none."""
     actuator_names: Final[list[str]]
     """Names of the actuators in their order; empty where one has none."""
     sensor_names: Final[list[str]]
@@ -399,6 +426,33 @@ class Model:
     @property
     def geom_damping(self) -> _Array:
         """Damping of the surface, N s/m: (ngeom,)."""
+    @property
+    def pair_dim(self) -> _Array:
+        """Rows of an explicit pair's contacts: (npair,)."""
+    @property
+    def pair_friction(self) -> _Array:
+        """Sliding (1), torsional (m), rolling (m) friction of an explicit pair: (npair, 3)."""
+    @property
+    def pair_anisotropy(self) -> _Array:
+        """Friction along the second tangent per that along the first, of sliding and rolling, by MuJoCo's law: (npair, 2)."""
+    @property
+    def pair_restitution(self) -> _Array:
+        """Coefficient of restitution of an explicit pair: (npair,)."""
+    @property
+    def pair_margin(self) -> _Array:
+        """Distance at which an explicit pair's contact pushes, m: (npair,)."""
+    @property
+    def pair_gap(self) -> _Array:
+        """Distance beyond the margin of an explicit pair that is reported, m: (npair,)."""
+    @property
+    def pair_solref(self) -> _Array:
+        """Reference acceleration of an explicit pair's contacts by MuJoCo's law: (npair, 2)."""
+    @property
+    def pair_solreffriction(self) -> _Array:
+        """The same of their friction by MuJoCo's law; zeros where it is that of the normal: (npair, 2)."""
+    @property
+    def pair_solimp(self) -> _Array:
+        """Impedance of an explicit pair's contacts by MuJoCo's law: (npair, 5)."""
     @property
     def pair_stiffness(self) -> _Array:
         """Stiffness of an explicit pair's contacts, N/m; infinity is rigid: (npair,)."""
@@ -542,9 +596,15 @@ class Model:
     def replace(self, **fields: ArrayLike) -> Model:
         """A new model with other values in some fields, e.g. `geom_restitution=` (ngeom,); what derives from a field follows.
 
+        Contacts of an explicit pair have the pair's numbers, whatever its geoms have. So other values of geom_friction, geom_restitution,
+        geom_margin, geom_gap, geom_condim, geom_solref, geom_solimp, geom_solmix, geom_stiffness or geom_damping for a geom of a pair
+        need the field of the pair in the same call (pair_friction, pair_restitution, ...; pair_dim with geom_condim, pair_solref with
+        geom_solmix): other values, or the model's.
+
         Raises:
             ValueError: A wrong shape.
-            ModelError: An unknown field, or values that the model cannot have.
+            ModelError: An unknown field, values that the model cannot have, or values of a geom that an explicit pair overrides, with the
+                pair.
         """
     def exclude_overlaps(self) -> Model:
         """A new model without contact between what overlaps at the reference pose: what `stepper.load(..., overlaps="exclude")` returns.
@@ -594,6 +654,15 @@ class Model:
         Raises:
             KeyError: No geom of that name; the message has near ones.
             IndexError: No geom of that index.
+        """
+    def _requested_options(self) -> dict[str, Any]:
+        """Settings that the source asks for, for `Options.from_model`: contact, integrator, iterations; empty where it asks for none."""
+    def pair(self, key: str | int) -> Pair:
+        """An explicit pair of geoms by its name or index (negative from the end).
+
+        Raises:
+            KeyError: No pair of that name; the message has near ones.
+            IndexError: No pair of that index.
         """
     def site(self, key: str | int) -> Site:
         """A site by its name or index (negative from the end).
@@ -837,6 +906,12 @@ class Stepper:
     """Writable, read by every step until changed or reset: positions of the mocap bodies in m, (num_envs, nmocap, 3)."""
     mocap_quat: _Array
     """Writable, read by every step until changed or reset: orientations of the mocap bodies, (num_envs, nmocap, 4)."""
+    eq_active: NDArray[np.bool_]
+    """Writable, read by every step until changed or reset: whether each equality acts, (num_envs, neq) bool. It begins as the model's
+    `eq_active0`, and `reset` brings that back.
+
+    Rows of an equality that does not act are left out of the step. One that begins to act while its error is large closes it as fast as
+    positions are corrected, `Options.max_correction_speed`: a weld holds the pose of `eq_data`, not the present one."""
     randomized: Final[dict[str, Any]]
     """What environments have of their own, as `randomize` takes it: arrays by field, and under "actuators" an `ActuatorModel`."""
 
@@ -974,13 +1049,18 @@ class Stepper:
         `reset` and `set_state` leave them, pickles and recordings have them. Other fields stay as they are, whether the model's or
         randomized before. What no environment has of its own costs neither time nor memory.
 
+        Contacts of an explicit pair have the pair's friction and restitution, whatever its geoms have. So a geom_friction other than the
+        model's for a geom of a pair is an error unless environments have a pair_friction of their own, given here or before: other
+        numbers, or the model's to leave these contacts as they are. Likewise geom_restitution and pair_restitution.
+
         Args:
             mask: (num_envs,) bool: the environments that change; None is all. Rows of the others are not read.
             **fields: Arrays with num_envs in front of the shape that the field has in the model; None gives the model's own numbers
                 back, and so do all fields when none is named: gravity (num_envs, 3) m/s^2; body_mass (num_envs, nbody) kg, body_ipos
                 (num_envs, nbody, 3) m, the centre of mass, and body_inertia (num_envs, nbody, 3) kg m^2, principal moments, each by
                 itself: a body of twice the mass keeps its inertia unless it is given too; geom_friction (num_envs, ngeom, 3) sliding,
-                torsional (m), rolling (m); geom_restitution (num_envs, ngeom); geom_size, geom_pos (num_envs, ngeom, 3) m, which
+                torsional (m), rolling (m); geom_restitution (num_envs, ngeom); pair_friction (num_envs, npair, 3) and pair_restitution
+                (num_envs, npair), the same of explicit pairs, see below; geom_size, geom_pos (num_envs, ngeom, 3) m, which
                 leave masses alone; jnt_stiffness (num_envs, njnt) N/m or N m/rad; jnt_range (num_envs, njnt, 2) m or rad;
                 dof_damping, dof_armature, dof_frictionloss (num_envs, nv); actuator_gain, actuator_bias (num_envs, nu, 3), whose
                 force is gain . (1, length, velocity) times the input plus bias . (1, length, velocity). actuators, a
@@ -993,8 +1073,9 @@ class Stepper:
         Raises:
             ValueError: A wrong shape; both are named. A number that a drive may not have, or a stage or delay that it was not made
                 for, with the actuator. Nothing is changed then.
-            ModelError: A field that all environments share, numbers that no model may have, or that ask for something that the model
-                has none of, such as dry friction where it has 0; with field, element and environment. Nothing is changed then.
+            ModelError: A field that all environments share, numbers that no model may have, that ask for something that the model
+                has none of, such as dry friction where it has 0, or that an explicit pair overrides; with field, element and
+                environment. Nothing is changed then.
         """
     def record(self, path: str | PathLike[str], **settings: Any) -> Recorder:
         """Writes everything that happens from now on into a new folder, until the `Recorder` is closed; `stepper.replay` repeats it.
@@ -1131,7 +1212,6 @@ class Stepper:
         count: int,
         sides: int,
         one_sided: NDArray[np.bool_],
-        friction: _Array,
         limited: list[list[int]],
         ranges: _Array,
         taken: _Array,

@@ -1,4 +1,4 @@
-"""What a source asks for and by default does not get: one warning, `explain`, `Model.deviations`, and `Options.of`."""
+"""What a source asks for and by default does not get: one warning, `explain`, `Model.deviations`, and `Options.from_model`."""
 
 import pickle
 import warnings
@@ -29,7 +29,7 @@ def loaded(text):
 
 
 @pytest.mark.parametrize(("parts", "words"), [
-    ({"option": 'integrator="RK4"'}, ["asks for RK4, and midpoint runs", "Options.of(model)"]),
+    ({"option": 'integrator="RK4"'}, ["asks for RK4, and midpoint runs", "Options.from_model(model)"]),
     ({"option": 'integrator="implicitfast"'}, ["asks for implicitfast, and midpoint runs"]),
     ({"ball": 'solref=".005 1"'}, ["1 geoms (ball)", "are hard here"]),
     ({"floor": 'solimp=".99 .99 .01"', "ball": 'solref="-100 -1"'}, ["2 geoms (floor, ball)"]),
@@ -89,14 +89,14 @@ def test_the_warning_can_be_silenced_and_saved_models_say_it_in_explain(tmp_path
 ])  # fmt: skip
 def test_options_of_a_model_are_those_of_its_source(option, expected):
     model, _ = loaded(scene(option=option))
-    assert stepper.Options.of(model) == expected
+    assert stepper.Options.from_model(model) == expected
 
 
 def test_an_integrator_that_is_not_there_is_named():
     described = describe(mujoco.MjModel.from_xml_string(scene()))
     described["requested"]["integrator"] = "leapfrog"
     with pytest.raises(ValueError, match="the source asks for leapfrog, which stepper does not have; choose"):
-        stepper.Options.of(stepper.Model.from_description(described, strict=True))
+        stepper.Options.from_model(stepper.Model.from_description(described, strict=True))
 
 
 def test_options_of_a_model_make_a_stepper_that_is_nearer_to_mujoco():
@@ -106,7 +106,7 @@ def test_options_of_a_model_make_a_stepper_that_is_nearer_to_mujoco():
     compiled.jnt_limited[:] = 0
     model, _ = loaded(compiled)
     data, ctrl = mujoco.MjData(compiled), np.linspace(-1, 1, model.nu)
-    sims = [stepper.Stepper(model, options=options) for options in (stepper.Options.of(model), stepper.Options())]
+    sims = [stepper.Stepper(model, options=options) for options in (stepper.Options.from_model(model), stepper.Options())]
     data.ctrl[:] = ctrl
     for sim in sims:
         sim.step(ctrl, nstep=30)
@@ -130,7 +130,7 @@ def test_the_command_explain_says_it_once(tmp_path, capsys):
 def test_a_model_made_in_code_asks_for_nothing():
     bare = stepper.Model.from_description(_description(), strict=True)
     assert bare.requested is None
-    assert stepper.Options.of(bare) == stepper.Options()
+    assert stepper.Options.from_model(bare) == stepper.Options()
 
 
 def _description():
@@ -154,4 +154,4 @@ def test_robots_of_others_say_what_they_ask_for(name):
     compiled = mujoco.MjModel.from_xml_path(str(SOURCES[name]))
     asks = compiled.opt.integrator != mujoco.mjtIntegrator.mjINT_EULER
     assert any(line.startswith("integrator") for line in model.deviations) == asks
-    assert isinstance(stepper.Options.of(model), stepper.Options)
+    assert isinstance(stepper.Options.from_model(model), stepper.Options)

@@ -31,7 +31,7 @@ def test_gymnasiums_checker_accepts_it(name):
 def test_make_vec_makes_a_batch(name, contact):
     envs = gymnasium.make_vec(f"stepper/{name}-v5", num_envs=3, contact=contact, vectorization_mode="vector_entry_point")
     assert isinstance(envs, StepperVectorEnv)
-    assert envs.sim.options == (stepper.Options.of(envs.sim.model) if contact == "mujoco" else stepper.Options())
+    assert envs.sim.options == (stepper.Options.from_model(envs.sim.model) if contact == "mujoco" else stepper.Options())
     observation, _ = envs.reset(seed=0)
     assert observation in envs.observation_space
     for _ in range(3):

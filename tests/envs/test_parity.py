@@ -41,7 +41,7 @@ def pair(name):
     option = theirs.model.opt
     option.solver, option.tolerance, option.iterations = mujoco.mjtSolver.mjSOL_NEWTON, 1e-14, 200
     task = TASKS[name]()
-    return theirs, StepperEnv(task, options=replace(stepper.Options.of(task.model()), tolerance=1e-12, iterations=200))
+    return theirs, StepperEnv(task, options=replace(stepper.Options.from_model(task.model()), tolerance=1e-12, iterations=200))
 
 
 def differences(name, steps):

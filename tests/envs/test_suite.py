@@ -52,7 +52,7 @@ def pair(name):
     option.solver, option.tolerance, option.iterations = mujoco.mjtSolver.mjSOL_NEWTON, 1e-14, 200
     kind, arguments = SUITE[name]
     task = kind(**arguments)
-    return theirs, StepperEnv(task, options=replace(stepper.Options.of(task.model()), tolerance=1e-12, iterations=200))
+    return theirs, StepperEnv(task, options=replace(stepper.Options.from_model(task.model()), tolerance=1e-12, iterations=200))
 
 
 def follow(theirs, ours):

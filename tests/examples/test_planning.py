@@ -18,7 +18,7 @@ def test_predictions_come_true_to_the_bit(name, precision):
 
 
 def test_under_mujocos_law_too():
-    options = stepper.Options.of(mppi.model_of(mppi.ROBOTS["walker"]))
+    options = stepper.Options.from_model(mppi.model_of(mppi.ROBOTS["walker"]))
     found = mppi.run("walker", seconds=0.2, samples=24, options=options, threads=2)
     assert found.kept == found.promised
 

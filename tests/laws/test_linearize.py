@@ -199,7 +199,7 @@ def test_mujocos_law_has_mujocos_derivatives(robot, integrator):
     own.opt.tolerance, own.opt.iterations, own.opt.ls_tolerance, own.opt.ls_iterations = 0.0, 100, 1e-14, 200
     own.opt.solver = mujoco.mjtSolver.mjSOL_NEWTON
     model = stepper.load(own, strict=False)
-    sim = stepper.Stepper(model, 6, options=dataclasses.replace(Options.of(model)))
+    sim = stepper.Stepper(model, 6, options=dataclasses.replace(Options.from_model(model)))
     rng = np.random.default_rng(1)
     for _ in range(8):
         sim.step(rng.uniform(-0.4, 0.4, (6, model.nu)), nstep=15)

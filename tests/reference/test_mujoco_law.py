@@ -357,7 +357,7 @@ def test_discrete_steps_hold_what_other_integrators_cannot():
     text = """<mujoco><option integrator="discrete" timestep=".01"/><worldbody><body><joint name="j" axis="0 1 0"/>
       <inertial pos="0 0 0" mass="1" diaginertia=".001 .001 .001"/></body></worldbody>
       <actuator><position joint="j" kp="1e6"/></actuator></mujoco>"""
-    sim = stepper.Stepper(stepper.load(text), options=stepper.Options.of(stepper.load(text)))
+    sim = stepper.Stepper(stepper.load(text), options=stepper.Options.from_model(stepper.load(text)))
     sim.step(np.array([0.3]), nstep=20)
     assert abs(sim.qpos[0] - 0.3) < 1e-6
 

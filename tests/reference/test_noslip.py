@@ -75,7 +75,7 @@ def test_a_block_on_a_slope_creeps_without_the_sweeps_and_stays_with_them(cone):
     moved = {}
     for sweeps in (0, 20):
         model = stepper.load(BLOCK.format(cone=cone, sweeps=sweeps, friction=1.5))
-        sim = stepper.Stepper(model, options=stepper.Options.of(model))
+        sim = stepper.Stepper(model, options=stepper.Options.from_model(model))
         sim.step(nstep=500)
         start = sim.qpos[0]
         sim.step(nstep=500)
@@ -84,7 +84,7 @@ def test_a_block_on_a_slope_creeps_without_the_sweeps_and_stays_with_them(cone):
     assert moved[0] > 1e-3
     assert abs(moved[20]) < 1e-2 * moved[0]
     model = stepper.load(BLOCK.format(cone=cone, sweeps=20, friction=0.3))
-    sim = stepper.Stepper(model, options=stepper.Options.of(model))
+    sim = stepper.Stepper(model, options=stepper.Options.from_model(model))
     sim.step(nstep=500)
     assert sim.qpos[0] > 0.1
 
@@ -104,7 +104,7 @@ def test_a_gripper_holds_a_cube():
     sunk = {}
     for sweeps in (0, 30):
         model = stepper.load(GRIPPER.format(sweeps=sweeps))
-        sim = stepper.Stepper(model, options=stepper.Options.of(model))
+        sim = stepper.Stepper(model, options=stepper.Options.from_model(model))
         sim.step(np.array([5.0, 5.0]), nstep=250)
         start = sim.qpos[4]
         sim.step(np.array([5.0, 5.0]), nstep=500)
@@ -144,7 +144,7 @@ def test_hard_contact_makes_no_sweeps_of_it():
 
 def test_implicit_derivatives_are_refused_by_name_and_differences_are_not():
     model = stepper.load(BLOCK.format(cone="elliptic", sweeps=20, friction=0.8))
-    sim = stepper.Stepper(model, options=stepper.Options.of(model))
+    sim = stepper.Stepper(model, options=stepper.Options.from_model(model))
     sim.step(nstep=100)
     with pytest.raises(ValueError, match=r"noslip_iterations is 20, must be 0 for method='implicit'.*method='fd'"):
         sim.linearize(method="implicit")

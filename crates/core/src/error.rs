@@ -10,7 +10,7 @@ use crate::model::{ActuatorError, ModelError, Parameter, SensorError};
 ///
 /// The text names the thing, the value found and the value that it must have. What a step could not do is no error but a flag of its
 /// environment, see [`Status`](crate::Status).
-#[derive(Clone, Debug, Error)]
+#[derive(Clone, Debug, PartialEq, Error)]
 #[non_exhaustive]
 pub enum Error {
     /// A setting of [`Options`](crate::Options) out of its range.
@@ -22,6 +22,12 @@ pub enum Error {
         found: String,
         /// Its range, in words.
         must: &'static str,
+    },
+    /// An integrator that a model's source asks for and that does not exist here.
+    #[error("the source asks for {found}, which stepper does not have; choose ContactLaw::Mujoco and an integrator")]
+    SourceIntegrator {
+        /// Name of the integrator in the source.
+        found: String,
     },
     /// A simulation of no environments.
     #[error("num_envs is 0, must be 1 or more, or None for a single environment")]
@@ -221,6 +227,11 @@ pub enum Error {
     Model(#[from] ModelError),
 }
 
+/// Refuses an array of the wrong length.
+pub(crate) fn check_length(name: &'static str, found: usize, must: usize) -> Result<(), Error> {
+    if found == must { Ok(()) } else { Err(Error::Length { name, found, must, detail: String::new() }) }
+}
+
 /// Why a state of the same model and precision cannot be taken over.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 #[non_exhaustive]
@@ -232,7 +243,7 @@ pub enum StateMisfit {
     #[error("not readable by this version, though undamaged: {0} bytes too many")]
     TooManyBytes(usize),
     /// A state of another number of environments.
-    #[error("a state of {found} environments, this stepper has {must}; give one of as many, or of one for all")]
+    #[error("a state of {found} environments, this simulation has {must}; give one of as many, or of one for all")]
     NumEnvs {
         /// Environments of the state.
         found: usize,

@@ -6,15 +6,30 @@
 //! certified: a residual of the constraint problem in m/s, and a [`Status`] per environment that says what a step could not do.
 //!
 //! ```
+//! use stepper_core::model::{BodyBuilder, GeomBuilder, WORLD};
+//! use stepper_core::{Model, Simulation, StepInputs};
+//!
+//! let mut scene = Model::builder("drop");
+//! scene.geom(WORLD, GeomBuilder::plane("floor"));
+//! scene.body(WORLD, BodyBuilder::free("ball").pos([0.0, 0.0, 0.6]).geom(GeomBuilder::sphere("ball", 0.1)));
+//! let mut sim = Simulation::single(scene.finish()?)?;
+//! sim.step(&StepInputs::default(), 1000)?;
+//! println!("{:.3?} after {:.3} s: {}", sim.qpos(0), sim.time(0), sim.status(0));
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+//!
+//! Many environments, each with a state of its own; contacts, poses and saved states:
+//!
+//! ```
 //! use std::sync::Arc;
-//! use stepper_core::model::{BodyBuilder, GeomBuilder, JointBuilder, WORLD};
+//! use stepper_core::model::{BodyBuilder, GeomBuilder, WORLD};
 //! use stepper_core::{Field, Model, Options, Precision, SavedState, Simulation, Status, StepInputs};
 //!
 //! // A ball half a metre above a floor, with a time step of 1 ms.
 //! let mut scene = Model::builder("drop");
 //! scene.timestep(0.001).geom(WORLD, GeomBuilder::plane("floor"));
-//! let ball = BodyBuilder::new("ball").pos([0.0, 0.0, 0.6]).joint(JointBuilder::free("root"));
-//! scene.body(WORLD, ball.geom(GeomBuilder::sphere("ball", 0.1).density(1000.0)));
+//! let ball = BodyBuilder::free("ball").pos([0.0, 0.0, 0.6]).geom(GeomBuilder::sphere("ball", 0.1).density(1000.0));
+//! let ball = scene.body(WORLD, ball);
 //! let model = Arc::new(scene.finish()?);
 //!
 //! // Sixteen of them, of which number 3 is thrown sideways, for a second and a half.
@@ -24,26 +39,31 @@
 //! sim.step(&StepInputs::default(), 1500)?;
 //!
 //! assert_eq!(sim.status(3), Status::OK);
-//! assert!((sim.qpos(0)[2] - 0.1).abs() < 1e-5); // m; it lies on the floor, within the slop
-//! let weight = model.bodies[1].mass * 9.81;
+//! let root = model.joint("ball")?; // its places in qpos and qvel
+//! assert!((sim.qpos(0)[root.qpos][2] - 0.1).abs() < 1e-5); // m; it lies on the floor, within the slop
+//! let weight = model.bodies[ball].mass * 9.81;
 //! assert!((sim.contacts(0)[0].force[0] - weight).abs() < 1e-6 * weight); // N
 //! let poses = sim.body_poses_of(3, &StepInputs::default())?;
-//! assert!(poses[1].pos[0] > 0.5); // m
+//! assert!(poses[ball].pos[0] > 0.5); // m
 //!
-//! // A saved state goes on with the same bits, and belongs to its model.
+//! // A saved state goes on with the same bits, and belongs to its model; a clone goes on with them, too.
 //! let bytes = sim.save_state().to_bytes();
 //! let mut other = Simulation::new(model, Options::default(), Some(16), Precision::F64, 1)?;
 //! other.restore_state(&SavedState::from_bytes(&bytes)?)?;
-//! other.step(&StepInputs::default(), 100)?;
-//! sim.step(&StepInputs::default(), 100)?;
+//! let mut clone = sim.clone();
+//! for simulation in [&mut sim, &mut other, &mut clone] {
+//!     simulation.step(&StepInputs::default(), 100)?;
+//! }
 //! assert_eq!(other.qpos(3), sim.qpos(3));
+//! assert_eq!(clone.qpos(3), sim.qpos(3));
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
 //! More of the kind is in `examples/`: a batch with contacts and poses, states, and environments with parameters of their own.
 //!
 //! Models come from [`Model::builder`], from a [`model::Description`] that is filled in and finished, or from files: [`Model::load`] reads
-//! what the Python package saved, which reads MJCF and URDF. A finished model is valid and cannot be edited.
+//! what the Python package saved, which reads MJCF and URDF. [`Options::from_model`] has the settings that such a file asks for. A finished
+//! model is valid and cannot be edited. Elements have indices, which [`Model::joint`](model::Description::joint) and the like find by name.
 //!
 //! # Errors and panics
 //!
@@ -51,20 +71,35 @@
 //! the value and what it must be, and have a variant for every case to be told apart. What a step could not do is no error but a
 //! [`Status`]: an environment that blows up keeps its last finite state, says so, and leaves the others alone.
 //!
+//! A control that is not finite is no error: it would end the steps of all other environments too. See [`StepInputs::ctrl`].
+//!
 //! Methods that return no `Result` and take an environment panic when it does not exist, as an index beyond a slice does; each says so. Any
 //! other panic is a defect.
 //!
 //! # Features
 //!
+//! - `avx2` and `avx512` (on by default) compile the step for these CPU levels, beside the baseline (SSE2, or NEON). The fastest that the
+//!   machine has runs, with the same bits. `default-features = false` compiles the baseline alone, which builds faster.
 //! - `nalgebra` (off by default) adds its types to the interface: fields of the state as vectors and matrices, body poses as isometries,
-//!   contact forces in world axes. The crate computes with nalgebra inside in any case; the feature makes it a part of the interface, and
-//!   exports it so that a user has the same version.
+//!   contact forces in world axes; builders take its vectors, points, rotations and isometries. The crate computes with nalgebra in any
+//!   case; the feature makes it a part of the interface, and exports it so that a user has the same version.
 //!
 //! serde, postcard and sha2 are not optional: models and states are bytes with a checksum, and every state carries the digest of its model,
 //! without which a state of another model could not be refused.
 //!
 //! - `internals` (off by default) adds the module `internals`, and what else the benches and tests of this workspace ask of it. It changes
 //!   without notice. The step that it takes apart is ten `stages`, which `step::step` reads aloud.
+
+//! # Build times and debug builds
+//!
+//! The step is compiled once for every lane type and CPU level. A release build of this crate takes about 5 minutes of processor time for
+//! one level (`STEPPER_ONE_LEVEL=avx2`, for development) and 10 for all. In a debug build a step takes many times as long, unless
+//! dependencies are optimised in the program's Cargo.toml:
+//!
+//! ```toml
+//! [profile.dev.package."*"]
+//! opt-level = 3
+//! ```
 
 // The workspace is linted with the feature; without it, most of what is public to benches and tests is not to others.
 #![cfg_attr(not(feature = "internals"), allow(unreachable_pub))]

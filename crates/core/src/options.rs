@@ -6,9 +6,11 @@ use serde::{Deserialize, Serialize};
 
 use crate::error::Error;
 use crate::math::precision::Precision;
+use crate::model::Description;
 
 /// Law of contacts, limits, dry friction and equalities.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[non_exhaustive]
 pub enum ContactLaw {
     /// Rigid: Signorini's condition and Coulomb's cone, each step solved to the tolerance.
     Hard,
@@ -18,6 +20,7 @@ pub enum ContactLaw {
 
 /// How velocities and positions advance.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[non_exhaustive]
 pub enum Integrator {
     /// Semi-implicit Euler: everything at q, then q+ = q (+) h v+. First order. Implicit in
     /// joint damping alone, as MuJoCo's, unless the model wants that explicit too; and in springs and dampers of tendons.
@@ -39,7 +42,19 @@ pub enum Integrator {
 }
 
 impl Integrator {
-    /// Its name, as Python's users know it.
+    /// The integrator that a source asks for in its own words, if there is one.
+    pub(crate) fn of_source(name: &str) -> Option<Self> {
+        match name {
+            "Euler" => Some(Self::Euler),
+            "RK4" => Some(Self::Rk4),
+            "implicitfast" => Some(Self::ImplicitFast),
+            "implicit" => Some(Self::Implicit),
+            "discrete" => Some(Self::Discrete),
+            _ => None,
+        }
+    }
+
+    /// Name in messages and in Python.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Euler => "euler",
@@ -54,6 +69,7 @@ impl Integrator {
 
 /// What removes the overlap that remains.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[non_exhaustive]
 pub enum Stabilization {
     /// A velocity bias beta (overlap - slop) / h in the normal row (Baumgarte 1972), capped.
     Baumgarte,
@@ -65,6 +81,7 @@ pub enum Stabilization {
 
 /// Who solves the constraint problem.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[non_exhaustive]
 pub enum Solver {
     /// Sweeps, then Newton's method for the environments whose residual they leave above the tolerance.
     Auto,
@@ -156,6 +173,22 @@ impl Default for Options {
 }
 
 impl Options {
+    /// Settings that a model's source asks for: MuJoCo's law of contact with the numbers of the model, and the source's integrator.
+    ///
+    /// Iterations are at least those of the source. Its solver and its tolerance are not taken: the problem is the same, and is solved
+    /// to the tolerance here, in m/s. A model that was made in code asks for nothing, and gets `Options::default()`.
+    ///
+    /// # Errors
+    /// [`Error::SourceIntegrator`] when the source asks for an integrator that does not exist here.
+    pub fn from_model(model: &Description) -> Result<Self, Error> {
+        let Some(requested) = &model.requested else { return Ok(Self::default()) };
+        let name = &requested.integrator;
+        let integrator = Integrator::of_source(name).ok_or_else(|| Error::SourceIntegrator { found: name.clone() })?;
+        let usual = Self::default();
+        let iterations = usual.iterations.max(requested.iterations);
+        Ok(Self { contact: ContactLaw::Mujoco, integrator: Some(integrator), iterations, ..usual })
+    }
+
     /// The settings in force for a model whose own time step is `timestep`, s, and gravity `gravity`, m/s^2, and whose source asks for the
     /// integrator `asked`, if for any that there is.
     ///
@@ -167,8 +200,8 @@ impl Options {
             ContactLaw::Mujoco => asked.unwrap_or(Integrator::Euler),
         });
         let must = match (self.contact, integrator) {
-            (ContactLaw::Mujoco, Integrator::Midpoint) => "euler, implicitfast, implicit, discrete or rk4 with contact=\"mujoco\"",
-            (ContactLaw::Hard, Integrator::ImplicitFast | Integrator::Discrete) => "euler, midpoint, implicit or rk4 with contact=\"hard\"",
+            (ContactLaw::Mujoco, Integrator::Midpoint) => "euler, implicitfast, implicit, discrete or rk4 with ContactLaw::Mujoco",
+            (ContactLaw::Hard, Integrator::ImplicitFast | Integrator::Discrete) => "euler, midpoint, implicit or rk4 with ContactLaw::Hard",
             _ => "",
         };
         if !must.is_empty() {

@@ -3,11 +3,12 @@
 use numpy::{PyReadonlyArrayDyn, PyUntypedArrayMethods};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
-use stepper_core::Precision;
 use stepper_core::analysis::configurations::joint_without_orientation;
 use stepper_core::model::Model as Core;
+use stepper_core::{Error, Precision};
 
 use crate::array::{array, readonly, shape_text};
+use crate::error::value_error;
 
 /// Rows of numbers as they were given: one, (width,), or one after the other, (..., width).
 struct Rows<'py> {
@@ -36,7 +37,7 @@ impl<'py> Rows<'py> {
     fn of_configurations(given: &Bound<'py, PyAny>, name: &'static str, model: &Core) -> PyResult<Self> {
         let rows = Self::new(given, name, model.nq())?;
         for (row, q) in rows.numbers.as_slice()?.chunks_exact(model.nq().max(1)).enumerate() {
-            if let Some(joint) = joint_without_orientation(model, q) {
+            if let Some(joint) = joint_without_orientation(model, q).map_err(value_error)? {
                 let joint = model.joint_label(joint);
                 return Err(PyValueError::new_err(format!(
                     "the orientation of joint \"{joint}\" in row {row} of {name} is a quaternion without length; (1, 0, 0, 0) is no rotation"
@@ -63,7 +64,7 @@ fn each_row<'py>(
     py: Python<'py>,
     [a, b]: [Rows<'py>; 2],
     width: usize,
-    combine: impl Fn(&[f64], &[f64]) -> Vec<f64>,
+    combine: impl Fn(&[f64], &[f64]) -> Result<Vec<f64>, Error>,
 ) -> PyResult<Bound<'py, PyAny>> {
     let lead = if a.lead().is_empty() { b.lead() } else { a.lead() };
     if !b.lead().is_empty() && b.lead() != lead {
@@ -75,7 +76,7 @@ fn each_row<'py>(
     }
     let mut out = Vec::new();
     for k in 0..lead.iter().product() {
-        out.extend(combine(a.row(k)?, b.row(k)?));
+        out.extend(combine(a.row(k)?, b.row(k)?).map_err(value_error)?);
     }
     let shape: Vec<usize> = lead.iter().copied().chain([width]).collect();
     array(py, &shape, out, Precision::F64)

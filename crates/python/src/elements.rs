@@ -146,6 +146,28 @@ elements! {
         gap,
     }
 
+    /// An explicit pair of geoms of a model: they collide whatever filters say, with the pair's own numbers.
+    Pair {
+        /// Index.
+        id,
+        /// Name; may be empty.
+        name,
+        /// Index of the first geom.
+        geom1,
+        /// Index of the second geom.
+        geom2,
+        /// Rows of a contact: 1, 3, 4 or 6.
+        dim,
+        /// Sliding (1), torsional (m), rolling (m) friction: (3,).
+        friction,
+        /// Newton's coefficient of restitution, 0 to 1.
+        restitution,
+        /// Distance at which a contact pushes, m.
+        margin,
+        /// Distance beyond the margin that is reported, m.
+        gap,
+    }
+
     /// A site of a model.
     Site {
         /// Index.

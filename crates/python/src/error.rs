@@ -4,14 +4,26 @@ use pyo3::PyErr;
 use pyo3::exceptions::{PyMemoryError, PyOSError, PyRuntimeError, PyValueError};
 use stepper_core::Error;
 
-use crate::model::to_py;
+use crate::phrases::in_python;
+
+pyo3::create_exception!(
+    stepper._stepper,
+    ModelError,
+    PyValueError,
+    "A model that cannot be simulated: what is wrong, where, and what to do."
+);
+
+pub(crate) fn to_py(error: stepper_core::ModelError) -> PyErr {
+    ModelError::new_err(in_python(error.to_string()))
+}
 
 pub(crate) fn value_error(error: Error) -> PyErr {
+    let text = in_python(error.to_string());
     match error {
         Error::Model(e) => to_py(e),
-        Error::Memory { .. } => PyMemoryError::new_err(error.to_string()),
-        Error::File { .. } => PyOSError::new_err(error.to_string()),
-        Error::Threads { .. } => PyRuntimeError::new_err(error.to_string()),
-        _ => PyValueError::new_err(error.to_string()),
+        Error::Memory { .. } => PyMemoryError::new_err(text),
+        Error::File { .. } => PyOSError::new_err(text),
+        Error::Threads { .. } => PyRuntimeError::new_err(text),
+        _ => PyValueError::new_err(text),
     }
 }

@@ -10,6 +10,7 @@ mod elements;
 mod error;
 mod model;
 mod options;
+mod phrases;
 mod state;
 mod stepper;
 
@@ -22,7 +23,7 @@ fn _stepper(m: &Bound<'_, PyModule>) -> PyResult<()> {
     elements::add_classes(m)?;
     m.add_class::<stepper::Stepper>()?;
     m.add_class::<state::State>()?;
-    m.add("ModelError", m.py().get_type::<model::ModelError>())?;
+    m.add("ModelError", m.py().get_type::<error::ModelError>())?;
     m.add("__version__", env!("CARGO_PKG_VERSION"))?;
     m.add_function(wrap_pyfunction!(cpu_levels, m)?)?;
     Ok(())

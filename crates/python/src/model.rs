@@ -9,25 +9,16 @@ use pyo3::exceptions::{PyIndexError, PyKeyError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyCFunction, PyDict, PyList, PyString, PyTuple, PyType};
 use serde::de::DeserializeOwned;
-use stepper_core::Precision;
 use stepper_core::analysis::contact_stiffness::EquivalentSpring;
 use stepper_core::analysis::overlaps;
 use stepper_core::model::{Description, Field, HeightField, Keyframe, Mesh, Model as Core, Overlap, REPLACEABLE, Sensor};
+use stepper_core::{Integrator, Options, Precision};
 
 use crate::array::{array, assign_attribute, check_shape, hint, read_only, readonly, shape_text, whole};
 use crate::configurations;
 use crate::elements::{self, Kind};
-
-pyo3::create_exception!(
-    stepper._stepper,
-    ModelError,
-    PyValueError,
-    "A model that cannot be simulated: what is wrong, where, and what to do."
-);
-
-pub(crate) fn to_py(error: stepper_core::ModelError) -> PyErr {
-    ModelError::new_err(error.to_string())
-}
+use crate::error::{ModelError, to_py, value_error};
+use crate::phrases::in_python;
 
 /// A scene, immutable: bodies, joints, geoms, actuators, sensors.
 ///
@@ -182,14 +173,20 @@ impl Model {
     /// what rigid bodies cannot model; pairs of geoms whose contact is excluded because they overlap; convex hulls that are much larger
     /// than their mesh; and what is in the way of what at the reference pose.
     fn explain(&self) -> String {
-        overlaps::explain(&self.core)
+        in_python(overlaps::explain(&self.core))
     }
 
     /// A new model with other values in some fields, e.g. `geom_restitution=` (ngeom,); what derives from a field follows.
     ///
+    /// Contacts of an explicit pair have the pair's numbers, whatever its geoms have. So other values of geom_friction, geom_restitution,
+    /// geom_margin, geom_gap, geom_condim, geom_solref, geom_solimp, geom_solmix, geom_stiffness or geom_damping for a geom of a pair
+    /// need the field of the pair in the same call (pair_friction, pair_restitution, ...; pair_dim with geom_condim, pair_solref with
+    /// geom_solmix): other values, or the model's.
+    ///
     /// Raises:
     ///     ValueError: A wrong shape.
-    ///     ModelError: An unknown field, or values that the model cannot have.
+    ///     ModelError: An unknown field, values that the model cannot have, or values of a geom that an explicit pair overrides, with the
+    ///         pair.
     #[pyo3(signature = (**fields))]
     fn replace(&self, fields: Option<&Bound<'_, PyDict>>) -> PyResult<Self> {
         let mut values = Vec::new();
@@ -283,6 +280,15 @@ impl Model {
     ///     IndexError: No geom of that index.
     fn geom(&self, py: Python<'_>, key: &Bound<'_, PyAny>) -> PyResult<elements::Geom> {
         elements::Geom::of(py, &self.core, Kind::Geom.find(&self.core, key)?)
+    }
+
+    /// An explicit pair of geoms by its name or index (negative from the end).
+    ///
+    /// Raises:
+    ///     KeyError: No pair of that name; the message has near ones.
+    ///     IndexError: No pair of that index.
+    fn pair(&self, py: Python<'_>, key: &Bound<'_, PyAny>) -> PyResult<elements::Pair> {
+        elements::Pair::of(py, &self.core, Kind::Pair.find(&self.core, key)?)
     }
 
     /// A site by its name or index (negative from the end).
@@ -380,6 +386,18 @@ impl Model {
         assign_attribute(slf, name, value)
     }
 
+    /// Settings that the source asks for, for `Options.from_model`: contact, integrator, iterations; empty where it asks for none.
+    fn _requested_options<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let settings = PyDict::new(py);
+        if self.core.requested.is_some() {
+            let options = Options::from_model(&self.core).map_err(value_error)?;
+            settings.set_item("contact", "mujoco")?;
+            settings.set_item("integrator", options.integrator.map(Integrator::name))?;
+            settings.set_item("iterations", options.iterations)?;
+        }
+        Ok(settings)
+    }
+
     /// What the source asks of a simulator that stepper does in its own way: integrator, solver, iterations, cone, constrained
     /// (whether it has constraints, which are soft there), soft (what has solref or solimp of its own). None where the model was made
     /// in code.
@@ -392,7 +410,7 @@ impl Model {
     /// What the source asks for expressly and default options do otherwise, in words: an integrator other than Euler's, softness.
     #[getter]
     fn deviations(&self) -> Vec<String> {
-        self.core.deviations(false)
+        self.core.deviations(false).into_iter().map(in_python).collect()
     }
 
     /// Pairs of geoms whose contact is excluded because they overlap at the reference pose, as `overlaps()` has them; of two bodies,
@@ -464,6 +482,12 @@ impl Model {
         self.core.geoms.len()
     }
 
+    /// Explicit pairs of geoms.
+    #[getter]
+    fn npair(&self) -> usize {
+        self.core.pairs.len()
+    }
+
     /// Readings of all sensors together.
     #[getter]
     fn nsensordata(&self) -> usize {
@@ -486,6 +510,12 @@ impl Model {
     #[getter]
     fn geom_names(&self) -> Vec<&str> {
         Kind::Geom.names(&self.core)
+    }
+
+    /// Names of the explicit pairs of geoms in their order; empty where one has none.
+    #[getter]
+    fn pair_names(&self) -> Vec<&str> {
+        Kind::Pair.names(&self.core)
     }
 
     /// Names of the actuators in their order; empty where one has none.

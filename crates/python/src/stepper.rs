@@ -18,7 +18,9 @@ mod sensing;
 mod state;
 mod stepping;
 
-use numpy::{PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArrayMethods};
+use std::ops::{Deref, DerefMut};
+
+use numpy::{PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArray, PyUntypedArrayMethods};
 use pyo3::exceptions::{PyIndexError, PyRuntimeError, PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use stepper_core::{Precision, Simulation};
@@ -56,7 +58,7 @@ pub(crate) struct Stepper {
     threads: usize,
     seed: u64,
     /// Arrays that the user writes and every step reads, in the order of [`AppliedInput::ALL`](stepper_core::AppliedInput::ALL).
-    applied: [Option<Py<PyArrayDyn<f64>>>; 4],
+    applied: [Option<Py<PyUntypedArray>>; 5],
     derived: DerivedArrays,
     recorder: Option<Py<PyAny>>,
     sensors: Option<Py<PyAny>>,
@@ -124,12 +126,64 @@ impl Stepper {
     }
 }
 
+fn precision_name(precision: Precision) -> &'static str {
+    match precision {
+        Precision::F64 => "f64",
+        Precision::F32 => "f32",
+    }
+}
+
+/// A stepper that a method reads. While another thread steps it, this is an error that says so.
+pub(crate) struct Reading<'py>(PyRef<'py, Stepper>);
+
+/// A stepper that a method writes to, one thread at a time.
+pub(crate) struct Writing<'py>(PyRefMut<'py, Stepper>);
+
+impl<'py> TryFrom<&Bound<'py, Stepper>> for Reading<'py> {
+    type Error = PyErr;
+
+    fn try_from(slf: &Bound<'py, Stepper>) -> PyResult<Self> {
+        slf.try_borrow().map(Self).map_err(|_| PyRuntimeError::new_err(BUSY))
+    }
+}
+
+impl<'py> TryFrom<&Bound<'py, Stepper>> for Writing<'py> {
+    type Error = PyErr;
+
+    fn try_from(slf: &Bound<'py, Stepper>) -> PyResult<Self> {
+        borrow(slf).map(Self)
+    }
+}
+
+impl Deref for Reading<'_> {
+    type Target = Stepper;
+
+    fn deref(&self) -> &Stepper {
+        &self.0
+    }
+}
+
+impl Deref for Writing<'_> {
+    type Target = Stepper;
+
+    fn deref(&self) -> &Stepper {
+        &self.0
+    }
+}
+
+impl DerefMut for Writing<'_> {
+    fn deref_mut(&mut self) -> &mut Stepper {
+        &mut self.0
+    }
+}
+
 /// The stepper, to be written to by one thread at a time.
 fn borrow<'py>(slf: &Bound<'py, Stepper>) -> PyResult<PyRefMut<'py, Stepper>> {
     slf.try_borrow_mut().map_err(|_| PyRuntimeError::new_err(BUSY))
 }
 
-const BUSY: &str = "this Stepper is at work in another thread; give every thread its own, or wait for it";
+const BUSY: &str =
+    "this Stepper is at work in another thread, which steps or reads it; wait for it, or give every thread a Stepper of its own";
 
 #[pymethods]
 impl Stepper {
@@ -180,7 +234,7 @@ impl Stepper {
             batched: num_envs.is_some(),
             threads,
             seed,
-            applied: [const { None }; 4],
+            applied: [const { None }; 5],
             derived: DerivedArrays::default(),
             recorder: None,
             sensors: sensors.map(Bound::unbind),
@@ -190,59 +244,56 @@ impl Stepper {
 
     /// The scene.
     #[getter]
-    fn model(&self, py: Python<'_>) -> Py<Model> {
-        self.model.clone_ref(py)
+    fn model(slf: Reading<'_>, py: Python<'_>) -> Py<Model> {
+        slf.model.clone_ref(py)
     }
 
     /// Settings of the step, as they were given.
     #[getter]
-    fn options(&self, py: Python<'_>) -> Py<PyAny> {
-        self.options.clone_ref(py)
+    fn options(slf: Reading<'_>, py: Python<'_>) -> Py<PyAny> {
+        slf.options.clone_ref(py)
     }
 
     /// Number of environments; None is a single one, without the leading axis.
     #[getter]
-    pub(crate) fn num_envs(&self) -> Option<usize> {
-        self.batched.then(|| self.n())
+    pub(crate) fn num_envs(slf: Reading<'_>) -> Option<usize> {
+        slf.batched.then(|| slf.n())
     }
 
     /// Time step in force, s.
     #[getter]
-    fn timestep(&self) -> f64 {
-        self.simulation.timestep()
+    fn timestep(slf: Reading<'_>) -> f64 {
+        slf.simulation.timestep()
     }
 
     /// Residual at which the solver stops, in force, m/s.
     #[getter]
-    fn tolerance(&self) -> f64 {
-        self.simulation.tolerance()
+    fn tolerance(slf: Reading<'_>) -> f64 {
+        slf.simulation.tolerance()
     }
 
     /// Scalar type of the lanes: "f64" or "f32".
     #[getter]
-    fn precision(&self) -> &'static str {
-        match self.simulation.precision() {
-            Precision::F64 => "f64",
-            Precision::F32 => "f32",
-        }
+    fn precision(slf: Reading<'_>) -> &'static str {
+        precision_name(slf.simulation.precision())
     }
 
     /// Threads that step; 0 is all that this process may use.
     #[getter]
-    fn threads(&self) -> usize {
-        self.threads
+    fn threads(slf: Reading<'_>) -> usize {
+        slf.threads
     }
 
     /// Seed of the errors of sensors.
     #[getter]
-    fn seed(&self) -> u64 {
-        self.seed
+    fn seed(slf: Reading<'_>) -> u64 {
+        slf.seed
     }
 
     /// What becomes of controls before they are forces, as the stepper was made; what `randomize` drew since is in `randomized`.
     #[getter]
-    fn actuators(&self, py: Python<'_>) -> Option<Py<PyAny>> {
-        self.actuators.as_ref().map(|a| a.clone_ref(py))
+    fn actuators(slf: Reading<'_>, py: Python<'_>) -> Option<Py<PyAny>> {
+        slf.actuators.as_ref().map(|a| a.clone_ref(py))
     }
 
     fn __getattr__(slf: &Bound<'_, Self>, name: &Bound<'_, PyAny>) -> PyResult<Py<PyAny>> {
@@ -253,8 +304,8 @@ impl Stepper {
         assign_attribute(slf, name, value)
     }
 
-    fn __repr__(&self) -> String {
-        let envs = if self.batched { format!("{} environments", self.n()) } else { "one environment".into() };
-        format!("<stepper.Stepper: {envs} of \"{}\", {} s>", self.simulation.model().name, self.timestep())
+    fn __repr__(slf: Reading<'_>) -> String {
+        let envs = if slf.batched { format!("{} environments", slf.n()) } else { "one environment".into() };
+        format!("<stepper.Stepper: {envs} of \"{}\", {} s>", slf.simulation.model().name, slf.simulation.timestep())
     }
 }

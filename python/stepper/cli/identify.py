@@ -43,7 +43,7 @@ def identify(
     # As of `stepper.identify`, unless something else is asked for.
     options = None
     if law == "mujoco":
-        options = Options.of(read) if timestep is None else replace(Options.of(read), timestep=timestep)
+        options = Options.from_model(read) if timestep is None else replace(Options.from_model(read), timestep=timestep)
     elif law != "hard":
         raise ValueError(f"--contact is {law!r}, must be hard or mujoco")
     elif timestep is not None:

@@ -176,7 +176,7 @@ def _model(file: str, asked: Asked) -> Shown:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", ModelWarning)  # `stepper explain` says it.
         model = load(file, strict=False)
-    sim = Stepper(model, asked.envs, options=Options.of(model) if asked.contact == "mujoco" else Options(), seed=asked.seed or 0)
+    sim = Stepper(model, asked.envs, options=Options.from_model(model) if asked.contact == "mujoco" else Options(), seed=asked.seed or 0)
     key = int(asked.keyframe) if asked.keyframe is not None and asked.keyframe.isdigit() else asked.keyframe
 
     def reset() -> None:

@@ -18,7 +18,8 @@ from numpy.typing import ArrayLike, NDArray
 from stepper._options import Options
 from stepper._stepper import Model, ModelError, Stepper
 from stepper.derivatives.nominal_mode import Pairs
-from stepper.derivatives.perturbations import PARAMETERS, STATE, Array, Block, Stencil
+from stepper.derivatives.perturbations import STATE, Array, Block, Stencil
+from stepper.shared.fields import RANDOMIZED
 
 ROOM = 1024
 """Copies that a thread steps in one call at the most, unless one environment alone needs more: so many stay in the caches of its core."""
@@ -33,7 +34,7 @@ class Nominal:
 
     Attributes:
         fields: "qpos", "qvel", "act", "ctrl" and, flat, every parameter that is perturbed.
-        applied: Applied forces, unless all are 0, and mocap poses.
+        applied: Applied forces, unless all are 0, mocap poses, and equalities, unless they are the model's.
         randomized: Parameters that environments have of their own, as `randomize` takes them.
     """
 
@@ -65,13 +66,16 @@ def nominal_of(sim: Stepper, ctrl: ArrayLike | None, blocks: Sequence[Block]) ->
     if sim.num_envs is None:
         shaped = {name: value.reshape(1, *np.shape(getattr(model, name))) for name, value in randomized.items() if name != "actuators"}
         randomized |= shaped
-    for field in {block.field for block in blocks} & PARAMETERS.keys():
+    for field in {block.field for block in blocks} & RANDOMIZED.keys():
         own = np.asarray(getattr(model, field), np.float64)
         value = randomized.get(field, np.broadcast_to(own, (n, *own.shape)))
         fields[field] = np.array(value).reshape(n, -1)
-    applied = {name: rows(sim, name).astype(np.float64) for name in ("qfrc_applied", "xfrc_applied", "mocap_pos", "mocap_quat")}
-    # Forces of 0 are what copies begin with; mocap poses begin with the model's, so that one of 0 is a pose too.
-    kept = {name: value for name, value in applied.items() if value.size and (name.startswith("mocap") or value.any())}
+    applied = {
+        name: rows(sim, name).astype(np.float64) for name in ("qfrc_applied", "xfrc_applied", "mocap_pos", "mocap_quat", "eq_active")
+    }
+    # What copies begin with, but for mocap poses, which they have where the model has them.
+    usual = {"qfrc_applied": 0.0, "xfrc_applied": 0.0, "eq_active": np.asarray(model.eq_active0)}
+    kept = {name: value for name, value in applied.items() if value.size and (name not in usual or (value != usual[name]).any())}
     return Nominal(fields, kept, randomized)
 
 
@@ -121,7 +125,7 @@ def parts_of(
     size = -(-(end - begin) // -(-(end - begin) // most))
     # Nothing of a linearization is left in its copies that the next would not replace, but for what they have beside a state.
     plain = sim.precision == "f64" and sim.sensors is None and sim.actuators is None and not nominal.applied and not nominal.randomized
-    plain = plain and not any(block.field in PARAMETERS for block in blocks)
+    plain = plain and not any(block.field in RANDOMIZED for block in blocks)
     kept = _kept.pop(sim, {}) if plain else {}
     used: dict[tuple[int, float], Stepper] = {}
     for first in range(begin, end, size):
@@ -273,7 +277,7 @@ def _widest(part: Any, sim: Stepper, count: int) -> Any:
 
 def _randomize(copies: Stepper, nominal: Nominal, blocks: Sequence[Block], flat: dict[str, Array], index: NDArray[np.int64]) -> None:
     own: dict[str, Any] = {name: value.chosen(index) if name == "actuators" else value[index] for name, value in nominal.randomized.items()}
-    for field in {block.field for block in blocks} & PARAMETERS.keys():
+    for field in {block.field for block in blocks} & RANDOMIZED.keys():
         own[field] = flat[field].reshape(len(index), *np.shape(getattr(copies.model, field)))
     if own:
         try:

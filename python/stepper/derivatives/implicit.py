@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 from stepper._stepper import Stepper
 from stepper.derivatives.copies import Nominal, replicas_of, rows
 from stepper.derivatives.kinks import Kink
-from stepper.derivatives.perturbations import PARAMETERS, ROUNDING, STATE, Array, Block, Stencil, blocks_of, stencil_of
+from stepper.derivatives.perturbations import ROUNDING, STATE, Array, Block, Stencil, blocks_of, stencil_of
+from stepper.shared.fields import RANDOMIZED
 
 STEP = 2.0**-20
 """Half width of the differences for coordinates of order 1. Modes are held within it and no solver has a part in it: rounding makes 1e-9
@@ -30,7 +31,7 @@ def check(sim: Stepper, blocks: Sequence[Block], *, extrapolate: bool, sensors: 
         ValueError: Something that only differences of whole steps give.
     """
     remedy = "method='fd' gives them"
-    parameters = [block.name for block in blocks if block.field in PARAMETERS]
+    parameters = [block.name for block in blocks if block.field in RANDOMIZED]
     if parameters:
         raise ValueError(f"wrt has the parameters {', '.join(parameters)}, of which there are no implicit derivatives: {remedy}")
     if sensors:
@@ -48,7 +49,7 @@ def where_available(
 
     Columns of parameters are marked as unsolved.
     """
-    state = [block for block in blocks if block.field not in PARAMETERS]
+    state = [block for block in blocks if block.field not in RANDOMIZED]
     if not state:
         return None
     stencil = stencil_of(sim.model, state, nominal.fields, step=STEP, levels=1, centered=True)
@@ -57,7 +58,7 @@ def where_available(
         found = derivatives(sim, nominal, state, stencil, nstep=nstep, tolerance=tolerance)
     except ValueError:
         return None
-    chosen = np.concatenate([np.full(block.count, block.field not in PARAMETERS) for block in blocks])
+    chosen = np.concatenate([np.full(block.count, block.field not in RANDOMIZED) for block in blocks])
     n, _, _, size = found["slopes"].shape
     slopes, causes = np.zeros((n, 1, len(chosen), size)), np.full((n, len(chosen)), np.uint32(Kink.UNSOLVED))
     slopes[:, :, chosen], causes[:, chosen] = found["slopes"], found["causes"]

@@ -85,7 +85,6 @@ class Watch:
         self.report = Report(np.zeros((n, nstep, columns), np.uint32), np.full((n, nstep), np.inf))
         fixed, randomized = _numbers_of(sim), sim.randomized
         self._limited, self._rubbing = fixed.limited, fixed.rubbing
-        self._friction = np.asarray(randomized.get("geom_friction", fixed.friction))
         self._ranges = np.asarray(randomized.get("jnt_range", fixed.ranges))[..., [index for _, _, index in self._limited], :]
         hard = sim.options.contact == "hard"
         # From the configuration before the step to that at which its rows are taken, s.
@@ -99,7 +98,6 @@ class Watch:
             count=self.count,
             sides=self.sides,
             one_sided=~self.stencil.central,
-            friction=self._friction,
             limited=[[place, dof] for place, dof, _ in self._limited],
             ranges=self._ranges,
             taken=self._taken,
@@ -154,13 +152,11 @@ class _Numbers:
     Attributes:
         limited: Place in qpos, place in qvel and index of every slide and hinge that has a range.
         rubbing: Degrees of freedom with dry friction.
-        friction: Of the geoms, (ngeom, 3).
         ranges: Of the joints, (njnt, 2).
     """
 
     limited: list[tuple[int, int, int]]
     rubbing: list[int]
-    friction: Array
     ranges: Array
 
 
@@ -179,4 +175,4 @@ def _read_numbers(model: Model) -> _Numbers:
     joints = (model.joint(k) for k in range(model.njnt))
     limited = [(joint.qposadr, joint.dofadr, joint.id) for joint in joints if joint.limited and joint.type in ("slide", "hinge")]
     rubbing = np.flatnonzero(np.asarray(model.dof_frictionloss) > 0.0).tolist()
-    return _Numbers(limited, rubbing, np.array(model.geom_friction, np.float64), np.array(model.jnt_range, np.float64))
+    return _Numbers(limited, rubbing, np.array(model.jnt_range, np.float64))

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stepper._stepper import Model
+from stepper.shared.fields import RANDOMIZED
 
 Array = NDArray[np.float64]
 
@@ -28,12 +29,6 @@ KINK_DENSITY = 1.0
 ROUNDING = 2.0**-52
 """Rounding of a number of order 1."""
 
-PARAMETERS: dict[str, str] = {
-    "gravity": "", "body_mass": "body", "body_ipos": "body", "body_inertia": "body", "geom_friction": "geom", "geom_restitution": "geom",
-    "geom_size": "geom", "geom_pos": "geom", "jnt_stiffness": "joint", "jnt_range": "joint", "dof_damping": "dof", "dof_armature": "dof",
-    "dof_frictionloss": "dof", "actuator_gain": "actuator", "actuator_bias": "actuator",
-}  # fmt: skip
-"""Fields of `Stepper.randomize`, and the kind of element whose rows they have."""
 SIGNED = frozenset({"gravity", "body_ipos", "geom_pos", "jnt_range", "actuator_gain", "actuator_bias"})
 """Fields whose numbers may be negative; the others are 0 at least."""
 ABSENT = frozenset({"body_mass", "body_inertia", "geom_size", "dof_frictionloss", "jnt_stiffness", "actuator_gain", "actuator_bias"})
@@ -146,8 +141,8 @@ def _block(model: Model, name: str) -> Block:
     sizes = {"qpos": model.nv, "qvel": model.nv, "act": model.na, "ctrl": model.nu}
     if field in sizes and not colon:
         return Block(name, field, np.arange(sizes[field]), (sizes[field],))
-    if field not in PARAMETERS:
-        known = [*sizes, *PARAMETERS]
+    if field not in RANDOMIZED:
+        known = [*sizes, *RANDOMIZED]
         near = difflib.get_close_matches(field, known, 2)
         raise ValueError(
             f"wrt has {name!r}, which is no part of the state, no control and no field of randomize"
@@ -157,7 +152,7 @@ def _block(model: Model, name: str) -> Block:
     index = np.arange(own.size).reshape(own.shape)
     if not colon:
         return Block(name, field, index.reshape(-1), own.shape)
-    rows = [row for element in elements.split(",") for row in _rows(model, PARAMETERS[field], element.strip(), field)]
+    rows = [row for element in elements.split(",") for row in _rows(model, RANDOMIZED[field], element.strip(), field)]
     chosen = index[np.array(rows, dtype=np.int64)]
     absent = (own.reshape(-1)[chosen.reshape(-1)] == 0.0) & _absent(model, field, chosen.reshape(-1))
     if absent.all():
@@ -210,7 +205,7 @@ def stencil_of(model: Model, blocks: Sequence[Block], values: Mapping[str, Array
         low, high = _bounds(model, block)
         now = np.zeros((len(values["qvel"]), block.count)) if block.field == "qpos" else values[block.field][:, block.places]
         size = np.full(now.shape, step)
-        if block.field in PARAMETERS:
+        if block.field in RANDOMIZED:
             size = step * np.where(now == 0.0, 1.0, np.abs(now))
             size[(now == 0.0) & _absent(model, block.field, block.places)] = 0.0
         reach = size * 2.0 ** (levels - 1)
@@ -235,8 +230,8 @@ def _bounds(model: Model, block: Block) -> tuple[Array, Array]:
     if block.field == "ctrl":
         ranges = np.array(model.actuator_ctrlrange, np.float64)
         return ranges[:, 0], ranges[:, 1]
-    if block.field in PARAMETERS and block.field not in SIGNED:
+    if block.field in RANDOMIZED and block.field not in SIGNED:
         low[:] = 0.0
-    if block.field == "geom_restitution":
+    if block.field in ("geom_restitution", "pair_restitution"):
         high[:] = 1.0
     return low, high

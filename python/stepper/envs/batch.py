@@ -30,7 +30,7 @@ class Batch:
         task: A task, or the class of one, or the name of one of `stepper.envs.TASKS`.
         num_envs: Number of environments.
         arguments: The task's arguments, where it is given by its class or name.
-        contact: Law of contact: "mujoco" is `Options.of(model)`, "hard" is `Options()`; None is the task's.
+        contact: Law of contact: "mujoco" is `Options.from_model(model)`, "hard" is `Options()`; None is the task's.
         options: Settings of the step in place of those of `contact`.
         precision: "f64" or "f32".
         threads: Threads that step; 0 is all that this process may use. The bits are the same for any number.
@@ -347,4 +347,4 @@ def _options(model: Model, contact: str, options: Options | None) -> Options:
         return options
     if contact not in ("mujoco", "hard"):
         raise ValueError(f'contact is {contact!r}, must be "mujoco" or "hard"')
-    return Options.of(model) if contact == "mujoco" else Options()
+    return Options.from_model(model) if contact == "mujoco" else Options()

@@ -30,7 +30,8 @@ from stepper.identification.inertia import Array
 from stepper.identification.linear import Directions
 from stepper.identification.parameters import READING, Block, Unknown, bind, natural, write
 from stepper.identification.shift import Watch, finding
-from stepper.identification.simulate import LANED, UNTRUSTED, compared, find_channels, noise_of, solved
+from stepper.identification.simulate import UNTRUSTED, compared, find_channels, noise_of, solved
+from stepper.shared.fields import RANDOMIZED
 
 STEP = 1e-5
 """Least half width of differences, in the scales of parameters and in m/s (rad/s)."""
@@ -190,7 +191,7 @@ class Tracker:
         self.blocks = bind(parameters, model)
         for block in self.blocks:
             fields = write([block], block.start[None], model)
-            if block.parameter.kind in READING or fields.delays or set(fields.fields) - LANED:
+            if block.parameter.kind in READING or fields.delays or set(fields.fields) - RANDOMIZED.keys():
                 raise ValueError(f"{block.parameter} cannot be followed sample by sample; find it in a recording with stepper.identify")
         self.labels = tuple(label for block in self.blocks for label in block.labels)
         self._scale, self._low, self._high, start = (

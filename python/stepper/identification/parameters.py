@@ -19,6 +19,7 @@ from stepper._stepper import Model
 from stepper.actuators import ActuatorModel, Drive
 from stepper.identification import inertia as shape
 from stepper.identification.inertia import Array
+from stepper.shared.fields import OF_PAIRS, check_pairs
 from stepper.shared.rotations import matrices
 
 REACH = math.log(1e3)
@@ -30,7 +31,7 @@ class Kind:
     """A kind of parameters.
 
     Attributes:
-        element: What it belongs to: "body", "geom", "joint", "actuator" or "sensor".
+        element: What it belongs to: "body", "geom", "pair" (an explicit pair of geoms), "joint", "actuator" or "sensor".
         unit: Unit of its values.
         says: What it is, in words.
         excite: What a motion must do for data to say anything of it.
@@ -59,6 +60,12 @@ KINDS = {
     "torsion": Kind("geom", "m", "torsional friction", "spin contacts of {0} about their normals", "geom_friction", 1),
     "rolling": Kind("geom", "m", "rolling friction", "let {0} roll", "geom_friction", 2),
     "restitution": Kind("geom", "", "coefficient of restitution", "let {0} bounce", "geom_restitution", log=False, bounds=(0.0, 1.0)),
+    "pair_friction": Kind("pair", "", "sliding friction of an explicit pair", "make the geoms of pair {0} slide", "pair_friction", 0),
+    "pair_torsion": Kind("pair", "m", "torsional friction of an explicit pair", "spin pair {0} about its normals", "pair_friction", 1),
+    "pair_rolling": Kind("pair", "m", "rolling friction of an explicit pair", "let the geoms of pair {0} roll", "pair_friction", 2),
+    "pair_restitution": Kind(
+        "pair", "", "restitution of an explicit pair", "let the geoms of {0} bounce", "pair_restitution", log=False, bounds=(0.0, 1.0)
+    ),
     "stiffness": Kind("joint", "N/m or N m/rad", "spring stiffness", "move {0} far from where its spring rests", "jnt_stiffness"),
     "damping": Kind("joint", "N s/m or N m s/rad", "viscous damping", "move {0} at several speeds", "dof_damping"),
     "armature": Kind("joint", "kg or kg m^2", "added inertia", "accelerate {0}", "dof_armature"),
@@ -385,7 +392,8 @@ def bind(parameters: Sequence[Unknown | str], model: Model) -> list[Block]:
 
     Raises:
         KeyError: A name that no element has.
-        ValueError: Two parameters of one number, a parameter that cannot begin where the model is.
+        ValueError: Two parameters of one number, a parameter that cannot begin where the model is, one of geoms that an explicit pair
+            overrides.
     """
     if isinstance(parameters, str | Unknown):
         parameters = [parameters]
@@ -401,6 +409,13 @@ def bind(parameters: Sequence[Unknown | str], model: Model) -> list[Block]:
                 if (kind, k) in taken:
                     raise ValueError(f"{block.parameter} and {taken[kind, k]} are of the same number; leave one out")
                 taken[kind, k] = block.parameter
+    for block in blocks:
+        kind = block.kind.field
+        pairs = {k for other in blocks if other.kind.field == OF_PAIRS.get(kind) for k in other.index}
+        try:
+            check_pairs(model, kind, block.index, pairs, f'identify "pair_{block.parameter.kind}:{{pair}}"')
+        except ValueError as error:
+            raise ValueError(f"{block.parameter}: {error}") from None
     return blocks
 
 

@@ -17,7 +17,7 @@ from stepper.actuators import ActuatorModel
 from stepper.identification.findings import undetermined
 from stepper.identification.inertia import Array
 from stepper.identification.parameters import Block, Unknown, bind, natural, split, write
-from stepper.identification.simulate import LANED
+from stepper.shared.fields import RANDOMIZED
 from stepper.shared.machine import require
 
 FORMAT = 1
@@ -173,7 +173,7 @@ class Identification:
             ValueError: The principal axes of an inertia were sought, which all environments of a stepper share: see `models`.
         """
         variants = write(self.blocks, self.draw(count, seed), self.model)
-        if shared := sorted(set(variants.fields) - LANED):
+        if shared := sorted(set(variants.fields) - RANDOMIZED.keys()):
             raise ValueError(f"all environments of a stepper share {', '.join(shared)}; make a stepper of each of result.models({count})")
         delays = variants.actuators(actuators)
         return {**variants.fields, **({} if delays is None else {"actuators": delays})}

@@ -21,12 +21,8 @@ from stepper.actuators import ActuatorModel, Drive
 from stepper.identification.data import COORDINATES, Episode
 from stepper.identification.inertia import Array
 from stepper.identification.parameters import READING, Block, Variants, split, write
+from stepper.shared.fields import RANDOMIZED
 
-LANED = frozenset({
-    "gravity", "body_mass", "body_ipos", "body_inertia", "geom_friction", "geom_restitution", "geom_size", "geom_pos", "jnt_stiffness",
-    "jnt_range", "dof_damping", "dof_armature", "dof_frictionloss", "actuator_gain", "actuator_bias",
-})  # fmt: skip
-"""Fields that environments of one stepper may have of their own."""
 ROOM = 64 << 20
 """Bytes of predictions that one call of `rollout` may make; more are made in several calls."""
 TOLERANCE = 1e-9
@@ -260,7 +256,7 @@ class Simulator:
 
     def _run(self, theta: Array, group: list[int], starts: list[tuple[Array, Array] | None]) -> tuple[list[Array], int, int]:
         variants = write(self.blocks, theta, self.model)
-        shared = {name: array for name, array in variants.fields.items() if name not in LANED}
+        shared = {name: array for name, array in variants.fields.items() if name not in RANDOMIZED}
         count = len(theta)
         kinds = np.zeros(count, int)
         if shared:
@@ -292,7 +288,7 @@ class Simulator:
         E, episodes, nstep = len(group), [self.episodes[e] for e in group], self.nstep[group[0]]
         index = np.repeat(part, E)
         sim = self._stepper(model, len(index))
-        own = {name: array[index] for name, array in variants.fields.items() if name in LANED}
+        own = {name: array[index] for name, array in variants.fields.items() if name in RANDOMIZED}
         actuators = variants.actuators(self._known, index)
         if own or actuators is not None:
             drawn: dict[str, Any] = {**own, **({} if actuators is None else {"actuators": actuators})}

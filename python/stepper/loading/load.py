@@ -59,7 +59,7 @@ def load(
         ModelWarning: The source asks expressly for what by default runs otherwise: another integrator than Euler's, solref or solimp of its
             own. A mesh collides as a convex hull that is larger: 1.25 times as large where it is fixed ground, 10 times where it is a part
             of a robot. `overlaps="exclude"` leaves out contacts, or keeps those with the ground. Once for each call.
-            `Options.of(model)` takes the source's integrator; contacts stay hard. Silence it with
+            `Options.from_model(model)` takes the source's integrator; contacts stay hard. Silence it with
             `warnings.filterwarnings("ignore", category=stepper.ModelWarning)`.
 
     Raises:

@@ -34,7 +34,7 @@ FORMAT = 5
 """5: rows of steps have `max_equality_violation`."""
 HEADER, MODEL = "run.json", "model.stepper"
 KINDS = ("start", "step", "reset", "set_state", "applied", "randomize")
-"""What a row can be. "applied" stands before a step whose applied forces or mocap poses are other than those of the step before."""
+"""What a row can be. "applied" stands before a step whose forces, mocap poses or equalities are other than those of the step before."""
 FIELDS = {
     "ctrl": "as given, N, N m or what the actuator takes",
     "nstep": "steps of the call",
@@ -52,7 +52,7 @@ FIELDS = {
 }
 COMPARED = tuple(name for name in FIELDS if name not in ("ctrl", "nstep"))
 """Fields that a replay has to reproduce, bit for bit."""
-APPLIED = ("qfrc_applied", "xfrc_applied", "mocap_pos", "mocap_quat")
+APPLIED = ("qfrc_applied", "xfrc_applied", "mocap_pos", "mocap_quat", "eq_active")
 
 
 class RecordingError(ValueError):

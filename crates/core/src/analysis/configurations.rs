@@ -3,6 +3,7 @@
 //! A displacement has the coordinates of velocities, (nv,): positions and angles as they are, and of a ball or free joint the rotation
 //! vector in the body's frame (MuJoCo's `mj_integratePos` and `mj_differentiatePos` over a time of 1).
 
+use crate::error::{Error, check_length};
 use crate::math::spatial::*;
 use crate::model::{JointKind, Model};
 
@@ -10,17 +11,25 @@ use crate::model::{JointKind, Model};
 const NO_LENGTH: f64 = 1e-10;
 
 /// Joint (an index in the model) whose quaternion in `q`, (nq,), has no length, if there is one.
-pub fn joint_without_orientation(model: &Model, q: &[f64]) -> Option<usize> {
-    quaternions(model)
-        .find(|&(_, [at, _])| {
-            let norm = norm_of(quat_at(q, at));
-            norm < NO_LENGTH || !norm.is_finite()
-        })
-        .map(|(joint, _)| joint)
+///
+/// # Errors
+/// [`Error::Length`] when `q` has more or fewer numbers.
+pub fn joint_without_orientation(model: &Model, q: &[f64]) -> Result<Option<usize>, Error> {
+    check_length("q", q.len(), model.nq())?;
+    let has_no_length = |at: usize| {
+        let norm = norm_of(quat_at(q, at));
+        norm < NO_LENGTH || !norm.is_finite()
+    };
+    Ok(quaternions(model).find(|&(_, [at, _])| has_no_length(at)).map(|(joint, _)| joint))
 }
 
 /// Configuration q (+) d, (nq,), with unit quaternions, of a configuration `q`, (nq,), and a displacement `d`, (nv,).
-pub fn integrate(model: &Model, q: &[f64], d: &[f64]) -> Vec<f64> {
+///
+/// # Errors
+/// [`Error::Length`] when one of them has more or fewer numbers.
+pub fn integrate(model: &Model, q: &[f64], d: &[f64]) -> Result<Vec<f64>, Error> {
+    check_length("q", q.len(), model.nq())?;
+    check_length("d", d.len(), model.nv())?;
     let mut out = q.to_vec();
     for (i, j) in scalars(model) {
         out[i] += d[j];
@@ -29,11 +38,16 @@ pub fn integrate(model: &Model, q: &[f64], d: &[f64]) -> Vec<f64> {
         let turned = quat_mul(quat_normalize(quat_at(q, at)), quat_exp([d[v], d[v + 1], d[v + 2]]));
         out[at..at + 4].copy_from_slice(&quat_normalize(turned));
     }
-    out
+    Ok(out)
 }
 
 /// Displacement d, (nv,), the shortest with `from` (+) d = `to`, of two configurations, (nq,).
-pub fn differentiate(model: &Model, from: &[f64], to: &[f64]) -> Vec<f64> {
+///
+/// # Errors
+/// [`Error::Length`] when one of them has more or fewer numbers.
+pub fn differentiate(model: &Model, from: &[f64], to: &[f64]) -> Result<Vec<f64>, Error> {
+    check_length("from", from.len(), model.nq())?;
+    check_length("to", to.len(), model.nq())?;
     let mut out = vec![0.0; model.nv()];
     for (i, j) in scalars(model) {
         out[j] = to[i] - from[i];
@@ -43,7 +57,7 @@ pub fn differentiate(model: &Model, from: &[f64], to: &[f64]) -> Vec<f64> {
         let turn = quat_log(quat_mul([w, -x, -y, -z], quat_normalize(quat_at(to, at))));
         out[v..v + 3].copy_from_slice(&turn);
     }
-    out
+    Ok(out)
 }
 
 fn quat_at(q: &[f64], at: usize) -> [f64; 4] {

@@ -9,6 +9,19 @@ use crate::batch::worker::LaneScalar;
 
 /// A batch, whatever its precision: steps, rays, what is given to all environments, one environment's state, and
 /// states as bytes.
-pub trait Engine: BatchCalls + Configuration + Environments + RayCalls + Saving + Send + Sync {}
+pub trait Engine: BatchCalls + Configuration + Environments + RayCalls + Saving + Send + Sync {
+    /// A copy of the batch, with workers and threads of its own.
+    fn boxed_clone(&self) -> Box<dyn Engine>;
+}
 
-impl<S: LaneScalar> Engine for Batch<S> {}
+impl<S: LaneScalar> Engine for Batch<S> {
+    fn boxed_clone(&self) -> Box<dyn Engine> {
+        Box::new(self.clone())
+    }
+}
+
+impl Clone for Box<dyn Engine> {
+    fn clone(&self) -> Self {
+        (**self).boxed_clone()
+    }
+}

@@ -75,6 +75,7 @@ pub trait Environments {
 }
 
 /// Environments in one scalar type.
+#[derive(Clone)]
 pub struct Batch<S: LaneScalar> {
     pub(super) compiled: CompiledModel<S>,
     pub(super) settings: StepSettings,

@@ -81,6 +81,9 @@ pub(super) fn load_inputs<R: Real>(call: &Call<'_, R::Scalar>, group: &Group<R::
             gather(rows, n, first, used, out);
         }
     }
+    if !call.compiled.equalities.is_empty() {
+        s.constraints.active_equalities.load(call.compiled, call.inputs.eq_active, first, used);
+    }
     if !call.compiled.mocap.is_empty() {
         find_mocap_trajectories(call, group, first, used, s);
     }

@@ -6,6 +6,9 @@ use crate::model::Model;
 #[derive(Clone, Copy, Debug, Default)]
 pub struct StepInputs<'a> {
     /// Controls, (num_envs, nu), or (nu) for all: from this call on.
+    ///
+    /// A control that is NaN or infinite is no error, since other environments go on. It stays in force like any other: a step that is not
+    /// finite because of it leaves its environment as it is, and flags it [`Status::NON_FINITE`](crate::Status::NON_FINITE).
     pub ctrl: &'a [f64],
     /// Forces on the joints in N or N m, (num_envs, nv): in this call.
     pub qfrc: &'a [f64],
@@ -15,19 +18,22 @@ pub struct StepInputs<'a> {
     pub mocap_pos: &'a [f64],
     /// Orientations of the mocap bodies, (num_envs, nmocap, 4): in this call.
     pub mocap_quat: &'a [f64],
+    /// Equalities that act, (num_envs, neq), 0 for one that does not: in this call.
+    pub eq_active: &'a [f64],
     /// Which environments step, (num_envs): the others stay as they are, to the bit. Nobody reads what is said of them.
     pub mask: &'a [bool],
 }
 
 impl<'a> StepInputs<'a> {
     /// All but the controls, in the order of [`AppliedInput::ALL`].
-    pub(super) fn applied(&self) -> [&'a [f64]; 4] {
-        [self.qfrc, self.xfrc, self.mocap_pos, self.mocap_quat]
+    pub(super) fn applied(&self) -> [&'a [f64]; 5] {
+        [self.qfrc, self.xfrc, self.mocap_pos, self.mocap_quat, self.eq_active]
     }
 }
 
 /// Arrays of the state that can be read and written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Field {
     /// Configuration, nq.
     Qpos,
@@ -59,6 +65,7 @@ impl Field {
 
 /// Arrays that the user applies besides controls. Every step reads them until they are changed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum AppliedInput {
     /// Forces on the joints in N or N m, (nv).
     QfrcApplied,
@@ -68,11 +75,13 @@ pub enum AppliedInput {
     MocapPos,
     /// Orientations of the mocap bodies, (nmocap, 4).
     MocapQuat,
+    /// Equalities that act, (neq): 1, or 0 for one that does not.
+    EqActive,
 }
 
 impl AppliedInput {
     /// All of them.
-    pub const ALL: [Self; 4] = [Self::QfrcApplied, Self::XfrcApplied, Self::MocapPos, Self::MocapQuat];
+    pub const ALL: [Self; 5] = [Self::QfrcApplied, Self::XfrcApplied, Self::MocapPos, Self::MocapQuat, Self::EqActive];
 
     /// Name in Python and in messages.
     pub const fn name(self) -> &'static str {
@@ -81,6 +90,7 @@ impl AppliedInput {
             Self::XfrcApplied => "xfrc_applied",
             Self::MocapPos => "mocap_pos",
             Self::MocapQuat => "mocap_quat",
+            Self::EqActive => "eq_active",
         }
     }
 
@@ -92,25 +102,27 @@ impl AppliedInput {
             Self::XfrcApplied => vec![model.bodies.len(), 6],
             Self::MocapPos => vec![nmocap(), 3],
             Self::MocapQuat => vec![nmocap(), 4],
+            Self::EqActive => vec![model.equalities.len()],
         }
     }
 
-    /// One environment's part after a reset: no forces, and mocap bodies where the model has them.
+    /// One environment's part after a reset: no forces, mocap bodies where the model has them, and the model's own equalities.
     pub fn at_reset(self, model: &Model) -> Vec<f64> {
         let mocap = || model.bodies.iter().filter(|b| b.mocap);
         match self {
             Self::QfrcApplied | Self::XfrcApplied => vec![0.0; self.shape(model).iter().product()],
             Self::MocapPos => mocap().flat_map(|b| b.pos).collect(),
             Self::MocapQuat => mocap().flat_map(|b| b.quat).collect(),
+            Self::EqActive => model.equalities.iter().map(|equality| f64::from(u8::from(equality.active))).collect(),
         }
     }
 }
 
 /// What the user applies, in force until it is changed.
-#[derive(Debug, Default)]
+#[derive(Clone, Debug, Default)]
 pub(super) struct AppliedInputs {
     /// In the order of [`AppliedInput::ALL`], (num_envs, ...) each; empty where nothing was ever given.
-    arrays: [Vec<f64>; 4],
+    arrays: [Vec<f64>; 5],
 }
 
 impl AppliedInputs {
@@ -157,7 +169,7 @@ impl AppliedInputs {
 
     /// The same with a part of each array that is in force.
     fn complete_with<'a>(&'a self, given: &StepInputs<'a>, part: impl Fn(&'a [f64]) -> &'a [f64]) -> StepInputs<'a> {
-        let [qfrc, xfrc, mocap_pos, mocap_quat] = &self.arrays;
+        let [qfrc, xfrc, mocap_pos, mocap_quat, eq_active] = &self.arrays;
         let or = |given: &'a [f64], held: &'a [f64]| if given.is_empty() { part(held) } else { given };
         StepInputs {
             ctrl: given.ctrl,
@@ -165,6 +177,7 @@ impl AppliedInputs {
             xfrc: or(given.xfrc, xfrc),
             mocap_pos: or(given.mocap_pos, mocap_pos),
             mocap_quat: or(given.mocap_quat, mocap_quat),
+            eq_active: or(given.eq_active, eq_active),
             mask: given.mask,
         }
     }

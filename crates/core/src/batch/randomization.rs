@@ -62,8 +62,9 @@ impl Randomization {
         let mut variants = Variants::new(model, rows.keys().copied())?;
         let shared: Vec<Vec<f64>> = rows.keys().map(|name| numbers(model, name)).collect();
         let differences = |&env: &usize| {
-            let values = rows.values().zip(&shared).map(|(rows, shared)| rows.map_or(&shared[..], |all| row(all, env, shared.len())));
-            let variant = variants.with(values).map_err(|e| e.of(&format!("environment {env}")))?;
+            let values = rows.values().zip(&shared).map(|(rows, shared)| rows.map(|all| row(all, env, shared.len())));
+            let values: Vec<Option<&[f64]>> = values.collect();
+            let variant = variants.with(&values, &shared).map_err(|e| e.of(&format!("environment {env}")))?;
             let numbers =
                 with_dynamics.map_or_else(|| compiled.params_of(variant), |with_dynamics| compiled.params_of(&with_dynamics(variant)));
             Ok(differ(&numbers, &compiled.params))

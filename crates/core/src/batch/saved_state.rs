@@ -84,7 +84,7 @@ impl SavedState {
     pub fn from_bytes(bytes: &[u8]) -> Result<Self, Error> {
         let refuse = |what: String| Err(Error::NotAState(what));
         if !bytes.starts_with(&MAGIC) {
-            return refuse("the bytes do not begin as those of a state do; give what get_state returned, or its bytes".into());
+            return refuse("the bytes do not begin as those of a state do; give the bytes of what Simulation::save_state gave".into());
         }
         if bytes.len() < PAYLOAD {
             return refuse(format!("cut off after {} bytes; copy it again", bytes.len()));

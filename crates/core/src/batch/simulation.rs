@@ -20,6 +20,7 @@ pub use crate::batch::simulation::kinks::{Kinks, PerturbedCopies};
 pub use crate::batch::simulation::parameters::ActuatorNumbers;
 pub use crate::batch::simulation::read::{BodyPose, Certificate, Contact};
 
+use std::fmt;
 use std::sync::{Arc, OnceLock};
 
 use stepper_real::Level;
@@ -37,6 +38,9 @@ use crate::model::Model;
 use crate::options::{ContactLaw, Integrator, Options, StepSettings};
 
 /// Environments of one model.
+///
+/// A clone has the same state, parameters and inputs in force, and moves with the same bits; its threads start at its first step.
+#[derive(Clone)]
 pub struct Simulation {
     model: Arc<Model>,
     options: Options,
@@ -58,27 +62,32 @@ pub struct Simulation {
 }
 
 /// True readings of all sensors, as long as nothing changes that they depend on.
-#[derive(Default)]
+#[derive(Clone, Default)]
 struct TrueReadings {
     known: bool,
     readings: Vec<f64>,
-    /// What the user applied then: forces on joints, wrenches, poses of mocap bodies.
-    applied: [Vec<f64>; 4],
+    /// What the user applied then, in the order of [`AppliedInput::ALL`](crate::batch::inputs::AppliedInput::ALL).
+    applied: [Vec<f64>; 5],
 }
 
-/// The integrator that a source asks for in its own words, if stepper has it.
-fn asked_integrator(name: &str) -> Option<Integrator> {
-    match name {
-        "Euler" => Some(Integrator::Euler),
-        "RK4" => Some(Integrator::Rk4),
-        "implicitfast" => Some(Integrator::ImplicitFast),
-        "implicit" => Some(Integrator::Implicit),
-        "discrete" => Some(Integrator::Discrete),
-        _ => None,
+impl fmt::Debug for Simulation {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let mut lines = f.debug_struct("Simulation");
+        lines.field("model", &self.model.name).field("num_envs", &self.num_envs).field("precision", &self.precision);
+        lines.field("timestep", &self.timestep()).field("threads", &self.threads()).field("options", &self.options);
+        lines.finish_non_exhaustive()
     }
 }
 
 impl Simulation {
+    /// One environment in 64 bits at the model's reset state, with default options, on the thread that calls.
+    ///
+    /// # Errors
+    /// Those of [`Simulation::new`].
+    pub fn single(model: impl Into<Arc<Model>>) -> Result<Self, Error> {
+        Self::new(model, Options::default(), None, Precision::F64, 1)
+    }
+
     /// `num_envs` environments at the model's reset state; `None` is a single one. `threads` 0 means all that this process may use.
     ///
     /// # Errors
@@ -86,7 +95,14 @@ impl Simulation {
     /// for by `STEPPER_CPU_LEVEL` is not there; [`Error::Memory`] when there is no room for so many environments; [`Error::Model`] for a
     /// number that 32 bits cannot hold, in that precision; [`Error::Actuator`] for a delay of an actuator that is too long for the time
     /// step.
-    pub fn new(model: Arc<Model>, options: Options, num_envs: Option<usize>, precision: Precision, threads: usize) -> Result<Self, Error> {
+    pub fn new(
+        model: impl Into<Arc<Model>>,
+        options: Options,
+        num_envs: Option<usize>,
+        precision: Precision,
+        threads: usize,
+    ) -> Result<Self, Error> {
+        let model = model.into();
         options.check()?;
         if num_envs == Some(0) {
             return Err(Error::NoEnvironments);
@@ -131,7 +147,7 @@ impl Simulation {
         }
         let n = num_envs.unwrap_or(1);
         let gravity = model.gravity.iter().map(|g| g * g).sum::<f64>().sqrt();
-        let asked = model.requested.as_ref().and_then(|asked| asked_integrator(&asked.integrator));
+        let asked = model.requested.as_ref().and_then(|asked| Integrator::of_source(&asked.integrator));
         let settings = options.resolve(model.timestep, gravity, asked, precision)?;
         let engine = match precision {
             Precision::F64 => engine::<f64>(&model, settings, n, threads, level, check)?,

@@ -18,6 +18,13 @@ pub(super) struct WorkerPool<S: LaneScalar> {
     pool: Option<(u32, rayon::ThreadPool)>,
 }
 
+impl<S: LaneScalar> Clone for WorkerPool<S> {
+    /// A pool for the same work, without workers and threads yet.
+    fn clone(&self) -> Self {
+        Self { threads: self.threads, lanes: self.lanes, level: self.level, make: self.make, idle: Mutex::default(), pool: None }
+    }
+}
+
 impl<S: LaneScalar> WorkerPool<S> {
     /// No workers and no threads yet, for groups of `lanes` lanes.
     pub(super) fn new(threads: usize, lanes: usize, level: Level) -> Self {

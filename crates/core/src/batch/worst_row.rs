@@ -64,9 +64,8 @@ impl WorstRow {
         }
         let mut equalities = compiled.equalities.iter().flat_map(|block| &block.equalities).collect::<Vec<_>>();
         equalities.sort_unstable_by_key(|equality| equality.owner);
-        let rank = equalities.iter().rposition(|equality| equality.owner <= owner)?;
-        let (equality, _) = model.equalities.iter().enumerate().filter(|(_, equality)| equality.active).nth(rank)?;
-        Some(Self::Equality { equality })
+        let last = equalities.iter().rfind(|equality| equality.owner <= owner)?;
+        Some(Self::Equality { equality: last.index })
     }
 
     /// The row in words, with names of the model: `contact of geoms "floor" and "foot"`.

@@ -1,5 +1,7 @@
 //! Equalities and tendons, compiled: what their rows are made from, and which of them are solved together.
 
+use std::ops::Range;
+
 use stepper_real::{Real, Scalar};
 
 use crate::compile::merging::matrix;
@@ -83,11 +85,13 @@ pub struct Spring<S> {
     pub inertia: S,
 }
 
-/// An equality that acts.
+/// An equality, whether it acts or not.
 #[derive(Clone, Debug)]
 pub struct CompiledEquality<S> {
     /// The model's equality.
     pub index: usize,
+    /// Whether it acts where the user says nothing else.
+    pub active: bool,
     /// What its rows are made from.
     pub rows: EqualityRows<S>,
     /// Degrees of freedom that it moves, with their ancestors, ascending.
@@ -96,6 +100,18 @@ pub struct CompiledEquality<S> {
     pub spring: Option<Spring<S>>,
     /// Index of its first row's impulse.
     pub owner: usize,
+}
+
+impl<S> CompiledEquality<S> {
+    /// Indices of the impulses of its rows.
+    pub(crate) fn impulses(&self) -> Range<usize> {
+        let rows = match &self.rows {
+            EqualityRows::Points { turn: Some(_), .. } => 6,
+            EqualityRows::Points { turn: None, .. } => 3,
+            EqualityRows::Coupling { .. } => 1,
+        };
+        self.owner..self.owner + rows
+    }
 }
 
 /// Equalities whose rows are made together: on the same support, and orthogonal if they are hard.
@@ -221,14 +237,21 @@ impl Compiler<'_> {
         (EqualityRows::Coupling { first, second, polynomial: scalars(*polynomial) }, support)
     }
 
-    /// The equalities that act, in blocks: hard ones that share a degree of freedom together, as long as they are few. `owner` counts
+    /// The equalities in blocks: hard ones that share a degree of freedom together, as long as they are few. `owner` counts
     /// impulses.
     pub(super) fn equalities<S: Scalar>(&self, owner: &mut usize) -> Vec<EqualityBlock<S>> {
         let mut blocks: Vec<EqualityBlock<S>> = Vec::new();
-        for (index, equality) in self.model.equalities.iter().enumerate().filter(|(_, e)| e.active) {
+        for (index, equality) in self.model.equalities.iter().enumerate() {
             let (rows, support) = self.rows(&equality.kind);
             let count = equality.kind.rows();
-            let compiled = CompiledEquality { index, rows, support: support.clone(), spring: spring(equality), owner: *owner };
+            let compiled = CompiledEquality {
+                index,
+                active: equality.active,
+                rows,
+                support: support.clone(),
+                spring: spring(equality),
+                owner: *owner,
+            };
             *owner += count;
             let hard = compiled.spring.is_none();
             let mut block = EqualityBlock { equalities: vec![compiled], support, rows: count, hard, eliminated: false, set: vec![] };

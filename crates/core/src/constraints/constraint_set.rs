@@ -7,6 +7,7 @@ use stepper_solve::newton::Newton;
 use stepper_solve::{Capacity, Iterate, PositionRows, Problem, Reference, Snapshot};
 
 use crate::compile::{LaneModel, ModelStructure};
+use crate::constraints::active_equalities::ActiveEqualities;
 use crate::constraints::assembled_rows::AssembledRows;
 use crate::constraints::hyperstatic::Patches;
 use crate::constraints::islands::Islands;
@@ -44,6 +45,8 @@ pub struct Constraints<R: Real> {
     pub needs_position_solve: R::Mask,
     /// Lanes in which the bias of an overlap is part of the velocities.
     pub biased: R::Mask,
+    /// Equalities that act.
+    pub(crate) active_equalities: ActiveEqualities<R>,
     /// Whether there may be rows along which nothing can move.
     pub(crate) may_be_held: bool,
     /// Lanes in which a contact bounces: positions and velocities differ there by any speed.
@@ -229,6 +232,7 @@ impl<R: Real> Constraints<R> {
             constrained: R::Mask::splat(false),
             needs_position_solve: R::Mask::splat(false),
             biased: R::Mask::splat(false),
+            active_equalities: ActiveEqualities::new(compiled),
             may_be_held: false,
             rebounding: R::Mask::splat(false),
             worst: WorstRows::new(),

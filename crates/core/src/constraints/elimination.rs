@@ -52,7 +52,10 @@ impl<R: Real> Constraints<R> {
     #[inline(never)]
     fn search_blocks(&mut self, compiled: &LaneModel<R>) {
         let mut start = 0;
-        for block in compiled.equalities.iter().filter(|block| block.eliminated) {
+        for (k, block) in compiled.equalities.iter().enumerate() {
+            if !block.eliminated || !self.active_equalities.has_rows(k) {
+                continue;
+            }
             let rows = start..start + block.rows;
             start = rows.end;
             if block.set.iter().zip(&self.words).all(|(coupled, moved)| coupled & moved == 0) {
@@ -76,12 +79,15 @@ impl<R: Real> Constraints<R> {
     #[inline(always)]
     pub(crate) fn store_eliminated(&mut self, compiled: &LaneModel<R>, mass: &MassMatrix<R>) {
         self.problem.scalars.mark_eliminated();
-        let Self { problem, eliminated_entries, .. } = self;
+        let Self { problem, eliminated_entries, active_equalities, .. } = self;
         let [found, taken] = eliminated_entries;
         found.clear();
         taken.clear();
         let mut first = 0;
-        for block in compiled.equalities.iter().filter(|block| block.eliminated) {
+        for (k, block) in compiled.equalities.iter().enumerate() {
+            if !block.eliminated || !active_equalities.has_rows(k) {
+                continue;
+            }
             let end = first + block.rows;
             while first < end {
                 // The entries of up to four rows are interleaved.

@@ -53,6 +53,10 @@ impl<R: Real> Constraints<R> {
             #[inline(always)]
             || {
                 for (k, block) in input.compiled.equalities.iter().enumerate().filter(|(_, block)| block.eliminated == eliminated) {
+                    if !self.active_equalities.has_rows(k) {
+                        block.equalities.iter().for_each(|equality| self.scalar_impulse[equality.impulses()].fill(R::zero()));
+                        continue;
+                    }
                     // Rows that nearly depend on one another need scales of their entries, which cost as much as the rows: a block
                     // gets them from the first time on that it needs them. Its rows are the same with them and without.
                     while !self.add_block(input, block, self.needs_scales[k]) {
@@ -316,7 +320,9 @@ impl<R: Real> Constraints<R> {
         rows: &EqualityJacobian<R>,
         with_scales: bool,
     ) {
-        let AssemblyInput { v_free, v, h, alive, .. } = *input.assembly;
+        let AssemblyInput { v_free, v, h, .. } = *input.assembly;
+        let acts = self.active_equalities.lanes(equality);
+        let alive = input.assembly.alive.and(acts);
         let (mut free, mut before, mut speed) = ([R::zero(); 3], [R::zero(); 3], [R::zero(); 3]);
         for &d in &self.support {
             let d = d as usize;
@@ -338,6 +344,7 @@ impl<R: Real> Constraints<R> {
             if let Some(spring) = &equality.spring {
                 let (error, before, free, gram) = (rows.error[k], before[k], free[k], self.gram(input.mass, k));
                 laws[k] = spring_law(input.assembly, spring, SpringRow { error, before, free, gram, taut: alive });
+                laws[k].active = laws[k].active.and(acts);
             }
             g[k] = laws[k].g;
         }
@@ -370,7 +377,11 @@ impl<R: Real> Constraints<R> {
                     |&d| scales[d as usize][k] * inv_d[d as usize],
                 ));
             }
-            self.demands.push([rows.kappa[k] * h * R::of(0.5), before[k], correction[k]]);
+            let demand = [rows.kappa[k] * h * R::of(0.5), before[k], correction[k]];
+            self.demands.push(demand.map(
+                #[inline(always)]
+                |x| R::select(acts, x, R::zero()),
+            ));
         }
     }
 

@@ -3,6 +3,7 @@
 use stepper_real::Real;
 
 use crate::compile::{Combination, CompiledEquality, EqualityRows, LaneModel};
+use crate::constraints::active_equalities::ActiveEqualities;
 use crate::dynamics::frame_path::follow_path;
 use crate::dynamics::mocap::MocapTrajectory;
 use crate::math::spatial::*;
@@ -14,10 +15,16 @@ use crate::math::spatial::*;
 /// - joint or tendon coupling: error in the unit of the first joint or tendon.
 ///
 /// With hard contact an equality of finite stiffness is a spring, and its stretch is no violation. With MuJoCo's contact law every equality
-/// counts.
+/// counts. An equality that does not act has no violation.
 ///
 /// `mocap` has the trajectories of mocap bodies, `elapsed` is the time since the beginning of the call, s.
-pub fn max_equality_violation<R: Real>(compiled: &LaneModel<R>, q: &[R], mocap: &[MocapTrajectory<R>], elapsed: f64) -> R {
+pub(crate) fn max_equality_violation<R: Real>(
+    compiled: &LaneModel<R>,
+    active: &ActiveEqualities<R>,
+    q: &[R],
+    mocap: &[MocapTrajectory<R>],
+    elapsed: f64,
+) -> R {
     if compiled.equalities.is_empty() {
         return R::zero();
     }
@@ -25,10 +32,14 @@ pub fn max_equality_violation<R: Real>(compiled: &LaneModel<R>, q: &[R], mocap: 
         #[inline(always)]
         || {
             let mut largest = R::zero();
-            for block in &compiled.equalities {
+            for (k, block) in compiled.equalities.iter().enumerate() {
+                if !active.has_rows(k) {
+                    continue;
+                }
                 for equality in &block.equalities {
                     if equality.spring.is_none() || compiled.softness.is_some() {
-                        largest = largest.max(violation(compiled, equality, q, mocap, R::of(elapsed)));
+                        let error = violation(compiled, equality, q, mocap, R::of(elapsed));
+                        largest = R::select(active.lanes(equality), largest.max(error), largest);
                     }
                 }
             }

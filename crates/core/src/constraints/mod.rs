@@ -1,5 +1,6 @@
 //! The rows of the constraint problem: contacts, joint limits, dry friction, equalities and tendons, with their Jacobians and demands.
 
+pub(crate) mod active_equalities;
 pub(crate) mod approaching;
 pub mod assembled_rows;
 pub mod constraint_set;

@@ -250,7 +250,9 @@ pub(crate) fn record<R: Real>(
     [finite, tunnelled]: [R::Mask; 2],
 ) -> Record<R> {
     let (depth, overshoot) = (depth(&s.constraints, &s.state.contacts, finite), limit_overshoot(compiled, &s.state.q));
-    let violation = R::select(finite, max_equality_violation(compiled, &s.state.q, &s.mocap_trajectories, s.elapsed), R::zero());
+    let active = &s.constraints.active_equalities;
+    let violation = max_equality_violation(compiled, active, &s.state.q, &s.mocap_trajectories, s.elapsed);
+    let violation = R::select(finite, violation, R::zero());
     // A rejected step has no residual: its value would depend on which numbers are NaN.
     let residual = R::select(finite, with_unmet(s, solution.outcome.residual), R::zero());
     let unsolved = solution.ambiguous.or(s.alive.and_not(residual.le(R::of(options.tolerance))));

@@ -127,7 +127,12 @@ impl ActuatorSpec {
     ///
     /// # Errors
     /// The first number out of its range, and what an actuator cannot have, with the actuator's name.
-    pub fn fold(model: &Model, specs: &[Option<Self>], num_envs: usize, h: f64) -> Result<(Model, Vec<Option<Self>>), ActuatorError> {
+    pub(crate) fn fold(
+        model: &Model,
+        specs: &[Option<Self>],
+        num_envs: usize,
+        h: f64,
+    ) -> Result<(Model, Vec<Option<Self>>), ActuatorError> {
         let (mut folded, mut specs) = (model.clone(), specs.to_vec());
         let model = folded.trusted_mut();
         for (i, spec) in specs.iter_mut().enumerate() {

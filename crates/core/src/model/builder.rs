@@ -50,19 +50,25 @@ pub const WORLD: usize = 0;
 ///         .joint(JointBuilder::hinge("pivot", [0.0, 1.0, 0.0]))
 ///         .geom(GeomBuilder::capsule("rod", 0.02, 0.3).pos([0.0, 0.0, 0.3]).density(700.0)),
 /// );
-/// scene.actuator(ActuatorBuilder::motor("push", "rail").gear(10.0).ctrl_range(-1.0, 1.0)).position_sensor("angle", "pivot");
+/// let push = scene.actuator(ActuatorBuilder::motor("push", "rail").gear(10.0).ctrl_range(-1.0, 1.0));
+/// scene.position_sensor("angle", "pivot");
 /// let model = scene.finish()?;
 ///
 /// assert_eq!((model.nq(), model.nv(), model.nu()), (2, 2, 1));
+/// assert_eq!((model.actuator("push")?, model.body("cart")?), (push, cart));
+/// assert_eq!(model.joint("pivot")?.qpos, 1..2); // its places in the configuration
 /// assert_eq!(model.collision_pairs().len(), 1); // rod and floor
 /// # Ok::<(), stepper_core::model::ModelError>(())
 /// ```
 ///
 /// Names refer to elements in actuators, sensors, pairs and excludes; a name that is missing is an error of [`ModelBuilder::finish`].
+/// Calls that add an element give its index in the finished model; settings give the builder back.
 #[derive(Clone, Debug)]
 pub struct ModelBuilder {
     model: Description,
     bodies: Vec<BodyBuilder>,
+    /// Geoms that were added by the index of their body.
+    geoms: Vec<(usize, GeomBuilder)>,
     actuators: Vec<ActuatorBuilder>,
     sites: Vec<Site>,
     sensors: Vec<(String, Reading)>,
@@ -104,6 +110,7 @@ impl Model {
                 requested: None,
             },
             bodies: vec![BodyBuilder::new("world")],
+            geoms: vec![],
             actuators: vec![],
             sites: vec![],
             sensors: vec![],
@@ -123,8 +130,8 @@ impl ModelBuilder {
     }
 
     /// Sets the gravitational acceleration in the world frame, m/s^2.
-    pub fn gravity(&mut self, acceleration: [f64; 3]) -> &mut Self {
-        self.model.gravity = acceleration;
+    pub fn gravity(&mut self, acceleration: impl Into<[f64; 3]>) -> &mut Self {
+        self.model.gravity = acceleration.into();
         self
     }
 
@@ -137,75 +144,62 @@ impl ModelBuilder {
     /// Hangs a body from another ([`WORLD`] or what an earlier call gave) and gives its index.
     pub fn body(&mut self, parent: usize, mut body: BodyBuilder) -> usize {
         body.body.parent = parent;
-        self.bodies.push(body);
-        self.bodies.len() - 1
+        push(&mut self.bodies, body)
     }
 
-    /// Fixes a geom to a body that was made before, or to the [`WORLD`].
-    ///
-    /// # Panics
-    /// When there is no such body.
+    /// Fixes a geom to a body, or to the [`WORLD`]. Geoms of a finished model are in the order of their bodies, so that
+    /// [`Description::geom`] of that model gives the index. A body that does not exist is an error of [`ModelBuilder::finish`].
     pub fn geom(&mut self, body: usize, geom: GeomBuilder) -> &mut Self {
-        self.bodies[body].geoms.push(geom);
+        self.geoms.push((body, geom));
         self
     }
 
-    /// Adds a fixed tendon: a linear combination of the positions of hinges and slides, by name.
-    pub fn tendon(&mut self, name: &str, joints: &[(&str, f64)]) -> &mut Self {
+    /// Adds a fixed tendon, a linear combination of the positions of hinges and slides by name, and gives its index.
+    pub fn tendon(&mut self, name: &str, joints: &[(&str, f64)]) -> usize {
         self.fixed_tendon(TendonBuilder::new(name, joints))
     }
 
-    /// Adds a fixed tendon with limits, springs and the like.
-    pub fn fixed_tendon(&mut self, tendon: TendonBuilder) -> &mut Self {
-        self.tendons.push(tendon);
-        self
+    /// Adds a fixed tendon with limits, springs and the like, and gives its index.
+    pub fn fixed_tendon(&mut self, tendon: TendonBuilder) -> usize {
+        push(&mut self.tendons, tendon)
     }
 
-    /// Adds an equality.
-    pub fn equality(&mut self, equality: EqualityBuilder) -> &mut Self {
-        self.equalities.push(equality);
-        self
+    /// Adds an equality and gives its index.
+    pub fn equality(&mut self, equality: EqualityBuilder) -> usize {
+        push(&mut self.equalities, equality)
     }
 
-    /// Adds an actuator.
-    pub fn actuator(&mut self, actuator: ActuatorBuilder) -> &mut Self {
-        self.actuators.push(actuator);
-        self
+    /// Adds an actuator and gives its index, which is its place in the controls.
+    pub fn actuator(&mut self, actuator: ActuatorBuilder) -> usize {
+        push(&mut self.actuators, actuator)
     }
 
-    /// Adds a sensor of a joint's position.
-    pub fn position_sensor(&mut self, name: &str, joint: &str) -> &mut Self {
-        self.sensors.push((name.into(), Reading::Position(joint.into())));
-        self
+    /// Adds a sensor of a joint's position and gives its index.
+    pub fn position_sensor(&mut self, name: &str, joint: &str) -> usize {
+        push(&mut self.sensors, (name.into(), Reading::Position(joint.into())))
     }
 
-    /// Adds a sensor of a joint's velocity.
-    pub fn velocity_sensor(&mut self, name: &str, joint: &str) -> &mut Self {
-        self.sensors.push((name.into(), Reading::Velocity(joint.into())));
-        self
+    /// Adds a sensor of a joint's velocity and gives its index.
+    pub fn velocity_sensor(&mut self, name: &str, joint: &str) -> usize {
+        push(&mut self.sensors, (name.into(), Reading::Velocity(joint.into())))
     }
 
-    /// Fixes a site to a body that was made before, or to the [`WORLD`], and gives its index for [`SensorKind`].
-    ///
-    /// # Panics
-    /// When there is no such body.
+    /// Fixes a site to a body, or to the [`WORLD`], and gives its index for [`SensorKind`]. A body that does not exist is an error of
+    /// [`ModelBuilder::finish`].
     pub fn site(&mut self, body: usize, mut site: Site) -> usize {
-        assert!(body < self.bodies.len(), "site {:?} on body {body} of {}", site.name, self.bodies.len());
         site.body = body;
-        self.sites.push(site);
-        self.sites.len() - 1
+        push(&mut self.sites, site)
     }
 
-    /// Adds a sensor of any kind; the indices in it are those of the finished model, and earlier calls' for sites.
-    pub fn sensor(&mut self, name: &str, kind: SensorKind) -> &mut Self {
-        self.sensors.push((name.into(), Reading::Kind(kind)));
-        self
+    /// Adds a sensor of any kind and gives its index; the indices in the kind are those of the finished model.
+    pub fn sensor(&mut self, name: &str, kind: SensorKind) -> usize {
+        push(&mut self.sensors, (name.into(), Reading::Kind(kind)))
     }
 
-    /// Lets two geoms collide whatever the filters say, with this friction: sliding (1), torsional (m), rolling (m).
-    pub fn pair(&mut self, geom_a: &str, geom_b: &str, friction: [f64; 3]) -> &mut Self {
-        self.pairs.push(([geom_a.into(), geom_b.into()], friction));
-        self
+    /// Lets two geoms collide whatever the filters say, with this friction (sliding, 1; torsional, m; rolling, m), and gives the index
+    /// of the pair.
+    pub fn pair(&mut self, geom_a: &str, geom_b: &str, friction: [f64; 3]) -> usize {
+        push(&mut self.pairs, ([geom_a.into(), geom_b.into()], friction))
     }
 
     /// Keeps the geoms of two bodies from colliding.
@@ -226,10 +220,9 @@ impl ModelBuilder {
         self
     }
 
-    /// Adds a named state to reset to.
-    pub fn keyframe(&mut self, keyframe: Keyframe) -> &mut Self {
-        self.model.keyframes.push(keyframe);
-        self
+    /// Adds a named state to reset to and gives its index.
+    pub fn keyframe(&mut self, keyframe: Keyframe) -> usize {
+        push(&mut self.model.keyframes, keyframe)
     }
 
     /// The model, validated.
@@ -243,7 +236,16 @@ impl ModelBuilder {
     /// The scene before it is checked.
     pub(super) fn describe(&self) -> Result<Description, ModelError> {
         let mut model = self.model.clone();
-        for (index, builder) in self.bodies.iter().enumerate() {
+        let mut bodies = self.bodies.clone();
+        for (body, geom) in &self.geoms {
+            let count = bodies.len();
+            let owner = bodies.get_mut(*body).ok_or_else(|| {
+                let what = format!("is fixed to body {body}, and the builder has {count}");
+                ModelError::invalid(format!("geom {:?}", geom.geom.name), what, "give WORLD, or an index that the builder's body() gave")
+            })?;
+            owner.geoms.push(geom.clone());
+        }
+        for (index, builder) in bodies.iter().enumerate() {
             builder.add_to(&mut model, index);
         }
         for builder in &self.tendons {
@@ -304,6 +306,12 @@ impl ModelBuilder {
         }
         Ok(())
     }
+}
+
+/// Adds to a list and gives the place there.
+fn push<T>(list: &mut Vec<T>, element: T) -> usize {
+    list.push(element);
+    list.len() - 1
 }
 
 fn find<'a>(mut names: impl Iterator<Item = &'a String>, name: &str, kind: &str, place: &str) -> Result<usize, ModelError> {
@@ -369,19 +377,19 @@ mod tests {
 
     #[test]
     fn missing_names_are_errors_that_name_both_ends() {
-        let text = |scene: &ModelBuilder| scene.finish().unwrap_err().to_string();
-        let base = Model::builder("empty");
-        let mut scene = base.clone();
-        assert!(text(scene.actuator(ActuatorBuilder::motor("push", "rail"))).contains("actuator \"push\": refers to joint \"rail\""));
-        let mut scene = base.clone();
-        assert!(text(scene.position_sensor("angle", "pivot")).contains("sensor \"angle\": refers to joint \"pivot\""));
-        let mut scene = base.clone();
-        assert!(text(scene.tendon("pull", &[("elbow", 1.0)])).contains("tendon \"pull\": refers to joint \"elbow\""));
-        let mut scene = base.clone();
-        assert!(text(scene.actuator(ActuatorBuilder::motor("m", "t").on_tendon())).contains("tendon \"t\""));
-        let mut scene = base.clone();
-        assert!(text(scene.pair("a", "b", [1.0, 0.0, 0.0])).contains("geom \"a\""));
-        let mut scene = base.clone();
-        assert!(text(scene.exclude("world", "b")).contains("body \"b\""));
+        let text = |add: &dyn Fn(&mut ModelBuilder)| {
+            let mut scene = Model::builder("empty");
+            add(&mut scene);
+            scene.finish().unwrap_err().to_string()
+        };
+        let motor = |target: &str| ActuatorBuilder::motor("push", target);
+        assert!(text(&|s| _ = s.actuator(motor("rail"))).contains("actuator \"push\": refers to joint \"rail\""));
+        assert!(text(&|s| _ = s.position_sensor("angle", "pivot")).contains("sensor \"angle\": refers to joint \"pivot\""));
+        assert!(text(&|s| _ = s.tendon("pull", &[("elbow", 1.0)])).contains("tendon \"pull\": refers to joint \"elbow\""));
+        assert!(text(&|s| _ = s.actuator(motor("t").on_tendon())).contains("tendon \"t\""));
+        assert!(text(&|s| _ = s.pair("a", "b", [1.0, 0.0, 0.0])).contains("geom \"a\""));
+        assert!(text(&|s| _ = s.exclude("world", "b")).contains("body \"b\""));
+        let error = text(&|s| _ = s.geom(3, GeomBuilder::plane("floor")));
+        assert!(error.contains("geom \"floor\": is fixed to body 3, and the builder has 1"), "{error}");
     }
 }

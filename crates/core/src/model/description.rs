@@ -395,24 +395,24 @@ impl Description {
             .collect()
     }
 
-    /// "torso", or "#3" when the body has no name.
+    /// "torso", or "#3" when the body has no name, or the model has no such body.
     pub fn body_label(&self, i: usize) -> String {
-        label(&self.bodies[i].name, i)
+        self.bodies.get(i).map_or_else(|| label("", i), |x| label(&x.name, i))
     }
 
-    /// "ankle", or "#3" when the joint has no name.
+    /// "ankle", or "#3" when the joint has no name, or the model has no such joint.
     pub fn joint_label(&self, i: usize) -> String {
-        label(&self.joints[i].name, i)
+        self.joints.get(i).map_or_else(|| label("", i), |x| label(&x.name, i))
     }
 
-    /// "imu", or "#3" when the sensor has no name.
+    /// "imu", or "#3" when the sensor has no name, or the model has no such sensor.
     pub fn sensor_label(&self, i: usize) -> String {
-        label(&self.sensors[i].name, i)
+        self.sensors.get(i).map_or_else(|| label("", i), |x| label(&x.name, i))
     }
 
-    /// "floor", or "#3" when the geom has no name.
+    /// "floor", or "#3" when the geom has no name, or the model has no such geom.
     pub fn geom_label(&self, i: usize) -> String {
-        label(&self.geoms[i].name, i)
+        self.geoms.get(i).map_or_else(|| label("", i), |x| label(&x.name, i))
     }
 
     /// "floor", or "#3 of body torso" when the geom has no name.
@@ -457,8 +457,8 @@ impl Description {
 }
 
 impl Tendon {
-    /// Its length at a configuration of the model.
-    pub fn length(&self, model: &Description, qpos: &[f64]) -> f64 {
+    /// Length at a configuration of the model.
+    pub(crate) fn length(&self, model: &Description, qpos: &[f64]) -> f64 {
         let addresses = model.joint_addresses();
         self.joints.iter().map(|&(j, c)| c * qpos[addresses[j].0]).sum()
     }

@@ -103,11 +103,13 @@ pub enum DeviceError {
     #[error("rotor_inertia cannot be reflected to a site; leave it out")]
     RotorOnSite,
     /// Dynamics for an actuator that was made without.
-    #[error("the Stepper was made without one; stages are compiled: give it to Stepper(..., actuators=), if only to one environment")]
+    #[error(
+        "the simulation was made without one; stages are compiled: give it to Simulation::set_actuator_models, if only to one environment"
+    )]
     MadeWithoutDynamics,
     /// A stage that an actuator was made without.
     #[error(
-        "{name} is given, and it was made without; stages are compiled: give it to Stepper(..., actuators=), if only to one environment"
+        "{name} is given, and it was made without; stages are compiled: give it to Simulation::set_actuator_models, if only to one environment"
     )]
     MadeWithout {
         /// Name of the field.
@@ -120,7 +122,7 @@ pub enum DeviceError {
         name: &'static str,
     },
     /// A property that all environments share, with another value.
-    #[error("{name} is {found}, must be {must}, which all environments share; make a Stepper with it")]
+    #[error("{name} is {found}, must be {must}, which all environments share; make a simulation with it")]
     Shared {
         /// Name of the field.
         name: &'static str,
@@ -131,7 +133,7 @@ pub enum DeviceError {
     },
     /// A delay that is longer than the line that the simulation was made with.
     #[error(
-        "delay is up to {longest} steps of {timestep} s, and its line has room for {room}; give Stepper(..., actuators=) the longest delay \
+        "delay is up to {longest} steps of {timestep} s, and its line has room for {room}; give Simulation::set_actuator_models the longest delay \
          there will be, if only to one environment"
     )]
     LineTooShort {

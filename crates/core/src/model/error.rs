@@ -24,6 +24,16 @@ pub enum ModelError {
         /// Every such element.
         Vec<Omission>,
     ),
+    /// A name that no element of a kind has.
+    #[error("there is no {kind} {name:?} in the model; {}", there_are(known))]
+    NoSuchName {
+        /// Kind of element: "joint".
+        kind: &'static str,
+        /// Name that was given.
+        name: String,
+        /// Names that there are, the first of them if they are many.
+        known: Vec<String>,
+    },
     /// A file that is not a model, or not one that this version reads.
     #[error("{path}: {what}; {remedy}")]
     File {
@@ -57,9 +67,11 @@ impl ModelError {
 fn list(omissions: &[Omission]) -> String {
     let lines: String = omissions.iter().map(|o| format!("\n  {} {}: {}", o.kind, o.name, o.reason)).collect();
     let (n, noun) = (omissions.len(), if omissions.len() == 1 { "element" } else { "elements" });
-    format!(
-        "the model uses {n} {noun} that stepper does not simulate yet:{lines}\nremove them, or load with strict=False to leave them out"
-    )
+    format!("the model uses {n} {noun} that stepper does not simulate yet:{lines}\nremove them, or leave them out with finish(false)")
+}
+
+fn there_are(known: &[String]) -> String {
+    if known.is_empty() { "none has a name".into() } else { format!("there are: {}", known.join(", ")) }
 }
 
 #[cfg(test)]
@@ -81,7 +93,7 @@ mod tests {
             changes_motion: true,
         };
         let text = ModelError::Unsupported(vec![omission("equality weld", "grip"), omission("joint limit", "#3")]).to_string();
-        for part in ["2 elements", "equality weld grip", "joint limit #3", "strict=False"] {
+        for part in ["2 elements", "equality weld grip", "joint limit #3", "finish(false)"] {
             assert!(text.contains(part), "{part} in {text}");
         }
     }

@@ -66,7 +66,7 @@ impl Model {
         let sweeps = self.soft.noslip.iterations;
         let line = format!(
             "noslip: the source asks for {sweeps} sweeps at the most that take the slip out of friction; hard contact has no such slip and \
-             makes none. Options.of(model) takes them"
+             makes none. Options::from_model(&model) takes them"
         );
         (sweeps > 0).then_some((true, line))
     }
@@ -252,7 +252,7 @@ impl Requested {
         // Euler's rule is what a source has that says nothing.
         let (express, name) = (self.integrator != "Euler", &self.integrator);
         let asked = if express { "asks for" } else { "has the default," };
-        let line = format!("integrator: the source {asked} {name}, and midpoint runs. Options.of(model) takes the source's");
+        let line = format!("integrator: the source {asked} {name}, and midpoint runs. Options::from_model(&model) takes the source's");
         Some((express, line))
     }
 
@@ -261,7 +261,7 @@ impl Requested {
             return None;
         }
         let hard = "contacts, limits, equalities and dry friction are hard here: solref, solimp and impratio are not read, bodies do not sink in, \
-                    limits do not give, and impacts stop at once; Options.of(model) takes the source's law of contact";
+                    limits do not give, and impacts stop at once; Options::from_model(&model) takes the source's law of contact";
         Some(match &self.soft[..] {
             [] => (false, format!("softness: MuJoCo's default, and {hard}")),
             soft => (true, format!("softness: the source gives solref or solimp to {}, and {hard}", soft.join("; "))),

@@ -148,7 +148,9 @@ pub(super) mod tests {
         scene
             .actuator(ActuatorBuilder::position("servo", "shoulder", 20.0, 1.0).ctrl_range(-1.0, 1.0).activation(Activation::Filter(0.05)));
         scene.actuator(ActuatorBuilder::motor("pull", "belt").on_tendon().gear(3.0).force_range(-2.0, 2.0));
-        scene.position_sensor("angle", "shoulder").velocity_sensor("rate", "reach").pair("ball", "palm", [0.3, 0.0, 0.0]);
+        scene.position_sensor("angle", "shoulder");
+        scene.velocity_sensor("rate", "reach");
+        scene.pair("ball", "palm", [0.3, 0.0, 0.0]);
         scene.exclude("ball", "tool");
         let (qpos, qvel) = ([1.0, 0.0, 0.1, 1.0, 0.0, 0.0, 0.0, 0.5, 0.1, 1.0, 0.0, 0.0, 0.0].to_vec(), vec![0.0; 11]);
         scene.keyframe(Keyframe { name: "home".into(), time: 0.0, qpos, qvel, act: vec![0.1], ctrl: vec![0.1, 0.0] });

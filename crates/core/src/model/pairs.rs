@@ -226,6 +226,11 @@ impl Filter {
         self.explicit.contains_key(&geoms)
     }
 
+    /// Index of the explicit pair of two geoms, in the order of [`GeomPair`].
+    pub(super) fn explicit_pair(&self, geoms: [usize; 2]) -> Option<usize> {
+        self.explicit.get(&geoms).copied()
+    }
+
     /// Geoms of the explicit pairs.
     pub(crate) fn explicit(&self) -> impl Iterator<Item = [usize; 2]> + '_ {
         self.explicit.keys().copied()

@@ -1,6 +1,7 @@
 //! Models with other numbers: one table of fields, read and written alike.
 
 use crate::model::hulls::Source;
+use crate::model::pair_overrides::PairOverrides;
 use crate::model::{Body, Description, Equality, Geom, Joint, Model, ModelError, Pair, Shape, Tendon};
 
 /// Hands every number of a field, in order, to a visitor that may change it.
@@ -54,6 +55,32 @@ pub const REPLACEABLE: &[Field] = &[
         each_geom(m, f, |g| std::slice::from_mut(&mut g.spring.stiffness))
     }),
     rows("geom_damping", 1, "damping of the surface, N s/m", |m, f| each_geom(m, f, |g| std::slice::from_mut(&mut g.spring.damping))),
+    rows("pair_dim", 1, "rows of an explicit pair's contacts", |m, f| m.pairs.iter_mut().for_each(|p| whole(&mut p.condim, f))),
+    rows("pair_friction", 3, "sliding (1), torsional (m), rolling (m) friction of an explicit pair", |m, f| {
+        each_pair(m, f, |p| &mut p.friction)
+    }),
+    rows(
+        "pair_anisotropy",
+        2,
+        "friction along the second tangent per that along the first, of sliding and rolling, by MuJoCo's law",
+        |m, f| each_pair(m, f, |p| &mut p.anisotropy),
+    ),
+    rows("pair_restitution", 1, "coefficient of restitution of an explicit pair", |m, f| {
+        each_pair(m, f, |p| std::slice::from_mut(&mut p.restitution))
+    }),
+    rows("pair_margin", 1, "distance at which an explicit pair's contact pushes, m", |m, f| {
+        each_pair(m, f, |p| std::slice::from_mut(&mut p.margin))
+    }),
+    rows("pair_gap", 1, "distance beyond the margin of an explicit pair that is reported, m", |m, f| {
+        each_pair(m, f, |p| std::slice::from_mut(&mut p.gap))
+    }),
+    rows("pair_solref", 2, "reference acceleration of an explicit pair's contacts by MuJoCo's law", |m, f| {
+        each_pair(m, f, |p| &mut p.softness.solref)
+    }),
+    rows("pair_solreffriction", 2, "the same of their friction by MuJoCo's law; zeros where it is that of the normal", |m, f| {
+        each_pair(m, f, |p| &mut p.solref_friction)
+    }),
+    rows("pair_solimp", 5, "impedance of an explicit pair's contacts by MuJoCo's law", |m, f| each_pair(m, f, |p| &mut p.softness.solimp)),
     rows("pair_stiffness", 1, "stiffness of an explicit pair's contacts, N/m; infinity is rigid", |m, f| {
         each_pair(m, f, |p| std::slice::from_mut(&mut p.spring.stiffness))
     }),
@@ -323,13 +350,16 @@ impl Model {
     /// changes the motion, the new one may not either.
     ///
     /// # Errors
-    /// [`ModelError::Invalid`] when there is no such field, with both shapes when there are too few or too many numbers, and for what
-    /// the model cannot hold; otherwise as [`Description::finish`].
+    /// [`ModelError::Invalid`] when there is no such field, with both shapes when there are too few or too many numbers, for what the model
+    /// cannot hold, and for numbers of a geom that an explicit pair overrides; otherwise as [`Description::finish`].
     pub fn replace(&self, name: &str, values: &[f64]) -> Result<Self, ModelError> {
         self.replace_all(&[(name, values)])
     }
 
     /// As [`Model::replace`] for several fields at once: only the result needs to be valid, not what is between.
+    ///
+    /// Contacts of an explicit pair have the pair's numbers, whatever its geoms have. So other numbers of a field such as `geom_friction`
+    /// for a geom of a pair need those of the pair, `pair_friction`, in the same call: other ones, or the model's.
     ///
     /// # Errors
     /// As [`Model::replace`].
@@ -341,6 +371,7 @@ impl Model {
                 model.soft.inverse_weights = None;
             }
         }
+        PairOverrides::new(self, fields.iter().map(|field| field.0)).check(fields)?;
         let strict = !self.omitted.iter().any(|o| o.changes_motion);
         // No field is of a mesh.
         model.finish_with(strict, Source::Same(&self.hulls))

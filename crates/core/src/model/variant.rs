@@ -3,6 +3,7 @@
 use std::fmt;
 use std::str::FromStr;
 
+use crate::model::pair_overrides::PairOverrides;
 use crate::model::replace::{find, write};
 use crate::model::{Actuator, Body, Field, Geom, Joint, Model, ModelError, label};
 
@@ -23,6 +24,10 @@ pub enum Parameter {
     GeomFriction,
     /// Coefficients of restitution: (num_envs, ngeom).
     GeomRestitution,
+    /// Sliding (1), torsional (m) and rolling (m) friction of explicit pairs: (num_envs, npair, 3).
+    PairFriction,
+    /// Coefficients of restitution of explicit pairs: (num_envs, npair).
+    PairRestitution,
     /// Sizes as the shapes have them, m: (num_envs, ngeom, 3). Masses stay as they are.
     GeomSize,
     /// Positions in the bodies' frames, m: (num_envs, ngeom, 3). Masses stay as they are.
@@ -45,13 +50,15 @@ pub enum Parameter {
 
 impl Parameter {
     /// All of them.
-    pub const ALL: [Self; 15] = [
+    pub const ALL: [Self; 17] = [
         Self::Gravity,
         Self::BodyMass,
         Self::BodyIpos,
         Self::BodyInertia,
         Self::GeomFriction,
         Self::GeomRestitution,
+        Self::PairFriction,
+        Self::PairRestitution,
         Self::GeomSize,
         Self::GeomPos,
         Self::JointStiffness,
@@ -72,6 +79,8 @@ impl Parameter {
             Self::BodyInertia => "body_inertia",
             Self::GeomFriction => "geom_friction",
             Self::GeomRestitution => "geom_restitution",
+            Self::PairFriction => "pair_friction",
+            Self::PairRestitution => "pair_restitution",
             Self::GeomSize => "geom_size",
             Self::GeomPos => "geom_pos",
             Self::JointStiffness => "jnt_stiffness",
@@ -99,9 +108,9 @@ impl FromStr for Parameter {
     fn from_str(name: &str) -> Result<Self, ModelError> {
         find(name)?;
         Self::ALL.into_iter().find(|parameter| parameter.name() == name).ok_or_else(|| {
-            let what = "it is the same in all environments of a Stepper";
+            let what = "it is the same in all environments of a simulation";
             let known = Self::ALL.map(Self::name).join(", ");
-            let remedy = format!("choose one of: {known}; or make a Stepper of model.replace({name}=...)");
+            let remedy = format!("choose one of: {known}; or make a simulation of model.replace({name:?}, ..)");
             ModelError::invalid(format!("field {name:?}"), what, remedy)
         })
     }
@@ -112,23 +121,28 @@ pub(crate) struct Variants<'a> {
     base: &'a Model,
     model: Model,
     fields: Vec<&'static Field>,
+    overrides: PairOverrides<'a>,
 }
 
 impl<'a> Variants<'a> {
     /// Variants in these fields.
     pub(crate) fn new<'n>(base: &'a Model, names: impl IntoIterator<Item = &'n str>) -> Result<Self, ModelError> {
-        let fields = names.into_iter().map(find).collect::<Result<_, _>>()?;
-        Ok(Self { base, model: base.clone(), fields })
+        let fields: Vec<&'static Field> = names.into_iter().map(find).collect::<Result<_, _>>()?;
+        let overrides = PairOverrides::new(base, fields.iter().map(|field| field.name));
+        Ok(Self { base, model: base.clone(), fields, overrides })
     }
 
-    /// The variant with these numbers, field by field.
+    /// The variant with these numbers, field by field; `None` is the base's own.
     ///
     /// # Errors
     /// As [`Model::replace`], and [`ModelError::Invalid`] where a number would give the model rows or terms that the base does not have.
-    pub(crate) fn with<'v>(&mut self, values: impl IntoIterator<Item = &'v [f64]>) -> Result<&Model, ModelError> {
-        for (field, values) in self.fields.iter().zip(values) {
-            write(self.model.trusted_mut(), field, values)?;
+    pub(crate) fn with(&mut self, values: &[Option<&[f64]>], own: &[Vec<f64>]) -> Result<&Model, ModelError> {
+        let mut given = Vec::with_capacity(values.len());
+        for ((field, values), own) in self.fields.iter().zip(values).zip(own) {
+            write(self.model.trusted_mut(), field, values.unwrap_or(own))?;
+            given.extend(values.map(|values| (field.name, values)));
         }
+        self.overrides.check(&given)?;
         self.model.check_parameters()?;
         same_structure(self.base, &self.model)?;
         self.model.check_inertia()?;
@@ -148,7 +162,7 @@ type Checked = Result<(), ModelError>;
 
 /// `field` of the element `place` is `new`, which asks for something that the model lacks.
 fn lacks(place: String, field: &str, new: &str, lack: &str, first: &str) -> Checked {
-    let remedy = format!("give the model {first} there first, with model.replace({field}=...), and make the Stepper of that");
+    let remedy = format!("give the model {first} there first, with model.replace({field:?}, ..), and make the simulation of that");
     Err(ModelError::invalid(place, format!("{field} is {new}, and the model has {lack}"), remedy))
 }
 

@@ -53,11 +53,11 @@ bitflags! {
         /// What constraints demand cannot be met, and impulses prove it: they move nothing, or so little that no motion within the bounds
         /// of a correction gives what they ask for. What can be met of it is.
         const INFEASIBLE = 32;
-        /// A contact overlapped by more than [`DEEP`].
+        /// A contact overlapped by more than 1 mm: a hundred times the default slop.
         const DEEP = 64;
-        /// A joint or tendon was farther beyond its range than [`OVER_LIMIT`] after a step.
+        /// A joint or tendon was farther beyond its range than 0.01 rad or m after a step.
         const OVER_LIMIT = 128;
-        /// The position error of an equality was above [`EQUALITY_VIOLATED`] after a step: a loop has opened, or a coupling has slipped.
+        /// The position error of an equality was above 1 mm or 1 mrad after a step: a loop has opened, or a coupling has slipped.
         const EQUALITY_VIOLATED = 256;
     }
 }

@@ -231,7 +231,7 @@ pub(crate) fn bits(sim: &Simulation, env: usize) -> Vec<u64> {
         sim.get(field, env, &mut x).unwrap();
         all.extend(x);
     }
-    let Certificate { residual, sweeps, newton_steps } = sim.certificate(env);
+    let Certificate { residual, sweeps, newton_steps, .. } = sim.certificate(env);
     all.extend([residual, f64::from(sweeps), f64::from(newton_steps), sim.time(env), f64::from(sim.status(env).bits())]);
     for c in sim.contacts(env) {
         all.extend(c.geoms.map(|g| g as f64));

@@ -129,7 +129,7 @@ impl Scene {
                     let values = match field {
                         Field::Qpos => q,
                         Field::Qvel => v,
-                        Field::Act => random(model.na(), 1.0),
+                        _ => random(model.na(), 1.0),
                     };
                     sim.set(field, env, &values).unwrap();
                 }

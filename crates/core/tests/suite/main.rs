@@ -11,6 +11,7 @@ mod geometry_pairs;
 mod geometry_stage;
 mod going_on;
 mod hulls;
+mod inputs;
 #[cfg(feature = "nalgebra")]
 mod matrices;
 mod parameters;

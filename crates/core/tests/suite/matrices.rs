@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use nalgebra::{Isometry3, Vector3};
+use nalgebra::{Isometry3, Point3, UnitQuaternion, Vector3};
 use stepper_core::model::{BodyBuilder, GeomBuilder, JointBuilder, WORLD};
 use stepper_core::{Field, Model, Options, Precision, Simulation, StepInputs};
 
@@ -49,4 +49,25 @@ fn contact_forces_hold_the_weight_in_world_axes() {
     let contact = sim.contacts(1)[0];
     assert!((contact.rotation().determinant() - 1.0).abs() < 1e-14);
     assert_eq!((contact.point().coords, contact.world_torque()), (Vector3::from(contact.pos), Vector3::zeros()));
+}
+
+#[test]
+fn builders_take_nalgebras_types_in_nalgebras_order() {
+    let turn = UnitQuaternion::from_axis_angle(&Vector3::y_axis(), 0.1);
+    let mut scene = Model::builder("moon");
+    scene.gravity(Vector3::new(0.0, 0.0, -1.62)).geom(WORLD, GeomBuilder::plane("slope").quat(turn));
+    let geom = GeomBuilder::cuboid("box", Vector3::new(0.1, 0.1, 0.05)).pos(Point3::new(0.0, 0.0, 0.01));
+    let pose = Isometry3::from_parts(Vector3::new(0.0, 0.0, 0.05).into(), turn);
+    scene.body(WORLD, BodyBuilder::free("box").pose(pose).geom(geom));
+    scene.body(
+        WORLD,
+        BodyBuilder::new("arm").joint(JointBuilder::hinge("pivot", Vector3::y())).inertial(1.0, Vector3::zeros(), Vector3::repeat(0.1)),
+    );
+    let model = scene.finish().unwrap();
+    let quat = [turn.w, turn.i, turn.j, turn.k];
+    assert_eq!((model.bodies[1].pos, model.bodies[1].quat, model.geoms[0].quat), ([0.0, 0.0, 0.05], quat, quat));
+    assert_eq!((model.gravity, model.geoms[1].pos, model.joints[1].axis), ([0.0, 0.0, -1.62], [0.0, 0.0, 0.01], [0.0, 1.0, 0.0]));
+    // A pose that was read is a pose to give.
+    let sim = Simulation::single(model).unwrap();
+    assert!((sim.body_poses_of(0, &StepInputs::default()).unwrap()[1].isometry().rotation.angle_to(&turn)) < 1e-12);
 }

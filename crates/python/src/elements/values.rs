@@ -7,7 +7,7 @@ use stepper_core::Precision;
 use stepper_core::model::{Activation, JointKind, Model as Core, Shape, Transmission};
 
 use crate::array::{array, read_only};
-use crate::elements::{Actuator, Body, Geom, Joint, Keyframe, Sensor, Site, Tendon};
+use crate::elements::{Actuator, Body, Geom, Joint, Keyframe, Pair, Sensor, Site, Tendon};
 
 /// Values of an element as Python has them.
 #[derive(Clone, Copy)]
@@ -119,6 +119,23 @@ impl Geom {
             restitution: v.of(geom.restitution)?,
             margin: v.of(geom.margin)?,
             gap: v.of(geom.gap)?,
+        })
+    }
+}
+
+impl Pair {
+    pub(crate) fn of(py: Python<'_>, model: &Core, i: usize) -> PyResult<Self> {
+        let (v, pair) = (Values { py, model }, &model.pairs[i]);
+        Ok(Self {
+            id: v.of(i)?,
+            name: v.of(&pair.name)?,
+            geom1: v.of(pair.geoms[0])?,
+            geom2: v.of(pair.geoms[1])?,
+            dim: v.of(pair.condim)?,
+            friction: v.row(&pair.friction, "pair_friction")?,
+            restitution: v.of(pair.restitution)?,
+            margin: v.of(pair.margin)?,
+            gap: v.of(pair.gap)?,
         })
     }
 }

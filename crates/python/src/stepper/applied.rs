@@ -1,15 +1,84 @@
-//! Arrays that the user writes and every step reads: forces, and poses of mocap bodies.
+//! Arrays that the user writes and every step reads: forces, poses of mocap bodies, and which equalities act.
 //!
 //! Their memory is Python's, which other threads of Python may write to while the core runs: the core has copies, made before each call.
 
-use numpy::{PyArrayDyn, PyArrayMethods, PyUntypedArrayMethods};
+use std::borrow::Cow;
+
+use numpy::{BorrowError, PyArray1, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArray, PyUntypedArrayMethods};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use stepper_core::AppliedInput;
 
 use crate::array::shape_text;
 use crate::error::value_error;
-use crate::stepper::Stepper;
+use crate::stepper::{Stepper, Writing};
+
+/// A writable array: of numbers, or of truths where it says which equalities act.
+enum Applied<'py> {
+    Numbers(Bound<'py, PyArrayDyn<f64>>),
+    Truths(Bound<'py, PyArrayDyn<bool>>),
+}
+
+impl<'py> Applied<'py> {
+    /// An array with these numbers, 0 for false.
+    fn new(py: Python<'py>, input: AppliedInput, numbers: Vec<f64>, shape: Vec<usize>) -> PyResult<Self> {
+        Ok(match input {
+            AppliedInput::EqActive => Self::Truths(PyArray1::from_vec(py, numbers.into_iter().map(|x| x != 0.0).collect()).reshape(shape)?),
+            _ => Self::Numbers(PyArray1::from_vec(py, numbers).reshape(shape)?),
+        })
+    }
+
+    /// The array, if it is C-contiguous and has the type and shape of its input.
+    fn of(array: &Bound<'py, PyUntypedArray>, input: AppliedInput, shape: &[usize]) -> Option<Self> {
+        if array.shape() != shape || !array.is_c_contiguous() {
+            return None;
+        }
+        match input {
+            AppliedInput::EqActive => array.cast::<PyArrayDyn<bool>>().ok().cloned().map(Self::Truths),
+            _ => array.cast::<PyArrayDyn<f64>>().ok().cloned().map(Self::Numbers),
+        }
+    }
+
+    fn untyped(&self) -> &Bound<'py, PyUntypedArray> {
+        match self {
+            Self::Numbers(array) => array.as_untyped(),
+            Self::Truths(array) => array.as_untyped(),
+        }
+    }
+
+    /// Writes rows of some environments, the same to each.
+    fn write_rows(&self, envs: &[usize], row: &[f64]) -> PyResult<()> {
+        let width = row.len();
+        match self {
+            Self::Numbers(array) => {
+                let mut array = array.try_readwrite()?;
+                let all = array.as_slice_mut()?;
+                envs.iter().for_each(|&env| all[env * width..][..width].copy_from_slice(row));
+            }
+            Self::Truths(array) => {
+                let mut array = array.try_readwrite()?;
+                let all = array.as_slice_mut()?;
+                for &env in envs {
+                    all[env * width..][..width].iter_mut().zip(row).for_each(|(truth, x)| *truth = *x != 0.0);
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Hands the numbers, 0 for false, to `read`; `name` is for messages.
+    fn with_numbers<T>(&self, name: &str, read: impl FnOnce(&[f64]) -> PyResult<T>) -> PyResult<T> {
+        let taken = |e: BorrowError| PyValueError::new_err(format!("{name}: {e}"));
+        match self {
+            Self::Numbers(array) => read(array.try_readonly().map_err(taken)?.as_slice()?),
+            Self::Truths(array) => {
+                let truths: PyReadonlyArrayDyn<'_, bool> = array.try_readonly().map_err(taken)?;
+                let numbers: Cow<'_, [f64]> = truths.as_slice()?.iter().map(|&truth| f64::from(u8::from(truth))).collect();
+                read(&numbers)
+            }
+        }
+    }
+}
 
 impl Stepper {
     /// Shape of a writable array: (num_envs, ...), or without the leading axis for a single environment.
@@ -22,41 +91,37 @@ impl Stepper {
         for input in AppliedInput::ALL {
             let Some(array) = self.made(py, input)? else { continue };
             let row = input.at_reset(self.simulation.model());
-            let mut array = array.try_readwrite().map_err(|e| PyValueError::new_err(format!("{}: {e}", input.name())))?;
-            let numbers = array.as_slice_mut()?;
-            envs.iter().for_each(|&env| numbers[env * row.len()..][..row.len()].copy_from_slice(&row));
+            array.write_rows(envs, &row).map_err(|e| PyValueError::new_err(format!("{}: {e}", input.name())))?;
         }
         Ok(())
     }
 
     /// The writable array, if it was made; an error if the user has made something else of it.
-    fn made<'py>(&self, py: Python<'py>, input: AppliedInput) -> PyResult<Option<Bound<'py, PyArrayDyn<f64>>>> {
+    fn made<'py>(&self, py: Python<'py>, input: AppliedInput) -> PyResult<Option<Applied<'py>>> {
         let Some(array) = &self.applied[input as usize] else { return Ok(None) };
-        let (array, shape) = (array.bind(py), self.applied_shape(input));
         // It was of this type, but NumPy lets whoever has an array give it another.
-        match array.as_any().cast::<PyArrayDyn<f64>>() {
-            Ok(array) if array.shape() == shape && array.is_c_contiguous() => Ok(Some(array.clone())),
-            _ => {
-                let (name, shape) = (input.name(), shape_text(&shape));
-                Err(PyValueError::new_err(format!("{name} is no longer a plain float64 array {shape}: assign to its elements instead")))
-            }
-        }
+        let shape = self.applied_shape(input);
+        Applied::of(array.bind(py), input, &shape).map(Some).ok_or_else(|| {
+            let (name, shape) = (input.name(), shape_text(&shape));
+            let kind = if input == AppliedInput::EqActive { "bool" } else { "float64" };
+            PyValueError::new_err(format!("{name} is no longer a plain {kind} array {shape}: assign to its elements instead"))
+        })
     }
 
     /// The writable array, made at its first use.
-    pub(super) fn applied_array<'py>(&mut self, py: Python<'py>, input: AppliedInput) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
+    pub(super) fn applied_array<'py>(&mut self, py: Python<'py>, input: AppliedInput) -> PyResult<Bound<'py, PyUntypedArray>> {
         if self.applied[input as usize].is_none() {
             let all = input.at_reset(self.simulation.model()).repeat(self.n());
-            let made = numpy::PyArray1::from_vec(py, all).reshape(self.applied_shape(input))?;
-            self.applied[input as usize] = Some(made.unbind());
+            let made = Applied::new(py, input, all, self.applied_shape(input))?;
+            self.applied[input as usize] = Some(made.untyped().clone().unbind());
         }
         Ok(self.applied[input as usize].as_ref().expect("made above").bind(py).clone())
     }
 
     /// Replaces the contents of a writable array.
-    fn assign(&mut self, py: Python<'_>, input: AppliedInput, value: &Bound<'_, PyAny>) -> PyResult<()> {
+    pub(super) fn assign(&mut self, py: Python<'_>, input: AppliedInput, value: &Bound<'_, PyAny>) -> PyResult<()> {
         self.applied_array(py, input)?;
-        self.made(py, input)?.expect("made above").set_item(py.Ellipsis(), value)
+        self.made(py, input)?.expect("made above").untyped().set_item(py.Ellipsis(), value)
     }
 
     /// Hands the writable arrays that were made to the core, which copies them.
@@ -68,8 +133,7 @@ impl Stepper {
     fn apply_arrays(&mut self, py: Python<'_>) -> PyResult<()> {
         for input in AppliedInput::ALL {
             let Some(array) = self.made(py, input)? else { continue };
-            let array = array.try_readonly().map_err(|e| PyValueError::new_err(format!("{}: {e}", input.name())))?;
-            self.simulation.apply(input, array.as_slice()?).map_err(value_error)?;
+            array.with_numbers(input.name(), |numbers| self.simulation.apply(input, numbers).map_err(value_error))?;
         }
         Ok(())
     }
@@ -79,46 +143,61 @@ impl Stepper {
 impl Stepper {
     /// Writable, read by every step until changed or reset: forces on the joints in N or N m, (num_envs, nv).
     #[getter]
-    fn qfrc_applied<'py>(&mut self, py: Python<'py>) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
-        self.applied_array(py, AppliedInput::QfrcApplied)
+    fn qfrc_applied<'py>(mut slf: Writing<'_>, py: Python<'py>) -> PyResult<Bound<'py, PyUntypedArray>> {
+        slf.applied_array(py, AppliedInput::QfrcApplied)
     }
 
     #[setter]
-    fn set_qfrc_applied(&mut self, py: Python<'_>, value: Bound<'_, PyAny>) -> PyResult<()> {
-        self.assign(py, AppliedInput::QfrcApplied, &value)
+    fn set_qfrc_applied(mut slf: Writing<'_>, py: Python<'_>, value: Bound<'_, PyAny>) -> PyResult<()> {
+        slf.assign(py, AppliedInput::QfrcApplied, &value)
     }
 
     /// Writable, read by every step until changed or reset: force (N) and torque (N m) at every body's centre of mass, world axes,
     /// (num_envs, nbody, 6).
     #[getter]
-    fn xfrc_applied<'py>(&mut self, py: Python<'py>) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
-        self.applied_array(py, AppliedInput::XfrcApplied)
+    fn xfrc_applied<'py>(mut slf: Writing<'_>, py: Python<'py>) -> PyResult<Bound<'py, PyUntypedArray>> {
+        slf.applied_array(py, AppliedInput::XfrcApplied)
     }
 
     #[setter]
-    fn set_xfrc_applied(&mut self, py: Python<'_>, value: Bound<'_, PyAny>) -> PyResult<()> {
-        self.assign(py, AppliedInput::XfrcApplied, &value)
+    fn set_xfrc_applied(mut slf: Writing<'_>, py: Python<'_>, value: Bound<'_, PyAny>) -> PyResult<()> {
+        slf.assign(py, AppliedInput::XfrcApplied, &value)
     }
 
     /// Writable, read by every step until changed or reset: positions of the mocap bodies in m, (num_envs, nmocap, 3).
     #[getter]
-    fn mocap_pos<'py>(&mut self, py: Python<'py>) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
-        self.applied_array(py, AppliedInput::MocapPos)
+    fn mocap_pos<'py>(mut slf: Writing<'_>, py: Python<'py>) -> PyResult<Bound<'py, PyUntypedArray>> {
+        slf.applied_array(py, AppliedInput::MocapPos)
     }
 
     #[setter]
-    fn set_mocap_pos(&mut self, py: Python<'_>, value: Bound<'_, PyAny>) -> PyResult<()> {
-        self.assign(py, AppliedInput::MocapPos, &value)
+    fn set_mocap_pos(mut slf: Writing<'_>, py: Python<'_>, value: Bound<'_, PyAny>) -> PyResult<()> {
+        slf.assign(py, AppliedInput::MocapPos, &value)
     }
 
     /// Writable, read by every step until changed or reset: orientations of the mocap bodies, (num_envs, nmocap, 4).
     #[getter]
-    fn mocap_quat<'py>(&mut self, py: Python<'py>) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
-        self.applied_array(py, AppliedInput::MocapQuat)
+    fn mocap_quat<'py>(mut slf: Writing<'_>, py: Python<'py>) -> PyResult<Bound<'py, PyUntypedArray>> {
+        slf.applied_array(py, AppliedInput::MocapQuat)
     }
 
     #[setter]
-    fn set_mocap_quat(&mut self, py: Python<'_>, value: Bound<'_, PyAny>) -> PyResult<()> {
-        self.assign(py, AppliedInput::MocapQuat, &value)
+    fn set_mocap_quat(mut slf: Writing<'_>, py: Python<'_>, value: Bound<'_, PyAny>) -> PyResult<()> {
+        slf.assign(py, AppliedInput::MocapQuat, &value)
+    }
+
+    /// Writable, read by every step until changed or reset: whether each equality acts, (num_envs, neq) bool. It begins as the model's
+    /// `eq_active0`, and `reset` brings that back.
+    ///
+    /// Rows of an equality that does not act are left out of the step. One that begins to act while its error is large closes it as fast as
+    /// positions are corrected, `Options.max_correction_speed`: a weld holds the pose of `eq_data`, not the present one.
+    #[getter]
+    fn eq_active<'py>(mut slf: Writing<'_>, py: Python<'py>) -> PyResult<Bound<'py, PyUntypedArray>> {
+        slf.applied_array(py, AppliedInput::EqActive)
+    }
+
+    #[setter]
+    fn set_eq_active(mut slf: Writing<'_>, py: Python<'_>, value: Bound<'_, PyAny>) -> PyResult<()> {
+        slf.assign(py, AppliedInput::EqActive, &value)
     }
 }

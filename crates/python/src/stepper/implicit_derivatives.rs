@@ -8,7 +8,7 @@ use stepper_core::{DerivativeQuery, DerivativeRows, Precision, StatePart};
 
 use crate::array::{array, readonly};
 use crate::error::value_error;
-use crate::stepper::Stepper;
+use crate::stepper::{Stepper, Writing};
 
 #[pymethods]
 impl Stepper {
@@ -19,7 +19,7 @@ impl Stepper {
     ///     "distance", "sound" (uint8), "residual" and "status" (num_envs,), and "qpos", "qvel" and "act" after the step.
     #[pyo3(signature = (ctrl, parts, offsets, tolerance))]
     fn _differentiate<'py>(
-        &mut self,
+        mut slf: Writing<'_>,
         py: Python<'py>,
         ctrl: Bound<'py, PyAny>,
         parts: Vec<String>,
@@ -30,10 +30,10 @@ impl Stepper {
         let &[_, points, columns] = offsets.shape() else {
             return Err(PyValueError::new_err("offsets must be (num_envs, points, columns)"));
         };
-        self.apply(py)?;
+        slf.apply(py)?;
         let ctrl = readonly(&ctrl, "ctrl")?;
         let (ctrl, offsets) = (ctrl.as_slice()?, offsets.as_slice()?);
-        let (n, model) = (self.n(), self.simulation.model());
+        let (n, model) = (slf.n(), slf.simulation.model());
         let [nq, nv, na] = [model.nq(), model.nv(), model.na()];
         let rows = 2 * nv + na;
         let (mut slopes, mut causes) = (vec![0.0; n * rows * columns], vec![0_u32; n * columns]);
@@ -50,7 +50,7 @@ impl Stepper {
             status: &mut status,
             state: [&mut q, &mut v, &mut act],
         };
-        let simulation = &mut self.simulation;
+        let simulation = &mut slf.simulation;
         py.detach(|| simulation.differentiate(ctrl, &query, answer)).map_err(value_error)?;
         let out = PyDict::new(py);
         let numbers = |shape: &[usize], data| array(py, shape, data, Precision::F64);

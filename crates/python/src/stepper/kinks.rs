@@ -6,7 +6,7 @@ use stepper_core::PerturbedCopies;
 
 use crate::array::readonly;
 use crate::error::value_error;
-use crate::stepper::Stepper;
+use crate::stepper::{Reading, Stepper};
 
 #[pymethods]
 impl Stepper {
@@ -14,15 +14,14 @@ impl Stepper {
     ///
     /// Returns:
     ///     Flags of `Kink` by column, (environments, columns) uint32, and the distance to the nearest kink, (environments,).
-    #[pyo3(signature = (*, count, sides, one_sided, friction, limited, ranges, taken, rubbing, smooth_at_rest, tolerance))]
+    #[pyo3(signature = (*, count, sides, one_sided, limited, ranges, taken, rubbing, smooth_at_rest, tolerance))]
     #[expect(clippy::too_many_arguments, reason = "each has a name of its own")]
     fn _find_kinks<'py>(
-        &self,
+        slf: Reading<'_>,
         py: Python<'py>,
         count: usize,
         sides: usize,
         one_sided: PyReadonlyArrayDyn<'py, bool>,
-        friction: Bound<'py, PyAny>,
         limited: Vec<[usize; 2]>,
         ranges: Bound<'py, PyAny>,
         taken: Bound<'py, PyAny>,
@@ -30,14 +29,13 @@ impl Stepper {
         smooth_at_rest: bool,
         tolerance: f64,
     ) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyArray1<f64>>)> {
-        let (friction, ranges, taken) = (readonly(&friction, "friction")?, readonly(&ranges, "ranges")?, readonly(&taken, "taken")?);
+        let (ranges, taken) = (readonly(&ranges, "ranges")?, readonly(&taken, "taken")?);
         let columns = one_sided.shape().last().copied().unwrap_or(0);
         let copies = PerturbedCopies {
             count,
             columns,
             sides,
             one_sided: one_sided.as_slice()?,
-            friction: friction.as_slice()?,
             limited: &limited,
             ranges: ranges.as_slice()?,
             taken: taken.as_slice()?,
@@ -45,7 +43,7 @@ impl Stepper {
             smooth_at_rest,
             tolerance,
         };
-        let kinks = self.simulation.find_kinks(&copies).map_err(value_error)?;
+        let kinks = slf.simulation.find_kinks(&copies).map_err(value_error)?;
         let environments = kinks.distance.len();
         let causes = PyArray1::from_vec(py, kinks.causes).reshape([environments, columns])?;
         Ok((causes.into_any(), kinks.distance.into_pyarray(py)))

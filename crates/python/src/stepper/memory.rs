@@ -9,7 +9,7 @@ use numpy::PyUntypedArrayMethods;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
-use crate::stepper::Stepper;
+use crate::stepper::{Reading, Stepper};
 
 thread_local! {
     static HELD: Cell<isize> = const { Cell::new(0) };
@@ -72,13 +72,13 @@ impl Stepper {
     ///     "state", "parameters" and "inputs": what all environments hold, what they have of their own by `randomize` and as numbers
     ///     of drives, and what waits for the next step (controls, applied forces, mocap poses); "threads": how many have room;
     ///     "total": "state" + "parameters" + "inputs" + "threads" x "per_thread".
-    fn memory<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        let simulation = &self.simulation;
+    fn memory<'py>(slf: Reading<'_>, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let simulation = &slf.simulation;
         let (state, parameters) = (simulation.bytes(), simulation.parameter_bytes());
-        let inputs = simulation.input_bytes() + self.applied_bytes(py);
-        let (threads, per_thread) = (simulation.threads(), self.bytes_per_thread());
+        let inputs = simulation.input_bytes() + slf.applied_bytes(py);
+        let (threads, per_thread) = (simulation.threads(), slf.bytes_per_thread());
         let report = PyDict::new(py);
-        report.set_item("per_env", (state + parameters + inputs).div_ceil(self.n()))?;
+        report.set_item("per_env", (state + parameters + inputs).div_ceil(slf.n()))?;
         report.set_item("per_thread", per_thread)?;
         report.set_item("state", state)?;
         report.set_item("parameters", parameters)?;

@@ -10,69 +10,69 @@ use crate::arguments::Env;
 use crate::array::read_only;
 use crate::contacts::structured;
 use crate::error::value_error;
-use crate::stepper::Stepper;
+use crate::stepper::{Reading, Stepper, Writing};
 
 #[pymethods]
 impl Stepper {
     /// Flags of the last call of `step`, see `stepper.Status`: (num_envs,) uint32.
     #[getter]
-    fn status<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        self.per_env(py, "status", |env| self.simulation.status(env).bits())
+    fn status<'py>(slf: Reading<'_>, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        slf.per_env(py, "status", |env| slf.simulation.status(env).bits())
     }
 
     /// Natural-map residual of the last step in m/s, 0 where it was NON_FINITE: (num_envs,).
     #[getter]
-    fn residual<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        self.per_env(py, "residual", |env| self.simulation.certificate(env).residual)
+    fn residual<'py>(slf: Reading<'_>, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        slf.per_env(py, "residual", |env| slf.simulation.certificate(env).residual)
     }
 
     /// Sweeps and Newton steps of the solver in the last step, together: (num_envs,) uint32.
     #[getter]
-    fn iterations<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        let both = |env| self.simulation.certificate(env).sweeps + self.simulation.certificate(env).newton_steps;
-        self.per_env(py, "iterations", both)
+    fn iterations<'py>(slf: Reading<'_>, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        let both = |env| slf.simulation.certificate(env).sweeps + slf.simulation.certificate(env).newton_steps;
+        slf.per_env(py, "iterations", both)
     }
 
     /// Sweeps of the solver in the last step: (num_envs,) uint32.
     #[getter]
-    fn sweeps<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        self.per_env(py, "sweeps", |env| self.simulation.certificate(env).sweeps)
+    fn sweeps<'py>(slf: Reading<'_>, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        slf.per_env(py, "sweeps", |env| slf.simulation.certificate(env).sweeps)
     }
 
     /// Newton steps of the solver in the last step, over all islands of bodies: (num_envs,) uint32.
     #[getter]
-    fn newton_steps<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        self.per_env(py, "newton_steps", |env| self.simulation.certificate(env).newton_steps)
+    fn newton_steps<'py>(slf: Reading<'_>, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        slf.per_env(py, "newton_steps", |env| slf.simulation.certificate(env).newton_steps)
     }
 
     /// Deepest overlap of a contact beyond its margin in the last call of `step`, of all its steps, in m: (num_envs,) float64. It is
     /// seen where a step is taken, by "midpoint" and "rk4" in its middle. Above 1 mm `status` says DEEP.
     #[getter]
-    fn depth<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        self.per_env(py, "depth", |env| self.simulation.depth(env))
+    fn depth<'py>(slf: Reading<'_>, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        slf.per_env(py, "depth", |env| slf.simulation.depth(env))
     }
 
     /// Farthest that a joint or tendon was beyond its range after a step of the last call of `step`, in rad or m: (num_envs,)
     /// float64. Above 0.01 `status` says OVER_LIMIT.
     #[getter]
-    fn limit_overshoot<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        self.per_env(py, "limit_overshoot", |env| self.simulation.limit_overshoot(env))
+    fn limit_overshoot<'py>(slf: Reading<'_>, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        slf.per_env(py, "limit_overshoot", |env| slf.simulation.limit_overshoot(env))
     }
 
     /// Largest position error of an equality (connect, weld, joint, tendon) after a step of the last call of `step`, in m or rad:
     /// (num_envs,) float64. Above 0.001 `status` says EQUALITY_VIOLATED. It is 0 without equalities. Equalities with a finite
     /// stiffness are springs and do not count, except with MuJoCo's contact law, by which all equalities are soft and all count.
     #[getter]
-    fn max_equality_violation<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        self.per_env(py, "max_equality_violation", |env| self.simulation.max_equality_violation(env))
+    fn max_equality_violation<'py>(slf: Reading<'_>, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        slf.per_env(py, "max_equality_violation", |env| slf.simulation.max_equality_violation(env))
     }
 
     /// Steps of the last call of `step` in which the effort of each actuator was cut to its bounds: its `forcerange`, its joint's
     /// `actuatorfrcrange`, or the limits and torque-speed curve of its drive: (num_envs, nu) uint32.
     #[getter]
-    fn actuator_saturation<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        let counts: Vec<u32> = (0..self.n()).flat_map(|env| self.simulation.actuator_saturation(env)).collect();
-        let shape = self.shape(&[self.simulation.model().nu()]);
+    fn actuator_saturation<'py>(slf: Reading<'_>, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        let counts: Vec<u32> = (0..slf.n()).flat_map(|env| slf.simulation.actuator_saturation(env)).collect();
+        let shape = slf.shape(&[slf.simulation.model().nu()]);
         read_only(PyArray1::from_vec(py, counts).reshape(shape)?.into_any(), "actuator_saturation")
     }
 
@@ -91,12 +91,12 @@ impl Stepper {
     ///     directions, of torsional and rolling friction (condim 4 and 6), and frame (3, 3), whose rows are these directions. The
     ///     second geom's torque acts at pos, and |(force_t / mu_slide, torque_n / mu_spin, torque_t / mu_roll)| <= force_n.
     #[pyo3(signature = (env=None))]
-    fn contacts<'py>(&self, py: Python<'py>, env: Option<Env>) -> PyResult<Bound<'py, PyAny>> {
+    fn contacts<'py>(slf: Reading<'_>, py: Python<'py>, env: Option<Env>) -> PyResult<Bound<'py, PyAny>> {
         let envs = match env {
-            Some(env) => self.env(env)?..self.env(env)? + 1,
-            None => 0..self.n(),
+            Some(env) => slf.env(env)?..slf.env(env)? + 1,
+            None => 0..slf.n(),
         };
-        structured(py, &self.simulation, envs)
+        structured(py, &slf.simulation, envs)
     }
 
     /// The row that the last call of `step` could not solve.
@@ -110,9 +110,9 @@ impl Stepper {
     ///     For example 'contact of geom "floor" and geom "foot"', 'limit of joint "knee"' or 'equality "loop"'; None where every step
     ///     was solved, or no single row is to blame.
     #[pyo3(signature = (env=Env(0)), text_signature = "($self, env=0)")]
-    fn worst_row(&self, env: Env) -> PyResult<Option<String>> {
-        let row = self.simulation.worst_row(self.env(env)?);
-        Ok(row.map(|row| row.describe(self.simulation.model()).to_string()))
+    fn worst_row(slf: Reading<'_>, env: Env) -> PyResult<Option<String>> {
+        let row = slf.simulation.worst_row(slf.env(env)?);
+        Ok(row.map(|row| row.describe(slf.simulation.model()).to_string()))
     }
 
     /// Writes the constraint problem of the next step to a file.
@@ -131,13 +131,13 @@ impl Stepper {
     /// Raises:
     ///     OSError: The file cannot be written.
     #[pyo3(signature = (path, env=Env(0), *, ctrl=None), text_signature = "($self, path, env=0, *, ctrl=None)")]
-    fn save_problem(&mut self, py: Python<'_>, path: PathBuf, env: Env, ctrl: Option<Bound<'_, PyAny>>) -> PyResult<()> {
-        let env = self.env(env)?;
+    fn save_problem(mut slf: Writing<'_>, py: Python<'_>, path: PathBuf, env: Env, ctrl: Option<Bound<'_, PyAny>>) -> PyResult<()> {
+        let env = slf.env(env)?;
         let ctrl = match ctrl {
-            Some(ctrl) => self.rows(&ctrl, "ctrl", self.simulation.model().nu())?.as_slice()?.to_vec(),
+            Some(ctrl) => slf.rows(&ctrl, "ctrl", slf.simulation.model().nu())?.as_slice()?.to_vec(),
             None => Vec::new(),
         };
-        self.apply(py)?;
-        self.simulation.save_problem(env, &StepInputs { ctrl: &ctrl, ..StepInputs::default() }, path).map_err(value_error)
+        slf.apply(py)?;
+        slf.simulation.save_problem(env, &StepInputs { ctrl: &ctrl, ..StepInputs::default() }, path).map_err(value_error)
     }
 }

@@ -1,27 +1,34 @@
 //! Pickles of a stepper: how it was made, its state, and what it has of its own.
 
-use numpy::{PyArrayMethods, PyUntypedArrayMethods};
-use pyo3::exceptions::{PyRuntimeError, PyValueError};
+use numpy::PyUntypedArrayMethods;
+use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict, PyTuple};
 use stepper_core::{AppliedInput, SavedState};
 
 use crate::array::{check_shape, readonly};
 use crate::error::value_error;
-use crate::stepper::{BUSY, Stepper};
+use crate::stepper::{Reading, Stepper, Writing, precision_name};
 
-#[pymethods]
 impl Stepper {
-    fn __getstate__<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+    /// What a copy takes over besides what it is made with.
+    fn contents<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let state = PyDict::new(py);
         state.set_item("state", PyBytes::new(py, &self.simulation.save_state().to_bytes()))?;
         state.set_item("randomized", self.parameters(py)?)?;
         state.set_item("applied", self.applied.iter().map(|a| a.as_ref().map(|a| a.clone_ref(py))).collect::<Vec<_>>())?;
         Ok(state)
     }
+}
+
+#[pymethods]
+impl Stepper {
+    fn __getstate__<'py>(slf: Reading<'_>, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        slf.contents(py)
+    }
 
     /// Takes copies: `copy.copy` hands on what the original has.
-    fn __setstate__(&mut self, py: Python<'_>, state: &Bound<'_, PyDict>) -> PyResult<()> {
+    fn __setstate__(mut slf: Writing<'_>, py: Python<'_>, state: &Bound<'_, PyDict>) -> PyResult<()> {
         let wrong = |name: &str, what: &str| PyValueError::new_err(format!("pickled Stepper: {name} {what}; pickle it again"));
         let item = |name: &str| state.get_item(name)?.ok_or_else(|| wrong(name, "is missing"));
         let (saved, randomized, applied) = (item("state")?, item("randomized")?, item("applied")?);
@@ -32,35 +39,33 @@ impl Stepper {
         if applied.len() != AppliedInput::ALL.len() {
             return Err(wrong("applied", &format!("has {} arrays, must have {}", applied.len(), AppliedInput::ALL.len())));
         }
-        self.simulation.restore_state(&saved).map_err(value_error)?;
+        slf.simulation.restore_state(&saved).map_err(value_error)?;
         if !randomized.is_empty() {
-            let all: Vec<usize> = (0..self.n()).collect();
-            self.assign_parameters(Some(randomized), &all)?;
+            let all: Vec<usize> = (0..slf.n()).collect();
+            slf.assign_parameters(Some(randomized), &all)?;
         }
         for (input, given) in AppliedInput::ALL.into_iter().zip(&applied) {
-            self.applied[input as usize] = None;
-            self.simulation.apply(input, &[]).map_err(value_error)?;
+            slf.applied[input as usize] = None;
+            slf.simulation.apply(input, &[]).map_err(value_error)?;
             let Some(given) = given else { continue };
-            let given = readonly(given, input.name())?;
-            check_shape(input.name(), given.shape(), &[&self.applied_shape(input)])?;
-            let own = self.applied_array(py, input)?;
-            own.try_readwrite().map_err(|e| PyValueError::new_err(e.to_string()))?.as_slice_mut()?.copy_from_slice(given.as_slice()?);
+            check_shape(input.name(), readonly(given, input.name())?.shape(), &[&slf.applied_shape(input)])?;
+            slf.assign(py, input, given)?;
         }
         Ok(())
     }
 
     fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyTuple>> {
         let py = slf.py();
-        let this = slf.try_borrow().map_err(|_| PyRuntimeError::new_err(BUSY))?;
+        let this = Reading::try_from(slf)?;
         let keywords = PyDict::new(py);
         keywords.set_item("options", this.options.clone_ref(py))?;
-        keywords.set_item("precision", this.precision())?;
+        keywords.set_item("precision", precision_name(this.simulation.precision()))?;
         keywords.set_item("threads", this.threads)?;
         keywords.set_item("seed", this.seed)?;
-        keywords.set_item("sensors", this.sensors(py))?;
-        keywords.set_item("actuators", this.actuators(py))?;
+        keywords.set_item("sensors", this.sensors.as_ref().map(|sensors| sensors.clone_ref(py)))?;
+        keywords.set_item("actuators", this.actuators.as_ref().map(|actuators| actuators.clone_ref(py)))?;
         let make = py.import("functools")?.getattr("partial")?.call((slf.get_type(),), Some(&keywords))?;
-        let args = (this.model.clone_ref(py), this.num_envs()).into_pyobject(py)?;
-        (make, args, this.__getstate__(py)?).into_pyobject(py)
+        let args = (this.model.clone_ref(py), this.batched.then(|| this.n())).into_pyobject(py)?;
+        (make, args, this.contents(py)?).into_pyobject(py)
     }
 }

@@ -8,10 +8,9 @@ use stepper_core::{ActuatorNumbers, Parameter, Precision};
 
 use crate::array::{array, check_shape, read_only_of_environments, readonly};
 use crate::device_models::drives;
-use crate::error::value_error;
-use crate::model::to_py;
+use crate::error::{to_py, value_error};
 use crate::stepper::recording::{notify, recorder_of};
-use crate::stepper::{Stepper, borrow};
+use crate::stepper::{Reading, Stepper, borrow};
 
 /// The field that is no field of the model.
 const ACTUATORS: &str = "actuators";
@@ -77,13 +76,18 @@ impl Stepper {
     /// `reset` and `set_state` leave them, pickles and recordings have them. Other fields stay as they are, whether the model's or
     /// randomized before. What no environment has of its own costs neither time nor memory.
     ///
+    /// Contacts of an explicit pair have the pair's friction and restitution, whatever its geoms have. So a geom_friction other than the
+    /// model's for a geom of a pair is an error unless environments have a pair_friction of their own, given here or before: other
+    /// numbers, or the model's to leave these contacts as they are. Likewise geom_restitution and pair_restitution.
+    ///
     /// Args:
     ///     mask: (num_envs,) bool: the environments that change; None is all. Rows of the others are not read.
     ///     **fields: Arrays with num_envs in front of the shape that the field has in the model; None gives the model's own numbers
     ///         back, and so do all fields when none is named: gravity (num_envs, 3) m/s^2; body_mass (num_envs, nbody) kg, body_ipos
     ///         (num_envs, nbody, 3) m, the centre of mass, and body_inertia (num_envs, nbody, 3) kg m^2, principal moments, each by
     ///         itself: a body of twice the mass keeps its inertia unless it is given too; geom_friction (num_envs, ngeom, 3) sliding,
-    ///         torsional (m), rolling (m); geom_restitution (num_envs, ngeom); geom_size, geom_pos (num_envs, ngeom, 3) m, which
+    ///         torsional (m), rolling (m); geom_restitution (num_envs, ngeom); pair_friction (num_envs, npair, 3) and pair_restitution
+    ///         (num_envs, npair), the same of explicit pairs, see below; geom_size, geom_pos (num_envs, ngeom, 3) m, which
     ///         leave masses alone; jnt_stiffness (num_envs, njnt) N/m or N m/rad; jnt_range (num_envs, njnt, 2) m or rad;
     ///         dof_damping, dof_armature, dof_frictionloss (num_envs, nv); actuator_gain, actuator_bias (num_envs, nu, 3), whose
     ///         force is gain . (1, length, velocity) times the input plus bias . (1, length, velocity). actuators, a
@@ -96,8 +100,9 @@ impl Stepper {
     /// Raises:
     ///     ValueError: A wrong shape; both are named. A number that a drive may not have, or a stage or delay that it was not made
     ///         for, with the actuator. Nothing is changed then.
-    ///     ModelError: A field that all environments share, numbers that no model may have, or that ask for something that the model
-    ///         has none of, such as dry friction where it has 0; with field, element and environment. Nothing is changed then.
+    ///     ModelError: A field that all environments share, numbers that no model may have, that ask for something that the model
+    ///         has none of, such as dry friction where it has 0, or that an explicit pair overrides; with field, element and
+    ///         environment. Nothing is changed then.
     #[pyo3(signature = (mask=None, **fields))]
     fn randomize(slf: &Bound<'_, Self>, mask: Option<Bound<'_, PyAny>>, fields: Option<Bound<'_, PyDict>>) -> PyResult<()> {
         let mut this = borrow(slf)?;
@@ -109,7 +114,7 @@ impl Stepper {
 
     /// What environments have of their own, as `randomize` takes it: arrays by field, and under "actuators" an `ActuatorModel`.
     #[getter]
-    fn randomized<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        self.parameters(py)
+    fn randomized<'py>(slf: Reading<'_>, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        slf.parameters(py)
     }
 }

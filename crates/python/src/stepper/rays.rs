@@ -9,7 +9,7 @@ use stepper_core::RayCast;
 use crate::array::{OwnNumbers, check_shape, readonly};
 use crate::elements::Kind;
 use crate::error::value_error;
-use crate::stepper::Stepper;
+use crate::stepper::{Stepper, Writing};
 
 #[pymethods]
 impl Stepper {
@@ -34,14 +34,14 @@ impl Stepper {
     ///     KeyError, IndexError: No geom or body of that name or index.
     #[pyo3(signature = (points, directions, *, geoms=None, exclude=None))]
     fn rays<'py>(
-        &mut self,
+        mut slf: Writing<'_>,
         py: Python<'py>,
         points: Bound<'py, PyAny>,
         directions: Bound<'py, PyAny>,
         geoms: Option<Vec<Bound<'py, PyAny>>>,
         exclude: Option<Bound<'py, PyAny>>,
     ) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyAny>)> {
-        let model = self.simulation.model().clone();
+        let model = slf.simulation.model().clone();
         let except = exclude.map(|body| Kind::Body.find(&model, &body)).transpose()?;
         let geoms = match geoms {
             None => model.geoms_met_by_rays(except),
@@ -53,20 +53,20 @@ impl Stepper {
         let (points, directions) = (readonly(&points, "points")?, readonly(&directions, "directions")?);
         let count = if points.ndim() >= 2 { points.shape()[points.ndim() - 2] } else { 0 };
         for (name, shape) in [("points", points.shape()), ("directions", directions.shape())] {
-            check_shape(name, shape, &[&self.shape(&[count, 3]), &[count, 3]])?;
+            check_shape(name, shape, &[&slf.shape(&[count, 3]), &[count, 3]])?;
         }
-        self.apply(py)?;
+        slf.apply(py)?;
         let (points, directions) = (points.as_slice()?.to_vec(), directions.as_slice()?.to_vec());
-        let total = self.simulation.num_envs() * count;
-        let mut distances = OwnNumbers::new(total, self.simulation.precision());
+        let total = slf.simulation.num_envs() * count;
+        let mut distances = OwnNumbers::new(total, slf.simulation.precision());
         let mut met = vec![-1; total];
-        let (simulation, numbers) = (&mut self.simulation, distances.numbers());
+        let (simulation, numbers) = (&mut slf.simulation, distances.numbers());
         py.detach(|| {
             let rays = RayCast { points: &points, directions: &directions, count, geoms: &geoms };
             simulation.cast_rays(&rays, numbers, &mut met)
         })
         .map_err(value_error)?;
-        let shape = self.shape(&[count]);
+        let shape = slf.shape(&[count]);
         let met = ArrayD::from_shape_vec(&shape[..], met).map_err(|e| PyValueError::new_err(e.to_string()))?;
         Ok((distances.into_array(py, &shape)?, met.into_pyarray(py).into_any()))
     }

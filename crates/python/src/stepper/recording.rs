@@ -6,7 +6,7 @@ use pyo3::types::PyDict;
 use stepper_core::Precision;
 
 use crate::array::{array, described};
-use crate::stepper::{Stepper, borrow};
+use crate::stepper::{Reading, Stepper, Writing, borrow};
 
 /// Whom to tell what is done, taken while the stepper is borrowed: another thread may have it next.
 pub(super) fn recorder_of(py: Python<'_>, this: PyRefMut<'_, Stepper>) -> Option<Py<PyAny>> {
@@ -57,18 +57,18 @@ impl Stepper {
 
     /// Whom `step`, `reset` and `set_state` tell what they did (see `stepper.Recorder`); None is nobody.
     #[getter]
-    fn recorder(&self, py: Python<'_>) -> Option<Py<PyAny>> {
-        self.recorder.as_ref().map(|r| r.clone_ref(py))
+    fn recorder(slf: Reading<'_>, py: Python<'_>) -> Option<Py<PyAny>> {
+        slf.recorder.as_ref().map(|r| r.clone_ref(py))
     }
 
     #[setter]
-    fn set_recorder(&mut self, recorder: Option<Bound<'_, PyAny>>) -> PyResult<()> {
+    fn set_recorder(mut slf: Writing<'_>, recorder: Option<Bound<'_, PyAny>>) -> PyResult<()> {
         let told = ["step", "reset", "set_state", "randomize"];
         if let Some(other) = recorder.as_ref().filter(|r| !told.iter().all(|name| r.hasattr(*name).unwrap_or(false))) {
             let message = format!("recorder is {}, must be None or have the methods {}", described(other), told.join(", "));
             return Err(PyTypeError::new_err(message));
         }
-        self.recorder = recorder.map(Bound::unbind);
+        slf.recorder = recorder.map(Bound::unbind);
         Ok(())
     }
 }

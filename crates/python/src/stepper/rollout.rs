@@ -11,8 +11,8 @@ use crate::arguments::Whole;
 use crate::array::{check_shape, described, readonly, shape_text};
 use crate::error::value_error;
 use crate::options::unknown;
-use crate::stepper::Stepper;
 use crate::stepper::interruption::watched;
+use crate::stepper::{Stepper, Writing};
 
 /// What is always written down, so that nothing that went wrong is silent.
 const CERTIFICATE: [&str; 2] = ["status", "residual"];
@@ -127,7 +127,7 @@ impl Stepper {
             return Ok(given);
         }
         let all = format!("(T, {})", full.iter().map(usize::to_string).collect::<Vec<_>>().join(", "));
-        let shared = if self.num_envs().is_some() { format!(" or (T, {nu})") } else { String::new() };
+        let shared = if self.batched { format!(" or (T, {nu})") } else { String::new() };
         Err(PyValueError::new_err(format!("ctrl has shape {}, must be {all}{shared} for T controls", shape_text(found))))
     }
 
@@ -163,7 +163,7 @@ impl Stepper {
     ///         the last one what followed the steps that were made; the rows beyond are as they were.
     #[pyo3(signature = (ctrl, nstep=Whole::Number(1), *, fields=None, out=None), text_signature = "($self, ctrl, nstep=1, *, fields=None, out=None)")]
     fn rollout<'py>(
-        &mut self,
+        mut slf: Writing<'_>,
         py: Python<'py>,
         ctrl: Bound<'py, PyAny>,
         nstep: Whole<'_>,
@@ -171,12 +171,12 @@ impl Stepper {
         out: Option<Bound<'py, PyDict>>,
     ) -> PyResult<Bound<'py, PyDict>> {
         let nstep = nstep.from(0, "nstep")? as usize;
-        if self.recorder.is_some() {
+        if slf.recorder.is_some() {
             return Err(PyRuntimeError::new_err(
                 "this stepper is recorded, and a rollout is not: call step for every control, or close the recording",
             ));
         }
-        self.roll_out(py, &ctrl, nstep, fields, out.as_ref())
+        slf.roll_out(py, &ctrl, nstep, fields, out.as_ref())
     }
 }
 

@@ -7,7 +7,7 @@ use stepper_core::StepInputs;
 
 use crate::array::{array, check_shape, described, read_only};
 use crate::error::value_error;
-use crate::stepper::Stepper;
+use crate::stepper::{Reading, Stepper, Writing};
 
 impl Stepper {
     /// Readings of all sensors of all environments.
@@ -30,8 +30,8 @@ impl Stepper {
     /// Sensor readings of the last step, the same however often they are read: (num_envs, nsensordata). `observe()` gives an array to
     /// write to.
     #[getter]
-    fn observation<'py>(&mut self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        read_only(self.readings(py, false)?, "observation")
+    fn observation<'py>(mut slf: Writing<'_>, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        read_only(slf.readings(py, false)?, "observation")
     }
 
     /// The readings of ideal sensors: (num_envs, nsensordata).
@@ -40,30 +40,30 @@ impl Stepper {
     /// limits included, and forces are impulses over h. Where no step was made since the state was set, accelerations and forces are
     /// those of the step that would be made from it.
     #[getter]
-    fn sensor_truth<'py>(&mut self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        read_only(self.readings(py, true)?, "sensor_truth")
+    fn sensor_truth<'py>(mut slf: Writing<'_>, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        read_only(slf.readings(py, true)?, "sensor_truth")
     }
 
     /// Of each sensor, readings that were clipped to its limits and samples that were lost in the last call of `step`:
     /// (num_envs, nsensor, 2) uint32.
     #[getter]
-    fn sensor_faults<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        let counts: Vec<u32> = (0..self.n()).flat_map(|env| self.simulation.sensor_faults(env)).flatten().collect();
-        let shape = self.shape(&[self.simulation.model().sensors.len(), 2]);
+    fn sensor_faults<'py>(slf: Reading<'_>, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        let counts: Vec<u32> = (0..slf.n()).flat_map(|env| slf.simulation.sensor_faults(env)).flatten().collect();
+        let shape = slf.shape(&[slf.simulation.model().sensors.len(), 2]);
         read_only(numpy::PyArray1::from_vec(py, counts).reshape(shape)?.into_any(), "sensor_faults")
     }
 
     /// What sensors make of the truth.
     #[getter]
-    pub(crate) fn sensors(&self, py: Python<'_>) -> Option<Py<PyAny>> {
-        self.sensors.as_ref().map(|s| s.clone_ref(py))
+    pub(crate) fn sensors(slf: Reading<'_>, py: Python<'_>) -> Option<Py<PyAny>> {
+        slf.sensors.as_ref().map(|s| s.clone_ref(py))
     }
 
     /// `observation`, written into `out` if there is one: (num_envs, nsensordata).
     #[pyo3(signature = (out=None))]
-    fn observe<'py>(&mut self, py: Python<'py>, out: Option<Bound<'py, PyAny>>) -> PyResult<Bound<'py, PyAny>> {
-        let Some(out) = out else { return self.readings(py, false) };
-        let must = self.shape(&[self.simulation.model().nsensordata()]);
+    fn observe<'py>(mut slf: Writing<'_>, py: Python<'py>, out: Option<Bound<'py, PyAny>>) -> PyResult<Bound<'py, PyAny>> {
+        let Some(out) = out else { return slf.readings(py, false) };
+        let must = slf.shape(&[slf.simulation.model().nsensordata()]);
         let Ok(given) = out.cast::<numpy::PyUntypedArray>() else {
             return Err(PyTypeError::new_err(format!("out is {}, must be an array to be filled", described(&out))));
         };
@@ -74,11 +74,11 @@ impl Stepper {
         check_shape("out", given.shape(), &[&must])?;
         match out.cast::<PyArrayDyn<f64>>() {
             Ok(exact) if exact.is_c_contiguous() => {
-                let readings = self.sense(py, false)?;
+                let readings = slf.sense(py, false)?;
                 let mut out = exact.try_readwrite().map_err(|e| PyValueError::new_err(format!("out: {e}")))?;
                 out.as_slice_mut()?.copy_from_slice(&readings);
             }
-            _ => out.set_item(py.Ellipsis(), self.readings(py, false)?)?,
+            _ => out.set_item(py.Ellipsis(), slf.readings(py, false)?)?,
         }
         Ok(out)
     }

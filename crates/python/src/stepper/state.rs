@@ -11,7 +11,7 @@ use crate::array::{array, check_shape, read_only, readonly, seeds};
 use crate::error::value_error;
 use crate::state::State;
 use crate::stepper::recording::{notify, recorder_of};
-use crate::stepper::{Stepper, borrow};
+use crate::stepper::{Reading, Stepper, borrow};
 
 /// An array that may have been given.
 type Given<'py> = Option<PyReadonlyArrayDyn<'py, f64>>;
@@ -152,43 +152,43 @@ impl Stepper {
     /// Args:
     ///     env: An environment; None is all of them.
     #[pyo3(signature = (env=None))]
-    fn get_state(&self, env: Option<Env>) -> PyResult<State> {
+    fn get_state(slf: Reading<'_>, env: Option<Env>) -> PyResult<State> {
         let saved = match env {
-            Some(env) => self.simulation.save_state_of(self.env(env)?),
-            None => self.simulation.save_state(),
+            Some(env) => slf.simulation.save_state_of(slf.env(env)?),
+            None => slf.simulation.save_state(),
         };
         Ok(State { saved })
     }
 
     /// Configuration: (num_envs, nq), m and quaternions and rad. `set_state(qpos=...)` sets it.
     #[getter]
-    fn qpos<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        self.gather(py, Field::Qpos)
+    fn qpos<'py>(slf: Reading<'_>, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        slf.gather(py, Field::Qpos)
     }
 
     /// Velocity: (num_envs, nv), m/s and rad/s. `set_state(qvel=...)` sets it.
     #[getter]
-    fn qvel<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        self.gather(py, Field::Qvel)
+    fn qvel<'py>(slf: Reading<'_>, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        slf.gather(py, Field::Qvel)
     }
 
     /// Activations of actuators: (num_envs, na). `set_state(act=...)` sets them.
     #[getter]
-    fn act<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        self.gather(py, Field::Act)
+    fn act<'py>(slf: Reading<'_>, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        slf.gather(py, Field::Act)
     }
 
     /// Controls in force: (num_envs, nu). Those of the last step or the keyframe that an episode began with, zero after any other
     /// reset.
     #[getter]
-    fn ctrl<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        let held = array(py, &self.shape(&[self.simulation.model().nu()]), self.simulation.ctrl().to_vec(), self.simulation.precision())?;
+    fn ctrl<'py>(slf: Reading<'_>, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        let held = array(py, &slf.shape(&[slf.simulation.model().nu()]), slf.simulation.ctrl().to_vec(), slf.simulation.precision())?;
         read_only(held, "ctrl")
     }
 
     /// Simulated time in s: (num_envs,). `set_state(time=...)` sets it.
     #[getter]
-    fn time<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        self.per_env(py, "time", |env| self.simulation.time(env))
+    fn time<'py>(slf: Reading<'_>, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        slf.per_env(py, "time", |env| slf.simulation.time(env))
     }
 }

@@ -72,7 +72,7 @@ def hard_lines(*, more: bool = False) -> list[Line]:
 def lines(study: Study, *, quick: bool) -> list[Line]:
     """All lines of a chart of a study: hard contact, MuJoCo's law, and MuJoCo and rapier where they can run the study."""
     model, _ = study.loaded
-    asked = Options.of(model).integrator if model.requested else None
+    asked = Options.from_model(model).integrator if model.requested else None
     law = {"contact": "mujoco", "integrator": asked}
     found = hard_lines(more=not quick)
     found += [Line("stepper", f"MuJoCo's law, {asked or 'euler'}", law, "mujoco")]

@@ -19,10 +19,11 @@ from stepper.experiments.study import drives
 from stepper.experiments.study.journal import Journal, Row
 from stepper.experiments.study.outcomes import Watch
 from stepper.experiments.study.over_ray import each
-from stepper.experiments.study.parameters import RANDOMIZED, Theta, actuator_model, model_fields, sensor_model
+from stepper.experiments.study.parameters import Theta, actuator_model, model_fields, sensor_model
 from stepper.experiments.study.points import Point
 from stepper.experiments.study.rapier import RapierWorld
 from stepper.experiments.study.worlds import Plan, Thetas, World, make_world, stacked
+from stepper.shared.fields import RANDOMIZED
 
 if TYPE_CHECKING:
     from stepper.experiments.study.study import Study

@@ -26,17 +26,13 @@ from stepper._options import Options
 from stepper._stepper import Model
 from stepper.actuators import PID, ActuatorModel, DCMotor, Drive
 from stepper.sensors import SensorModel, Transfer
+from stepper.shared.fields import OF_PAIRS, check_pairs
 
 Array = NDArray[np.float64]
 Value = float | str
 Theta = Mapping[str, Value]
 """Values of parameters by name."""
 
-RANDOMIZED = frozenset({
-    *("gravity", "body_mass", "body_ipos", "body_inertia", "geom_friction", "geom_restitution", "geom_size", "geom_pos", "jnt_stiffness"),
-    *("jnt_range", "dof_damping", "dof_armature", "dof_frictionloss", "actuator_gain", "actuator_bias"),
-})  # fmt: skip
-"""Fields that environments of one batch can have of their own (`Stepper.randomize`). Others make a batch of their own."""
 ROWS_FROM_NOTHING = ("jnt_stiffness", "dof_frictionloss")
 """Fields of which a batch must have some for an environment to have any."""
 CHOICES = {"contact", "integrator", "solver", "stabilization", "precision"}
@@ -53,8 +49,8 @@ class Parameter:
 
     Attributes:
         target: What it changes, see `stepper.experiments.study.parameters`.
-        names: Elements that change, by name or pattern: geoms (also "body/geom", and "body/*" for all of a body), bodies, joints,
-        actuators, sensors, tendons; "#3" is an index.
+        names: Elements that change, by name or pattern: geoms (also "body/geom", and "body/*" for all of a body), explicit pairs (also
+        "geom/geom"), bodies, joints, actuators, sensors, tendons; "#3" is an index.
         column: Which number of each element, e.g. 0 for the sliding friction of "geom_friction"; None is all.
         how: "set" to the value, "scale" by it, or "add" it. With body_mass, inertia is scaled alike: the same shape of another density.
         low: Least plausible value.
@@ -168,6 +164,26 @@ def check(parameters: Mapping[str, Parameter], model: Model) -> None:
                 raise ValueError("give it a nominal value, which the drive reads where nothing is perturbed")
         except (AttributeError, TypeError, ValueError) as error:
             raise ValueError(f"parameter {name!r}: {error}") from None
+    _check_pairs(parameters, model)
+
+
+def _check_pairs(parameters: Mapping[str, Parameter], model: Model) -> None:
+    """Raises ValueError for a field of geoms that an explicit pair overrides."""
+    for name, parameter in parameters.items():
+        if parameter.target not in OF_PAIRS:
+            continue
+        target = OF_PAIRS[parameter.target]
+        pairs = {k for other in parameters.values() if other.target == target for k in _indices(other, model)}
+        try:
+            check_pairs(model, parameter.target, _indices(parameter, model), pairs, f'give a parameter with target "{target}" too')
+        except ValueError as error:
+            raise ValueError(f"parameter {name!r}: {error}") from None
+
+
+def _indices(parameter: Parameter, model: Model) -> list[int]:
+    """Elements that a parameter of a field changes."""
+    rows, what = _elements(parameter.target, model)
+    return _chosen(parameter, rows, what)
 
 
 _PARTS: dict[str, type] = {"": Drive, "motor": DCMotor, "servo": PID}
@@ -192,6 +208,10 @@ def _elements(field: str, model: Model) -> tuple[list[list[str]], str]:
     if kind == "geom":
         geoms = [model.geom(i) for i in range(model.ngeom)]
         return [[g.name or f"#{g.id}", f"#{g.id}", f"{model.body(g.bodyid).name}/{g.name}"] for g in geoms], "geom"
+    if kind == "pair":
+        pairs = [model.pair(i) for i in range(model.npair)]
+        ends = [[model.geom(g).name or f"#{g}" for g in (pair.geom1, pair.geom2)] for pair in pairs]
+        return [[p.name or f"#{p.id}", f"#{p.id}", "/".join(own)] for p, own in zip(pairs, ends, strict=True)], "pair"
     if kind == "dof":
         joints = [model.joint(i) for i in range(model.njnt)]
         return [[j.name or f"#{j.id}", f"#{j.id}"] for j in joints for _ in range(j.nv)], "joint"

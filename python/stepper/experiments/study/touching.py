@@ -98,6 +98,15 @@ def explicit_friction(compiled: Any) -> dict[tuple[int, int], float]:
     return {(int(a), int(b)): float(mu) for (a, b), mu in zip(pairs, compiled.pair_friction[:, 0], strict=True)}
 
 
+def _friction_of_pairs(model: Model, friction: Array) -> dict[tuple[int, int], float]:
+    """Sliding friction of the explicit pairs by their geoms, the lower first; of two pairs of the same geoms the first counts."""
+    found: dict[tuple[int, int], float] = {}
+    for k in range(model.npair):
+        pair = model.pair(k)
+        found.setdefault((min(pair.geom1, pair.geom2), max(pair.geom1, pair.geom2)), float(friction[k, 0]))
+    return found
+
+
 def pair_friction(model: Model, friction: Array, first: int, second: int, explicit: Mapping[tuple[int, int], float]) -> float:
     """Sliding friction of two geoms: of their explicit pair, of the one with the higher priority, else the larger.
 
@@ -106,7 +115,7 @@ def pair_friction(model: Model, friction: Array, first: int, second: int, explic
         friction: In force, (ngeom, 3).
         first: A geom.
         second: Another one.
-        explicit: As of `explicit_friction`.
+        explicit: Sliding friction of explicit pairs by their geoms, the lower first.
     """
     key = (min(first, second), max(first, second))
     if key in explicit:
@@ -257,9 +266,9 @@ def touching(study: Study, episodes: Sequence[int], **changed: Any) -> Touching:
     world = world_of(study, USUAL, [study.nominal] * len(episodes), **changed)
     assert isinstance(world, StepperWorld)
     # All environments are at the nominal point.
-    own = world.sim.randomized.get("geom_friction")
-    friction = np.asarray(world.model.geom_friction if own is None else own[0], np.float64)
-    ledger = _Ledger(world.model, len(episodes), friction, explicit_friction(study.loaded[1]))
+    own = world.sim.randomized
+    geoms, pairs = (own[name][0] if name in own else getattr(world.model, name) for name in ("geom_friction", "pair_friction"))
+    ledger = _Ledger(world.model, len(episodes), np.asarray(geoms, np.float64), _friction_of_pairs(world.model, np.asarray(pairs)))
     watches: list[Watch] = []
 
     def look(now: World) -> None:

@@ -15,8 +15,9 @@ from stepper._options import Options, Precision
 from stepper._status import Status
 from stepper._stepper import Model, ModelError, Stepper
 from stepper.actuators import ActuatorModel
-from stepper.experiments.study.parameters import RANDOMIZED, ROWS_FROM_NOTHING
+from stepper.experiments.study.parameters import ROWS_FROM_NOTHING
 from stepper.sensors import SensorModel
+from stepper.shared.fields import RANDOMIZED
 from stepper.shared.machine import require
 
 Array = NDArray[np.float64]
@@ -331,7 +332,7 @@ def _default_integrator(sim: Stepper) -> str:
     if sim.options.contact == "hard":
         return "midpoint"
     asked = sim.model.requested
-    return Options.of(sim.model).integrator or "euler" if asked else "euler"
+    return Options.from_model(sim.model).integrator or "euler" if asked else "euler"
 
 
 def _split(plan: Plan) -> tuple[Model, dict[str, Array]]:

@@ -3,9 +3,9 @@
 use crate::batch::call::Schedule;
 use crate::batch::inputs::{AppliedInput, StepInputs};
 use crate::batch::rollout::Recording;
-use crate::batch::simulation::checks::check_length;
 use crate::batch::simulation::{Error, Simulation};
 use crate::batch::stepping::Watch;
+use crate::error::check_length;
 
 impl Simulation {
     /// Controls in force, (num_envs, nu): those of the last step, of the keyframe that was started from, or zero after a reset.
@@ -26,7 +26,8 @@ impl Simulation {
     fn set_ctrl_of(&mut self, rows: &[f64], nstep: usize, mask: &[bool]) -> Result<(), Error> {
         let nu = self.model.nu();
         if rows.len() != self.ctrl.len() && rows.len() != nu {
-            return self.check_each_input(&StepInputs { ctrl: rows, ..StepInputs::default() }, 1, self.num_envs);
+            let detail = format!(" ({} environments x {nu})", self.num_envs);
+            return Err(Error::Length { name: "ctrl", found: rows.len(), must: self.ctrl.len(), detail });
         }
         if nstep == 0 {
             return Ok(());
@@ -44,18 +45,22 @@ impl Simulation {
         Ok(())
     }
 
-    /// Applies forces or poses of mocap bodies, (num_envs, ...), which every call reads from now on; of an environment that is reset, they
-    /// are what they were before anything was applied. Positions of mocap bodies can be given without orientations, and the reverse; no
-    /// numbers at all take back what was applied.
+    /// Applies forces, poses of mocap bodies or which equalities act, (num_envs, ...): every call reads them from now on. A reset of an
+    /// environment takes its part back. Positions of mocap bodies can be given without orientations, and the reverse; no numbers at all
+    /// take back what was applied.
     ///
     /// # Errors
-    /// [`Error::Length`] when there are more or fewer numbers.
+    /// [`Error::Length`] when there are more or fewer numbers; [`Error::Model`] for an equality that closes a loop in which a force sensor
+    /// is.
     pub fn apply(&mut self, input: AppliedInput, values: &[f64]) -> Result<(), Error> {
         if !values.is_empty() {
             let row: usize = input.shape(&self.model).iter().product();
             check_length(input.name(), values.len(), self.num_envs * row)?;
         }
         if self.applied.get(input) != values {
+            if input == AppliedInput::EqActive {
+                self.check_eq_active(values)?;
+            }
             self.revision += 1;
             self.applied.set(input, values, &self.model, self.num_envs);
         }

@@ -3,6 +3,7 @@
 use crate::batch::inputs::{Field, StepInputs};
 use crate::batch::rollout::Recording;
 use crate::batch::simulation::{Error, Simulation};
+use crate::error::check_length;
 use crate::math::precision::Precision;
 use crate::model::JointKind;
 
@@ -80,8 +81,8 @@ impl Simulation {
     /// Checks the lengths of inputs of all environments.
     pub(super) fn check_inputs(&self, inputs: &StepInputs<'_>, controls: usize) -> Result<(), Error> {
         // A single environment asks this at every step.
-        let fits = inputs.ctrl.is_empty() || inputs.ctrl.len() == controls * self.ctrl.len();
-        if fits && inputs.applied().iter().all(|given| given.is_empty()) {
+        let fits = inputs.ctrl.is_empty() || inputs.ctrl.len() == controls.saturating_mul(self.ctrl.len());
+        if fits && inputs.mask.is_empty() && inputs.applied().iter().all(|given| given.is_empty()) {
             return Ok(());
         }
         self.check_each_input(inputs, controls, self.num_envs)
@@ -94,9 +95,9 @@ impl Simulation {
         let poses = !(inputs.mocap_pos.is_empty() && inputs.mocap_quat.is_empty());
         let nmocap = if poses { self.model.bodies.iter().filter(|b| b.mocap).count() } else { 0 };
         let check = |name: &'static str, given: &[f64], controls: usize, row: usize, shared: bool| {
-            let fits = given.is_empty() || given.len() == controls * n * row || (shared && given.len() == controls * row);
+            let must = controls.saturating_mul(n * row);
+            let fits = given.is_empty() || given.len() == must || (shared && given.len() == controls.saturating_mul(row));
             let times = if controls == 1 { String::new() } else { format!("{controls} controls x ") };
-            let must = controls * n * row;
             let detail = || format!(" ({times}{n} environments x {row})");
             if fits { Ok(()) } else { Err(Error::Length { name, found: given.len(), must, detail: detail() }) }
         };
@@ -105,27 +106,31 @@ impl Simulation {
         check("xfrc_applied", inputs.xfrc, 1, 6 * nbody, false)?;
         check("mocap_pos", inputs.mocap_pos, 1, 3 * nmocap, false)?;
         check("mocap_quat", inputs.mocap_quat, 1, 4 * nmocap, false)?;
+        check("eq_active", inputs.eq_active, 1, self.model.equalities.len(), false)?;
+        self.check_eq_active(inputs.eq_active)?;
         if inputs.mocap_pos.is_empty() != inputs.mocap_quat.is_empty() {
             return Err(Error::MocapPoses);
         }
         if inputs.mask.is_empty() { Ok(()) } else { check_length("mask", inputs.mask.len(), n) }
     }
 
+    /// Checks that equalities, (num_envs, neq) numbers, act where the model's sensors allow them in all environments.
+    pub(super) fn check_eq_active(&self, rows: &[f64]) -> Result<(), Error> {
+        let count = self.model.equalities.len();
+        let acts = |e: usize| rows.chunks_exact(count).any(|row| row[e] != 0.0);
+        if rows.is_empty() { Ok(()) } else { Ok(self.model.check_sensed_loops(acts)?) }
+    }
+
     pub(super) fn check_recording(&self, recording: &Recording<'_>, controls: usize) -> Result<(), Error> {
-        let rows = controls * self.num_envs;
+        let rows = controls.saturating_mul(self.num_envs);
         check_length("status", recording.status.len(), rows)?;
         check_length("residual", recording.residual.len(), rows)?;
         for (quantity, numbers) in &recording.quantities {
-            check_length(quantity.name(), numbers.len(), rows * quantity.width(&self.model))?;
+            check_length(quantity.name(), numbers.len(), rows.saturating_mul(quantity.width(&self.model)))?;
             if numbers.precision() != self.precision {
                 return Err(Error::ArrayPrecision { name: quantity.name(), found: numbers.precision(), must: self.precision });
             }
         }
         Ok(())
     }
-}
-
-/// Refuses an array of the wrong length.
-pub(super) fn check_length(name: &'static str, found: usize, must: usize) -> Result<(), Error> {
-    if found == must { Ok(()) } else { Err(Error::Length { name, found, must, detail: String::new() }) }
 }

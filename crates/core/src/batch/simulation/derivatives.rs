@@ -1,8 +1,8 @@
 //! Derivatives of a step at the modes of its solution, of all environments at once.
 
 use crate::batch::inputs::StepInputs;
-use crate::batch::simulation::checks::check_length;
 use crate::batch::simulation::{Error, Simulation};
+use crate::error::check_length;
 use crate::math::precision::Precision;
 use crate::options::{ContactLaw, Integrator, StepSettings};
 use crate::step_derivative::{DerivativeQuery, DerivativeRows, StatePart};
@@ -48,22 +48,31 @@ impl Simulation {
             (ContactLaw::Hard, Integrator::Euler | Integrator::Implicit | Integrator::Midpoint)
             | (ContactLaw::Mujoco, Integrator::Euler | Integrator::ImplicitFast | Integrator::Implicit) => {}
             (ContactLaw::Hard, other) => {
-                return wrong("integrator", other.name(), "midpoint, euler or implicit for method='implicit'; method='fd' takes all");
+                return wrong(
+                    "integrator",
+                    other.name(),
+                    "midpoint, euler or implicit for Simulation::differentiate; finite differences take all",
+                );
             }
             (ContactLaw::Mujoco, other) => {
-                return wrong("integrator", other.name(), "euler, implicitfast or implicit for method='implicit'; method='fd' takes all");
+                return wrong(
+                    "integrator",
+                    other.name(),
+                    "euler, implicitfast or implicit for Simulation::differentiate; finite differences take all",
+                );
             }
         }
         let noslip = self.model().soft.noslip.iterations;
         if contact == ContactLaw::Mujoco && noslip > 0 {
-            let must = "0 for method='implicit', since the sweeps after the solution have no derivative here; method='fd' takes all";
+            let must =
+                "0 for Simulation::differentiate, since the sweeps after the solution have no derivative here; finite differences take all";
             return wrong("noslip_iterations", &noslip.to_string(), must);
         }
         if self.precision == Precision::F32 {
             return wrong("precision", "f32", "f64 for derivatives");
         }
         if self.actuator_models.is_some() {
-            return wrong("actuators", "drives with a memory", "none for method='implicit'; method='fd' takes all");
+            return wrong("actuators", "drives with a memory", "none for Simulation::differentiate; finite differences take all");
         }
         Ok(())
     }

@@ -5,9 +5,13 @@
 //! them. How far it is, in widths of the difference, follows to first order from numbers that are zero at a switch: a normal force, the
 //! force that a bound of friction leaves, a gap.
 
+use std::cmp::Ordering;
+
 use crate::batch::inputs::Field;
-use crate::batch::simulation::checks::check_length;
+use crate::batch::simulation::read::Contact;
 use crate::batch::simulation::{Error, Simulation};
+use crate::error::check_length;
+use crate::model::{Model, Pair, Parameter};
 use crate::options::ContactLaw;
 use crate::stages::s10_record::Status;
 use crate::step_derivative::kink::*;
@@ -38,8 +42,6 @@ pub struct PerturbedCopies<'a> {
     pub sides: usize,
     /// Whether both copies of a column are on one side, at one and two widths, (environments, columns).
     pub one_sided: &'a [bool],
-    /// Friction of the geoms, (num_envs, ngeom, 3) or (ngeom, 3) for all.
-    pub friction: &'a [f64],
     /// Places in qpos and qvel of the joints whose limits are read.
     pub limited: &'a [[usize; 2]],
     /// Their ranges, (num_envs, joints, 2) or (joints, 2) for all.
@@ -119,15 +121,16 @@ impl Simulation {
     }
 
     fn check_copies(&self, copies: &PerturbedCopies<'_>) -> Result<(), Error> {
-        let PerturbedCopies { count, columns, sides, one_sided, friction, limited, ranges, taken, rubbing, .. } = *copies;
+        let PerturbedCopies { count, columns, sides, one_sided, limited, ranges, taken, rubbing, .. } = *copies;
         let environments = self.num_envs / count.max(1);
-        check_length("copies", environments * count, self.num_envs)?;
-        check_length("copies of columns", (count - 1) % (sides.max(1) * columns).max(1), 0)?;
-        check_length("columns of copies", if count > 1 { columns.min(1) } else { 1 }, 1)?;
+        check_length("copies", environments.saturating_mul(count), self.num_envs)?;
+        let perturbed = sides.saturating_mul(columns);
+        if count > 1 && (perturbed == 0 || !(count - 1).is_multiple_of(perturbed)) {
+            let detail = format!(" for copies of {columns} columns on {sides} sides, a multiple of both");
+            return Err(Error::Length { name: "copies beside the nominal one", found: count - 1, must: perturbed, detail });
+        }
         check_length("one_sided", one_sided.len(), environments * columns)?;
         let shared = |found: usize, row: usize| if found == row { row } else { self.num_envs * row };
-        let row = 3 * self.model.geoms.len();
-        check_length("friction", friction.len(), shared(friction.len(), row))?;
         let row = 2 * limited.len();
         check_length("ranges", ranges.len(), shared(ranges.len(), row))?;
         check_length("taken", taken.len(), self.num_envs * limited.len())?;
@@ -155,36 +158,20 @@ impl Simulation {
         let ActiveSet { lists: [pushes, slipping, gaps, ..], contacts: numbers, .. } = out;
         let contacts = self.contacts(env);
         let largest = contacts.iter().map(|c| c.force[0]).fold(0.0, f64::max);
-        let friction = row_of(copies.friction, env, 3 * self.model.geoms.len());
+        let friction = hard.then(|| self.contact_friction(env));
         for (i, c) in contacts.iter().filter(|c| c.force[0] > PUSHES * largest).enumerate() {
             pushes.extend(c.geoms);
-            if !hard {
+            let Some(friction) = &friction else {
                 numbers.push([c.force[0], f64::NAN, f64::NAN]);
                 continue;
-            }
-            let slack = self.friction_slack(c.geoms, c.force, c.torque, friction);
+            };
+            let slack = friction.slack(c);
             let slips = slack < SLIPS * c.force[0];
             slipping.extend(slips.then_some(i));
             gaps.extend((!copies.smooth_at_rest && c.distance < 0.0).then_some(i));
             let gap = if copies.smooth_at_rest { f64::NAN } else { c.distance };
             numbers.push([c.force[0], if slips { f64::NAN } else { slack }, gap]);
         }
-    }
-
-    /// Force that the bound of friction leaves, N; infinite without friction. Explicit pairs are taken to have that of their geoms.
-    fn friction_slack(&self, geoms: [usize; 2], force: [f64; 3], torque: [f64; 3], friction: &[f64]) -> f64 {
-        let [a, b] = geoms.map(|g| &self.model.geoms[g]);
-        let of = |g: usize| &friction[3 * g..3 * g + 3];
-        let (condim, mu): (u8, [f64; 3]) = match a.priority.cmp(&b.priority) {
-            std::cmp::Ordering::Greater => (a.condim, std::array::from_fn(|k| of(geoms[0])[k])),
-            std::cmp::Ordering::Less => (b.condim, std::array::from_fn(|k| of(geoms[1])[k])),
-            std::cmp::Ordering::Equal => (a.condim.max(b.condim), std::array::from_fn(|k| of(geoms[0])[k].max(of(geoms[1])[k]))),
-        };
-        if condim == 1 {
-            return f64::INFINITY;
-        }
-        let loads = [force[1] / mu[0], force[2] / mu[0], torque[0] / mu[1], torque[1] / mu[2], torque[2] / mu[2]];
-        force[0] - loads.iter().filter(|x| x.is_finite()).map(|x| x * x).sum::<f64>().sqrt()
     }
 
     fn read_joints(&self, copies: &PerturbedCopies<'_>, env: usize, hard: bool, out: &mut ActiveSet) {
@@ -215,6 +202,57 @@ impl Simulation {
                 numbers.push(if held { f64::NAN } else { v[dof] });
             }
         }
+    }
+}
+
+/// Friction of the contacts of one environment.
+struct ContactFriction<'a> {
+    model: &'a Model,
+    /// (ngeom, 3) and (npair, 3) numbers that the environment has of its own.
+    geoms: Option<&'a [f64]>,
+    pairs: Option<&'a [f64]>,
+}
+
+impl Simulation {
+    fn contact_friction(&self, env: usize) -> ContactFriction<'_> {
+        let own = |wanted: Parameter, width: usize| {
+            let values = self.own_parameters().find(|(parameter, _)| *parameter == wanted)?.1;
+            Some(&values[env * width..(env + 1) * width])
+        };
+        ContactFriction {
+            model: &self.model,
+            geoms: own(Parameter::GeomFriction, 3 * self.model.geoms.len()),
+            pairs: own(Parameter::PairFriction, 3 * self.model.pairs.len()),
+        }
+    }
+}
+
+impl ContactFriction<'_> {
+    /// Rows of a contact of two geoms and its friction: sliding, torsional, rolling.
+    fn of(&self, geoms: [usize; 2]) -> (u8, [f64; 3]) {
+        let explicit = |pair: &Pair| pair.geoms == geoms || pair.geoms == [geoms[1], geoms[0]];
+        let row = |own: &[f64], i: usize| [own[3 * i], own[3 * i + 1], own[3 * i + 2]];
+        if let Some(k) = self.model.pairs.iter().position(explicit) {
+            let pair = &self.model.pairs[k];
+            return (pair.condim, self.pairs.map_or(pair.friction, |own| row(own, k)));
+        }
+        let [a, b] = geoms.map(|g| &self.model.geoms[g]);
+        let [mu, nu] = geoms.map(|g| self.geoms.map_or(self.model.geoms[g].friction, |own| row(own, g)));
+        match a.priority.cmp(&b.priority) {
+            Ordering::Greater => (a.condim, mu),
+            Ordering::Less => (b.condim, nu),
+            Ordering::Equal => (a.condim.max(b.condim), std::array::from_fn(|k| mu[k].max(nu[k]))),
+        }
+    }
+
+    /// Force that the bound of friction leaves, N; infinite without friction.
+    fn slack(&self, Contact { geoms, force, torque, .. }: &Contact) -> f64 {
+        let (condim, mu) = self.of(*geoms);
+        if condim == 1 {
+            return f64::INFINITY;
+        }
+        let loads = [force[1] / mu[0], force[2] / mu[0], torque[0] / mu[1], torque[1] / mu[2], torque[2] / mu[2]];
+        force[0] - loads.iter().filter(|x| x.is_finite()).map(|x| x * x).sum::<f64>().sqrt()
     }
 }
 

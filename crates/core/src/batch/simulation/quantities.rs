@@ -4,8 +4,8 @@ use crate::analysis::derived::DerivedQuantity;
 use crate::analysis::quantities::Snapshot;
 use crate::batch::inputs::{Field, StepInputs};
 use crate::batch::rollout::Numbers;
-use crate::batch::simulation::checks::check_length;
 use crate::batch::simulation::{Error, Simulation};
+use crate::error::check_length;
 use crate::integrators::inputs::Inputs;
 use crate::math::precision::Precision;
 

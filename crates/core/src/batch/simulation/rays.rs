@@ -3,9 +3,9 @@
 use crate::batch::inputs::StepInputs;
 use crate::batch::ray_query::RayCast;
 use crate::batch::rollout::Numbers;
-use crate::batch::simulation::checks::check_length;
 use crate::batch::simulation::{Error, Simulation};
 use crate::compile::sensing::{Form, TargetForm};
+use crate::error::check_length;
 use crate::math::precision::Precision;
 
 impl Simulation {

@@ -40,6 +40,7 @@ impl Contact {
 
 /// Certificate of a step: how well its constraint problem was solved, and the solver's effort.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct Certificate {
     /// Natural-map residual, m/s.
     pub residual: f64,

@@ -1,8 +1,8 @@
 //! What can be written to a simulation: the state of environments, new episodes, random streams.
 
 use crate::batch::inputs::{Episode, Field, StateRows};
-use crate::batch::simulation::checks::check_length;
 use crate::batch::simulation::{Error, Simulation};
+use crate::error::check_length;
 use crate::model::Keyframe;
 
 /// Rows of a call that were checked, one for each of some environments; none where nothing was given.

@@ -1,6 +1,6 @@
 //! Soft rows of equalities.
 
-use stepper_real::Real;
+use stepper_real::{Mask, Real};
 
 use crate::compile::{CompiledEquality, EqualityRows, SoftLaw};
 use crate::constraints::constraint_set::Constraints;
@@ -21,8 +21,13 @@ impl<R: Real> Constraints<R> {
     /// Equalities, each with the impedance of all of its errors together.
     #[inline(always)]
     pub(super) fn add_soft_equalities(&mut self, input: SoftInput<'_, R>, system: &mut SoftSystem<R>) {
-        for equality in input.row.compiled.equalities.iter().flat_map(|block| &block.equalities) {
-            self.add_soft_equality(input, equality, system);
+        for (k, block) in input.row.compiled.equalities.iter().enumerate() {
+            if self.active_equalities.has_rows(k) {
+                block.equalities.iter().for_each(
+                    #[inline(always)]
+                    |equality| self.add_soft_equality(input, equality, system),
+                );
+            }
         }
     }
 
@@ -64,7 +69,7 @@ impl<R: Real> Constraints<R> {
                 for &d in &equality.support {
                     rate += self.column[d as usize][0] * input.row.assembly.v_free[d as usize];
                 }
-                let active = input.row.assembly.alive;
+                let active = input.row.assembly.alive.and(self.active_equalities.lanes(equality));
                 // MuJoCo leaves J' v of couplings out.
                 let law = row_law(law, input, [rows.error[0], rate], active);
                 system.terms.clear();
@@ -88,15 +93,16 @@ impl<R: Real> Constraints<R> {
         first: usize,
     ) {
         let (assembly, mut rate) = (input.row.assembly, zero());
+        let active = assembly.alive.and(self.active_equalities.lanes(equality));
         for &d in &equality.support {
             rate = add_scaled(rate, self.column[d as usize], assembly.v_free[d as usize]);
         }
         system.terms.clear();
         system.terms.extend_from_slice(&equality.support);
         for k in 0..3 {
-            let law = law_at(law, input.effective, impedance, [error[k], rate[k], kappa[k]], assembly.alive);
+            let law = law_at(law, input.effective, impedance, [error[k], rate[k], kappa[k]], active);
             let owner = equality.owner + first + k;
-            self.push_soft_row(input, system, RowOf { law, bounds: unbounded(), active: assembly.alive, owner });
+            self.push_soft_row(input, system, RowOf { law, bounds: unbounded(), active, owner });
             for &d in &equality.support {
                 let [_, b, c] = self.column[d as usize];
                 self.column[d as usize] = [b, c, R::zero()];

@@ -1,6 +1,7 @@
 //! A body with its joints and geoms.
 
 use crate::model::builder::{GeomBuilder, JointBuilder, WORLD};
+use crate::model::orientation::Orientation;
 use crate::model::{Body, Description, Geom, Joint, MassProperties};
 
 /// A body with its joints and geoms.
@@ -30,16 +31,27 @@ impl BodyBuilder {
         Self { body, inertial: false, joints: vec![], geoms: vec![] }
     }
 
+    /// A body that moves freely: only for a child of the world. Its joint has its name.
+    pub fn free(name: &str) -> Self {
+        Self::new(name).joint(JointBuilder::free(name))
+    }
+
     /// Places it in its parent's frame, m.
-    pub fn pos(mut self, pos: [f64; 3]) -> Self {
-        self.body.pos = pos;
+    pub fn pos(mut self, pos: impl Into<[f64; 3]>) -> Self {
+        self.body.pos = pos.into();
         self
     }
 
-    /// Turns it in its parent's frame: quaternion (w, x, y, z).
-    pub fn quat(mut self, quat: [f64; 4]) -> Self {
-        self.body.quat = quat;
+    /// Turns it in its parent's frame: quaternion [w, x, y, z], or nalgebra's with the feature `nalgebra`.
+    pub fn quat(mut self, quat: impl Into<Orientation>) -> Self {
+        self.body.quat = quat.into().0;
         self
+    }
+
+    /// Places and turns it, in its parent's frame.
+    #[cfg(feature = "nalgebra")]
+    pub fn pose(self, pose: nalgebra::Isometry3<f64>) -> Self {
+        self.pos(pose.translation.vector).quat(pose.rotation)
     }
 
     /// Adds a joint; several act in this order.
@@ -55,14 +67,14 @@ impl BodyBuilder {
     }
 
     /// Gives mass (kg), centre of mass (m) and principal moments (kg m^2, along the body's axes) instead of the geoms'.
-    pub fn inertial(mut self, mass: f64, com: [f64; 3], moments: [f64; 3]) -> Self {
-        (self.body.mass, self.body.ipos, self.body.inertia, self.inertial) = (mass, com, moments, true);
+    pub fn inertial(mut self, mass: f64, com: impl Into<[f64; 3]>, moments: impl Into<[f64; 3]>) -> Self {
+        (self.body.mass, self.body.ipos, self.body.inertia, self.inertial) = (mass, com.into(), moments.into(), true);
         self
     }
 
-    /// Turns the principal axes of [`BodyBuilder::inertial`]: quaternion (w, x, y, z).
-    pub fn inertial_quat(mut self, quat: [f64; 4]) -> Self {
-        self.body.iquat = quat;
+    /// Turns the principal axes of [`BodyBuilder::inertial`]: quaternion [w, x, y, z], or nalgebra's with the feature `nalgebra`.
+    pub fn inertial_quat(mut self, quat: impl Into<Orientation>) -> Self {
+        self.body.iquat = quat.into().0;
         self
     }
 

@@ -3,6 +3,7 @@
 use nalgebra::{Quaternion, UnitQuaternion};
 
 use crate::model::builder::WORLD;
+use crate::model::orientation::Orientation;
 use crate::model::{ContactSpring, Description, Geom, MassProperties, Shape, Softness};
 
 /// Density of a geom that gives neither mass nor density: that of water, kg/m^3.
@@ -62,13 +63,13 @@ impl GeomBuilder {
     }
 
     /// An ellipsoid; semi-axes in m.
-    pub fn ellipsoid(name: &str, radii: [f64; 3]) -> Self {
-        Self::new(name, Shape::Ellipsoid { radii })
+    pub fn ellipsoid(name: &str, radii: impl Into<[f64; 3]>) -> Self {
+        Self::new(name, Shape::Ellipsoid { radii: radii.into() })
     }
 
     /// A box; half sizes in m.
-    pub fn cuboid(name: &str, half: [f64; 3]) -> Self {
-        Self::new(name, Shape::Box { half })
+    pub fn cuboid(name: &str, half: impl Into<[f64; 3]>) -> Self {
+        Self::new(name, Shape::Box { half: half.into() })
     }
 
     /// The convex hull of the mesh `asset` of the builder.
@@ -87,15 +88,21 @@ impl GeomBuilder {
     }
 
     /// Places it in the body's frame, m.
-    pub fn pos(mut self, pos: [f64; 3]) -> Self {
-        self.geom.pos = pos;
+    pub fn pos(mut self, pos: impl Into<[f64; 3]>) -> Self {
+        self.geom.pos = pos.into();
         self
     }
 
-    /// Turns it in the body's frame: quaternion (w, x, y, z).
-    pub fn quat(mut self, quat: [f64; 4]) -> Self {
-        self.geom.quat = quat;
+    /// Turns it in the body's frame: quaternion [w, x, y, z], or nalgebra's with the feature `nalgebra`.
+    pub fn quat(mut self, quat: impl Into<Orientation>) -> Self {
+        self.geom.quat = quat.into().0;
         self
+    }
+
+    /// Places and turns it, in the body's frame.
+    #[cfg(feature = "nalgebra")]
+    pub fn pose(self, pose: nalgebra::Isometry3<f64>) -> Self {
+        self.pos(pose.translation.vector).quat(pose.rotation)
     }
 
     /// Gives it a mass, kg; 0 makes it a shape without mass.

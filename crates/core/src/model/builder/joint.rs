@@ -44,18 +44,18 @@ impl JointBuilder {
     }
 
     /// Translation along an axis of any length but 0.
-    pub fn slide(name: &str, axis: [f64; 3]) -> Self {
-        Self::new(name, JointKind::Slide, unit(axis))
+    pub fn slide(name: &str, axis: impl Into<[f64; 3]>) -> Self {
+        Self::new(name, JointKind::Slide, unit(axis.into()))
     }
 
     /// Rotation about an axis of any length but 0.
-    pub fn hinge(name: &str, axis: [f64; 3]) -> Self {
-        Self::new(name, JointKind::Hinge, unit(axis))
+    pub fn hinge(name: &str, axis: impl Into<[f64; 3]>) -> Self {
+        Self::new(name, JointKind::Hinge, unit(axis.into()))
     }
 
     /// Places its anchor in the body's frame, m.
-    pub fn pos(mut self, pos: [f64; 3]) -> Self {
-        self.joint.pos = pos;
+    pub fn pos(mut self, pos: impl Into<[f64; 3]>) -> Self {
+        self.joint.pos = pos.into();
         self
     }
 

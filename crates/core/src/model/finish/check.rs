@@ -120,6 +120,7 @@ pub(super) fn parameters(model: &Description) -> Checked {
     bodies(model)?;
     joints(model)?;
     geoms(model)?;
+    pairs(model)?;
     actuators(model)
 }
 
@@ -139,6 +140,7 @@ fn names(model: &Description) -> Checked {
     unique("joint", model.joints.iter().map(|x| &x.name))?;
     unique("geom", model.geoms.iter().map(|x| &x.name))?;
     unique("tendon", model.tendons.iter().map(|x| &x.name))?;
+    unique("pair", model.pairs.iter().map(|x| &x.name))?;
     unique("equality", model.equalities.iter().map(|x| &x.name))?;
     unique("actuator", model.actuators.iter().map(|x| &x.name))?;
     unique("site", model.sites.iter().map(|x| &x.name))?;

@@ -50,7 +50,7 @@ fn one(model: &Description, i: usize, sensor: &Sensor) -> Checked {
         | K::TendonLimitVel(t)
         | K::TendonLimitForce(t)) => at.index("tendon", t, model.tendons.len()),
         &(K::ActuatorPos(a) | K::ActuatorVel(a) | K::ActuatorForce(a)) => at.index("actuator", a, model.actuators.len()),
-        &(K::Force(s) | K::Torque(s)) => site(s).and_then(|()| open(model, &at, s)),
+        &(K::Force(s) | K::Torque(s)) => site(s).and_then(|()| open(model, &at, s, |e| model.equalities[e].active)),
         &(K::Magnetometer(s) | K::Velocimeter(s) | K::Gyro(s) | K::Accelerometer(s) | K::Touch(s)) => site(s),
         &(K::SubtreeCom(b) | K::SubtreeLinVel(b) | K::SubtreeAngMom(b)) => at.index("body", b, model.bodies.len()),
         K::PotentialEnergy | K::KineticEnergy | K::Clock => Ok(()),
@@ -106,9 +106,22 @@ impl Model {
         model.check(Source::Same(&self.hulls))
     }
 
+    /// Checks that no force sensor is part of a loop when the equalities `acts` act.
+    ///
+    /// # Errors
+    /// [`ModelError::Invalid`] with the sensor and the equality.
+    pub(crate) fn check_sensed_loops(&self, acts: impl Fn(usize) -> bool) -> Checked {
+        for (i, sensor) in self.sensors.iter().enumerate() {
+            if let SensorKind::Force(site) | SensorKind::Torque(site) = sensor.kind {
+                open(self, &Element::new("sensor", &sensor.name, i), site, &acts)?;
+            }
+        }
+        Ok(())
+    }
+
     /// The geoms that rays from a site can meet: all but those of its own body whose form the model has.
     pub fn geoms_seen_from(&self, site: usize) -> Vec<usize> {
-        self.geoms_met_by_rays(Some(self.sites[site].body))
+        self.geoms_met_by_rays(self.sites.get(site).map(|site| site.body))
     }
 
     /// The geoms that rays can meet, but those of a body: meshes that are only drawn may have no form here.
@@ -177,13 +190,13 @@ fn has_form(model: &Description, shape: &Shape) -> bool {
 }
 
 /// What a force sensor carries is part of no closed loop, whose force is not known body by body.
-fn open(model: &Description, at: &Element, site: usize) -> Checked {
+fn open(model: &Description, at: &Element, site: usize, acts: impl Fn(usize) -> bool) -> Checked {
     let mut carried = vec![false; model.bodies.len()];
     carried[model.sites[site].body] = true;
     for b in model.sites[site].body + 1..carried.len() {
         carried[b] = carried[model.bodies[b].parent];
     }
-    for equality in model.equalities.iter().filter(|e| e.active) {
+    for (_, equality) in model.equalities.iter().enumerate().filter(|(e, _)| acts(*e)) {
         let (EqualityKind::Connect { bodies, .. } | EqualityKind::Weld { bodies, .. }) = equality.kind else { continue };
         if carried[bodies[0]] != carried[bodies[1]] {
             let what = format!("what it carries is held by equality {:?} too, whose share of the force is not simulated", equality.name);

@@ -1,0 +1,55 @@
+//! Equalities that act: which of the model's, in which environments.
+
+use stepper_real::{Mask, Real};
+
+use crate::compile::{CompiledEquality, ModelStructure};
+
+/// Lanes in which each equality acts.
+#[derive(Clone, Debug)]
+pub(crate) struct ActiveEqualities<R: Real> {
+    /// By equality of the model.
+    lanes: Vec<R::Mask>,
+    /// Whether any equality of a block acts in any lane, by block of the compiled model.
+    blocks: Vec<bool>,
+}
+
+impl<R: Real> ActiveEqualities<R> {
+    /// The model's own in every lane.
+    pub(crate) fn new(compiled: &ModelStructure<R::Scalar>) -> Self {
+        let equalities = compiled.equalities.iter().map(|block| block.equalities.len()).sum();
+        let none = R::Mask::splat(false);
+        let mut active = Self { lanes: vec![none; equalities], blocks: vec![false; compiled.equalities.len()] };
+        active.load(compiled, &[], 0, 0);
+        active
+    }
+
+    /// Takes up what the user says of the environments `first..first + used`, (num_envs, neq) with 0 for an equality that does not act; an
+    /// empty array leaves it to the model.
+    pub(crate) fn load(&mut self, compiled: &ModelStructure<R::Scalar>, rows: &[f64], first: usize, used: usize) {
+        let count = self.lanes.len();
+        for (block, any) in compiled.equalities.iter().zip(&mut self.blocks) {
+            *any = false;
+            for CompiledEquality { index, active, .. } in &block.equalities {
+                let bits = if rows.is_empty() {
+                    if *active { u32::MAX } else { 0 }
+                } else {
+                    (0..used).fold(0, |bits, lane| bits | u32::from(rows[(first + lane) * count + index] != 0.0) << lane)
+                };
+                self.lanes[*index] = R::Mask::from_bits(bits);
+                *any |= bits != 0;
+            }
+        }
+    }
+
+    /// Lanes in which an equality acts.
+    #[inline(always)]
+    pub(crate) fn lanes(&self, equality: &CompiledEquality<R::Scalar>) -> R::Mask {
+        self.lanes[equality.index]
+    }
+
+    /// Whether a block has rows, since an equality of it acts in some lane.
+    #[inline(always)]
+    pub(crate) fn has_rows(&self, block: usize) -> bool {
+        self.blocks[block]
+    }
+}

@@ -1,0 +1,18 @@
+//! Orientations as a user gives them.
+
+/// An orientation as a quaternion [w, x, y, z]. With the feature `nalgebra` a `UnitQuaternion` is one, too, whose array has another order.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Orientation(pub [f64; 4]);
+
+impl From<[f64; 4]> for Orientation {
+    fn from(quat: [f64; 4]) -> Self {
+        Self(quat)
+    }
+}
+
+#[cfg(feature = "nalgebra")]
+impl From<nalgebra::UnitQuaternion<f64>> for Orientation {
+    fn from(quat: nalgebra::UnitQuaternion<f64>) -> Self {
+        Self([quat.w, quat.i, quat.j, quat.k])
+    }
+}

@@ -1,0 +1,33 @@
+//! Messages of the core, with the names that calls have in Python.
+
+/// Phrases of the core's messages that name a call, and the names of that call in Python.
+const PHRASES: [(&str, &str); 13] = [
+    ("Options::from_model(&model)", "Options.from_model(model)"),
+    ("choose ContactLaw::Mujoco and an integrator", "choose Options(contact=\"mujoco\", integrator=...)"),
+    ("ContactLaw::Mujoco", "contact=\"mujoco\""),
+    ("ContactLaw::Hard", "contact=\"hard\""),
+    ("or leave them out with finish(false)", "or load with strict=False to leave them out"),
+    ("for Simulation::differentiate", "for method='implicit'"),
+    ("; finite differences take all", "; method='fd' takes all"),
+    ("the bytes of what Simulation::save_state gave", "what get_state returned, or its bytes"),
+    ("Simulation::set_actuator_models", "Stepper(..., actuators=)"),
+    ("all environments of a simulation", "all environments of a Stepper"),
+    ("the simulation was made without", "the Stepper was made without"),
+    ("make a simulation with it", "make a Stepper with it"),
+    ("this simulation has", "this stepper has"),
+];
+
+/// A message of the core with the names that calls have in Python.
+pub(crate) fn in_python(text: String) -> String {
+    let text = PHRASES.iter().fold(text, |text, (rust, python)| text.replace(rust, python));
+    replace_call(&text).unwrap_or(text)
+}
+
+/// The text with `model.replace("field", ..)` as `model.replace(field=...)`, if it is in the text.
+fn replace_call(text: &str) -> Option<String> {
+    let (before, rest) = text.split_once("model.replace(\"")?;
+    let (field, after) = rest.split_once("\", ..)")?;
+    let [before, after] =
+        [before, after].map(|part| part.replace("a simulation of", "a Stepper of").replace("the simulation of", "the Stepper of"));
+    Some(format!("{before}model.replace({field}=...){after}"))
+}

@@ -1,0 +1,147 @@
+"""Equalities that are switched while a stepper runs: `Stepper.eq_active`, per environment, as in MuJoCo."""
+
+import pickle
+
+import mujoco
+import numpy as np
+import pytest
+import stepper
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+SCENE = """
+<mujoco><option timestep=".002"/><worldbody><geom name="floor" type="plane" size="9 9 1"/>
+<body name="box" pos="0 0 .5"><freejoint/><geom type="box" size=".05 .05 .05" mass="1"/></body>
+<body name="arm" pos="1 0 1"><joint name="a" axis="0 1 0"/><geom type="capsule" size=".02" fromto="0 0 0 .3 0 0" mass=".5"/>
+<body name="hand" pos=".3 0 0"><joint name="b" axis="0 1 0"/><geom type="sphere" size=".03" mass=".2"/></body></body>
+<body name="ball" pos="2 0 .3"><freejoint/><geom type="sphere" size=".05" mass="1"/></body></worldbody>
+<equality><weld name="hold" body1="box"/><joint name="gear" joint1="a" joint2="b" polycoef="0 .5 0 0 0"/>
+<connect name="pin" body1="ball" anchor="0 0 .2" active="{pin}"/></equality></mujoco>"""
+NEQ = 3
+
+
+def scene(pin: str = "false") -> stepper.Model:
+    return stepper.load(SCENE.format(pin=pin))
+
+
+def test_it_begins_as_the_models_and_is_bool():
+    sim = stepper.Stepper(scene(), 2)
+    assert sim.eq_active.dtype == bool
+    assert sim.eq_active.tolist() == [[True, True, False]] * 2
+    assert stepper.Stepper(scene()).eq_active.shape == (NEQ,)
+    assert stepper.Stepper(stepper.load("<mujoco/>"), 2).eq_active.shape == (2, 0)
+
+
+def test_a_weld_lets_go_and_holds_again():
+    sim = stepper.Stepper(scene(), 2)
+    sim.step(nstep=50)
+    assert np.abs(sim.qpos[:, 2] - 0.5).max() < 1e-9
+    sim.eq_active[1, 0] = False
+    sim.step(nstep=50)
+    # Free fall for 0.1 s, by the midpoint rule, which is exact for it.
+    assert abs(sim.qpos[0, 2] - 0.5) < 1e-9
+    assert np.isclose(sim.qpos[1, 2], 0.5 - 9.81 * 0.1**2 / 2, atol=1e-9)
+    assert sim.max_equality_violation.max() < 1e-3
+    assert sim.status.tolist() == [0, 0]
+    sim.eq_active = True
+    sim.step(nstep=2000)
+    # Positions are corrected until the weld has its pose again, to the slop of a position solve.
+    assert np.abs(sim.qpos[:, 2] - 0.5).max() < 1e-5
+    assert sim.eq_active.all()
+
+
+@pytest.mark.parametrize("contact", ["hard", "mujoco"])
+@pytest.mark.parametrize("precision", ["f64", "f32"])
+def test_an_environment_has_the_bits_of_the_model_with_these_equalities(contact, precision):
+    """Whatever its neighbours have, it moves as one of a stepper of the model in which the others never were."""
+    options = stepper.Options(contact=contact)
+    chosen = np.array([[a, b, c] for a in (0, 1) for b in (0, 1) for c in (0, 1)], bool)
+    sim = stepper.Stepper(scene(), len(chosen), options=options, precision=precision)
+    sim.eq_active = chosen
+    sim.step(nstep=100)
+    for env, active in enumerate(chosen):
+        alone = stepper.Stepper(sim.model.replace(eq_active0=active.astype(float)), 1, options=options, precision=precision)
+        alone.step(nstep=100)
+        assert np.array_equal(alone.qpos[0], sim.qpos[env]), active
+        assert np.array_equal(alone.qvel[0], sim.qvel[env]), active
+
+
+def test_mujocos_law_is_mujocos_when_it_is_switched():
+    compiled = mujoco.MjModel.from_xml_string(SCENE.format(pin="false"))
+    compiled.opt.iterations, compiled.opt.tolerance = 200, 1e-14
+    data = mujoco.MjData(compiled)
+    sim = stepper.Stepper(stepper.load(compiled), options=stepper.Options(contact="mujoco", integrator="euler", tolerance=1e-12))
+    for active in ([1, 1, 0], [0, 1, 1], [1, 0, 1]):
+        data.eq_active[:] = active
+        sim.eq_active[:] = active
+        for _ in range(20):
+            mujoco.mj_step(compiled, data)
+        sim.step(nstep=20)
+        # As far as MuJoCo solves its own problem; docs/mujoco_law.md has 1e-9 a step at its tolerance.
+        np.testing.assert_allclose(sim.qvel, data.qvel, atol=1e-6)
+
+
+def test_reset_brings_the_models_own_back_in_the_environments_of_a_mask():
+    sim = stepper.Stepper(scene(), 3)
+    sim.eq_active = False
+    sim.step()
+    sim.reset(np.array([True, False, False]))
+    assert sim.eq_active.tolist() == [[True, True, False], [False] * 3, [False] * 3]
+
+
+def test_recordings_pickles_and_rollouts_have_it(tmp_path):
+    sim = stepper.Stepper(scene(), 2)
+    with sim.record(tmp_path / "run"):
+        sim.step(nstep=5)
+        sim.eq_active[0] = [False, True, True]
+        sim.step(nstep=20)
+        sim.reset(np.array([True, False]))
+        sim.eq_active[1, 1] = False
+        sim.step(nstep=20)
+    replayed = stepper.replay(tmp_path / "run")
+    assert replayed, str(replayed)
+    again = pickle.loads(pickle.dumps(sim))
+    assert np.array_equal(again.eq_active, sim.eq_active)
+    rolled = again.rollout(np.zeros((10, 2, 0)))
+    sim.step(nstep=10)
+    assert np.array_equal(rolled["qpos"][-1] if isinstance(rolled, dict) else rolled.qpos[-1], sim.qpos)
+
+
+def test_derivatives_have_it():
+    sim = stepper.Stepper(scene())
+    sim.eq_active[0] = False
+    found = sim.linearize(("qvel",))
+    # Free of its weld, the box keeps its velocity; held, it would lose it.
+    held = stepper.Stepper(scene()).linearize(("qvel",))
+    nv = sim.model.nv
+    assert abs(held.blocks["qvel"][nv + 2, 2]) < 1e-6
+    assert np.isclose(found.blocks["qvel"][nv + 2, 2], 1.0, atol=1e-6)
+
+
+def test_what_is_no_array_of_truths_is_refused():
+    sim = stepper.Stepper(scene(), 2)
+    with pytest.raises(ValueError, match="broadcast"):
+        sim.eq_active = np.ones((2, 4), bool)
+    sim.eq_active.dtype = np.int8
+    with pytest.raises(ValueError, match="eq_active is no longer a plain bool array"):
+        sim.step()
+
+
+ROWS = st.lists(st.booleans(), min_size=NEQ, max_size=NEQ)
+
+
+@settings(max_examples=25, deadline=None)
+@given(st.lists(st.tuples(ROWS, ROWS, ROWS), min_size=1, max_size=4), st.sampled_from(["hard", "mujoco"]))
+def test_switches_of_one_environment_are_felt_by_no_other(schedule, contact):
+    """A batch in which every environment is switched as it likes has the bits of each alone."""
+    options = stepper.Options(contact=contact)
+    batch = stepper.Stepper(scene("true"), 3, options=options)
+    alone = [stepper.Stepper(scene("true"), 1, options=options) for _ in range(3)]
+    for rows in schedule:
+        batch.eq_active = rows
+        batch.step(nstep=4)
+        for env, (sim, row) in enumerate(zip(alone, rows, strict=True)):
+            sim.eq_active = row
+            sim.step(nstep=4)
+            assert np.array_equal(sim.qpos[0], batch.qpos[env])
+            assert np.array_equal(sim.residual[0], batch.residual[env])

@@ -12,7 +12,7 @@ from stepper._stepper import State, Stepper
 
 Array = NDArray[Any]
 
-_APPLIED = ("qfrc_applied", "xfrc_applied", "mocap_pos", "mocap_quat")
+_APPLIED = ("qfrc_applied", "xfrc_applied", "mocap_pos", "mocap_quat", "eq_active")
 """Arrays of a stepper that users write to, in the order of its pickles."""
 
 
@@ -23,7 +23,7 @@ class EnvState:
     Attributes:
         sim: State of the stepper.
         parameters: Parameters of `Stepper.randomize`, by name.
-        applied: Forces that are applied and poses of mocap bodies, by name; None for arrays that nobody has used.
+        applied: Applied forces, poses of mocap bodies and active equalities, by name; None for arrays that nobody has used.
         episodes: Values of the episodes by name, (num_envs, ...) each: memory of the task, random numbers, return, length, last action.
     """
 
@@ -63,7 +63,7 @@ def restore(sim: Stepper, state: EnvState, mask: Array) -> None:
         if rows is not None:
             getattr(sim, name)[mask] = rows[mask]
         elif array is not None:
-            array[mask] = 0.0
+            array[mask] = sim.model.eq_active0 if name == "eq_active" else 0.0
 
 
 def _restore_parameters(sim: Stepper, parameters: dict[str, Any], mask: Array) -> None:

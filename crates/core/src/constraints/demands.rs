@@ -1,7 +1,7 @@
 //! The bias of a row: minus the velocity that it demands at the end of the step, from its distance or its overlap. A row is g = (its free
 //! velocity) + bias, and asks for Y^T w + g >= 0 (for equalities = 0).
 
-use stepper_real::{Mask, Real, Scalar};
+use stepper_real::{Mask, Real};
 
 use crate::constraints::constraint_set::Constraints;
 use crate::options::{Stabilization, StepSettings};
@@ -41,9 +41,8 @@ impl<R: Real> Constraints<R> {
             let most = (wanted * wanted + fastest * fastest).sqrt();
             correction = wanted * fastest / most.max(R::of(f64::from(f32::MIN_POSITIVE)));
         }
-        let clear = R::select(phi.gt(R::of(gap_rounding::<R>())), phi / h, R::zero());
-        let kept = R::select(apart, clear, R::zero());
-        let corrected = R::select(apart, clear, -correction);
+        let kept = R::select(apart, phi / h, R::zero());
+        let corrected = R::select(apart, phi / h, -correction);
         match options.stabilization {
             Stabilization::Baumgarte => {
                 self.biased = self.biased.or(active.and(overlap.gt(R::zero())));
@@ -56,10 +55,4 @@ impl<R: Real> Constraints<R> {
             Stabilization::None => (kept, kept),
         }
     }
-}
-
-/// Gap that counts as closed, m or rad: rounding of positions up to some metres in 32 bits. Taken at its word, it would let bodies at rest
-/// move by its last bit per step, and each step of a stack would be another problem.
-fn gap_rounding<R: Real>() -> f64 {
-    if <R::Scalar as Scalar>::EPSILON.to_f64() > 1e-12 { 2e-6 } else { 0.0 }
 }

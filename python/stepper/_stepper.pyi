@@ -28,6 +28,7 @@ __all__ = [
     "Keyframe",
     "Model",
     "ModelError",
+    "Pair",
     "Sensor",
     "Site",
     "State",

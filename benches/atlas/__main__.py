@@ -28,10 +28,11 @@ def main() -> None:
     parser.add_argument("--out", type=Path, help="folder; default: docs for all scenes and engines, out/atlas for some")
     parser.add_argument("--limit", type=float, default=10.0, help="processor time of one run at the most, s")
     parser.add_argument("--ours", action="store_true", help="stepper alone")
+    parser.add_argument("--add", action="store_true", help="renew the rows of these scenes and engines in docs, and keep all others")
     parser.add_argument("--from-csv", action="store_true", help="do not run anything: write the report again from atlas.csv")
     args = parser.parse_args()
     chosen = [s for s in scenes.ALL if not args.scenes or s.number in args.scenes]
-    out = args.out or Path("out/atlas" if args.scenes or args.ours else "docs")
+    out = args.out or Path("out/atlas" if (args.scenes or args.ours) and not args.add else "docs")
     out.mkdir(parents=True, exist_ok=True)
     data = out / "atlas.csv"
     if args.from_csv:
@@ -43,9 +44,23 @@ def main() -> None:
         with one_core():
             rows = sweep(chosen, engines, _say)
         notes = provenance() | {"seconds": round(time.monotonic() - begin)}
+        if args.add:
+            rows, notes = _added(rows, notes, data)
         write_csv(data, rows, notes)
     write_markdown(out / "atlas.md", scenes.ALL, rows, notes)
     draw(out / "atlas.png", rows)
+
+
+def _added(rows: list[Row], notes: dict[str, object], data: Path) -> tuple[list[Row], dict[str, object]]:
+    """Rows and notes of a report to which some scenes are added, or in which they are renewed."""
+    kept, before = read_csv(data)
+    renewed = {(row.number, row.engine) for row in rows}
+    numbers = [scene.number for scene in scenes.ALL]
+    merged = [*(row for row in kept if (row.number, row.engine) not in renewed), *rows]
+    merged.sort(key=lambda row: numbers.index(row.number))
+    added = f"scenes {', '.join(dict.fromkeys(row.number for row in rows))}: {notes['utc']}, {notes['cpu']}, {notes['seconds']} s"
+    earlier = before.get("added")
+    return merged, before | {"added": f"{earlier}; {added}" if earlier else added}
 
 
 def _say(row: Row) -> None:

@@ -18,7 +18,7 @@ USUAL = 2e-3
 
 HEAD = """# The failure atlas
 
-Scenes with known answers where methods fail: the 32 of the list that this project began with, ten (33 to 42) of what others found in it
+Scenes with known answers where methods fail: the 32 of the list that this project began with, twelve (33 to 44) of what others found in it
 later, and the seven public tests of SimBenchmark (S1 to S7), written anew from its parameters. Every right answer is a closed form,
 statics or a conservation law, never another simulator.
 `make atlas` runs all of it and writes this page, [atlas.csv](atlas.csv) and the picture; `tests/failure/` holds a shorter sweep.

@@ -102,7 +102,7 @@ class Linearization:
 
     @property
     def undetermined(self) -> Bools:
-        """Whether an environment has a column of which no slope of the nominal mode was found, (num_envs,) bool: such columns are 0."""
+        """Whether an environment has a column without a derivative (`Kink.UNDETERMINED`), (num_envs,) bool. Such columns are 0."""
         lost = [(flags & np.uint32(Kink.UNDETERMINED)) != 0 for flags in self.kinks.values()]
         shape = np.shape(self.near_kink)
         found: Bools = np.logical_or.reduce([own.reshape(*shape, -1).any(axis=-1) for own in lost], axis=0)

@@ -131,7 +131,7 @@ def linearize(
     if method not in ("fd", "implicit"):
         raise ValueError(f"method is {method!r}, must be 'fd' or 'implicit'")
     if not isinstance(nstep, int | np.integer) or nstep < 1:
-        raise ValueError(f"nstep is {nstep!r}, must be a whole number of 1 at least")
+        raise ValueError(f"nstep is {nstep!r}, must be a positive integer")
     tolerance = min(TOLERANCE, sim.tolerance) if tolerance is None else _positive("tolerance", tolerance)
     blocks = blocks_of(sim.model, (*STATE, "ctrl") if wrt is None else wrt)
     if method == "implicit":

@@ -259,5 +259,5 @@ def rollout(
         raise ValueError("ctrl has a number that is not finite")
     for name, value in (("nstep", nstep), ("every", every)):
         if value is not None and (not isinstance(value, int | np.integer) or value < 1):
-            raise ValueError(f"{name} is {value!r}, must be a whole number of 1 at least")
+            raise ValueError(f"{name} is {value!r}, must be a positive integer")
     return Rollout(copy.deepcopy(sim), np.array(given), int(nstep), parameters=parameters, every=every, sensors=sensors)

@@ -80,18 +80,19 @@ class Options:
 
     @classmethod
     def from_model(cls, model: Model) -> Options:
-        """Settings that the model's source asks for: MuJoCo's law of contact with the numbers of the model, and the source's integrator.
+        """Options that reproduce the model's source in MuJoCo: `contact="mujoco"` and the source's integrator.
 
-        The numbers are softness, cone, impratio and noslip sweeps.
-
-        The iterations are at least those of the source: a bound, which costs nothing where a step is solved before. Whatever solver the
-        source names, the problem is the same, and Newton's method solves it to the tolerance, in m/s; MuJoCo's own tolerance is none and is
-        not taken. The time step is the model's own.
+        Softness, cone, impratio and noslip iterations come from the model itself, as does the time step. `iterations` is at least that of
+        the source. Newton's method solves every step to `tolerance`, in m/s, whatever solver and tolerance the source has.
 
         Args:
-            model: A model. One that was made in code asks for nothing, and gets `Options()`.
+            model: Model. If it was built in code, without a source, the result is `Options()`.
 
         Raises:
-            ValueError: The source asks for an integrator that stepper does not have.
+            TypeError: `model` is not a `stepper.Model`.
+            ValueError: The source has an integrator that stepper does not have.
         """
-        return cls(**model._requested_options())
+        requested = getattr(model, "_requested_options", None)
+        if requested is None:
+            raise TypeError(f"Options.from_model takes a stepper.Model, not {type(model).__name__}; stepper.load(path) reads one")
+        return cls(**requested())

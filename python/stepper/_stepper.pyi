@@ -345,12 +345,12 @@ class Model:
     (whether it has constraints, which are soft there), soft (what has solref or solimp of its own). None where the model was made
     in code."""
     excluded_overlaps: Final[list[tuple[str, str, float]]]
-    """Pairs of geoms whose contact is excluded because they overlap at the reference pose, as `overlaps()` has them; of two bodies,
-    none of their geoms collide."""
+    """Pairs of geoms that overlap at the reference pose and whose bodies do not collide for that reason (`exclude_overlaps`), in the
+    format of `overlaps()`."""
     wide_hulls: Final[list[tuple[int, float]]]
-    """Geoms that collide as a convex hull of at least twice the volume of their mesh, or 1.25 times where no joint moves them: (index of
-    the geom, volume of the hull over that of the mesh). The mesh's volume is what others cannot enter; where they can enter all of
-    it, as in a valley, the ratio is infinite."""
+    """Geoms whose convex hull, as which they collide, has at least twice the volume of their mesh, or 1.25 times for fixed geoms: (index
+    of the geom, hull volume / mesh volume). The mesh volume is the space that other geoms cannot enter; the ratio is infinite if there
+    is none, as for an open valley."""
     deviations: Final[list[str]]
     """What the source asks for expressly and default options do otherwise, in words: an integrator other than Euler's, softness."""
     digest: Final[str]
@@ -588,19 +588,19 @@ class Model:
     def save(self, path: str | PathLike[str]) -> None:
         """Writes the model so that `stepper.load(path)` gives the same one, bit for bit, without the MJCF reader."""
     def explain(self) -> str:
-        """A report in words.
+        """A report on the model as text.
 
-        What the source asks for and something else runs by default; what is modelled; what was left out and why; what costs nothing;
-        what rigid bodies cannot model; pairs of geoms whose contact is excluded because they overlap; convex hulls that are much larger
-        than their mesh; and what is in the way of what at the reference pose.
+        Its sections: settings of the source that default options do not use; modelled elements; left-out elements, with reasons;
+        absent elements, which cost nothing; limits of rigid-body models; excluded overlaps; convex hulls that are much larger than their
+        mesh; overlaps and violated joint limits at the reference pose.
         """
     def replace(self, **fields: ArrayLike) -> Model:
         """A new model with other values in some fields, e.g. `geom_restitution=` (ngeom,); what derives from a field follows.
 
-        Contacts of an explicit pair have the pair's numbers, whatever its geoms have. So other values of geom_friction, geom_restitution,
-        geom_margin, geom_gap, geom_condim, geom_solref, geom_solimp, geom_solmix, geom_stiffness or geom_damping for a geom of a pair
-        need the field of the pair in the same call (pair_friction, pair_restitution, ...; pair_dim with geom_condim, pair_solref with
-        geom_solmix): other values, or the model's.
+        Contacts of an explicit pair use the fields of the pair (pair_friction, pair_restitution, ...) and ignore those of its geoms. A new
+        geom_friction, geom_restitution, geom_margin, geom_gap, geom_condim, geom_solref, geom_solimp, geom_solmix, geom_stiffness or
+        geom_damping for a geom of a pair therefore needs the field of the pair in the same call, with new values or the model's: pair_dim
+        for geom_condim, pair_solref for geom_solmix.
 
         Raises:
             ValueError: A wrong shape.
@@ -608,11 +608,11 @@ class Model:
                 pair.
         """
     def exclude_overlaps(self) -> Model:
-        """A new model without contact between what overlaps at the reference pose: what `stepper.load(..., overlaps="exclude")` returns.
+        """A new model without contact between bodies that overlap at the reference pose: `stepper.load(..., overlaps="exclude")`.
 
-        `excluded_overlaps` lists what overlaps. Of two such bodies no geoms collide any more; of the world, only the geom that overlaps.
-        Overlaps with the ground stay, and `overlaps()` has them: those of planes and height fields, and those of what no joint moves
-        with a body that has a free joint.
+        `excluded_overlaps` lists the pairs, from a depth of 0.01 mm on. No geoms of the two bodies collide any more; world geoms are
+        excluded one by one. Overlaps with the ground stay, and `overlaps()` lists them: those of planes and height fields, and those of
+        fixed geoms with a body that has a free joint.
         """
     def overlaps(self) -> list[tuple[str, str, float]]:
         """Pairs of geoms that can collide and overlap by more than 0.1 mm at the reference pose, the deepest first.
@@ -874,9 +874,9 @@ class Stepper:
     """Farthest that a joint or tendon was beyond its range after a step of the last call of `step`, in rad or m: (num_envs,)
     float64. Above 0.01 `status` says OVER_LIMIT."""
     max_equality_violation: Final[Any]
-    """Largest position error of an equality (connect, weld, joint, tendon) after a step of the last call of `step`, in m or rad:
-    (num_envs,) float64. Above 0.001 `status` says EQUALITY_VIOLATED. It is 0 without equalities. Equalities with a finite
-    stiffness are springs and do not count, except with MuJoCo's contact law, by which all equalities are soft and all count."""
+    """Largest position error of an equality (connect, weld, joint, tendon) after any step of the last call of `step`, in m or rad:
+    (num_envs,) float64. Above 0.001 `status` has EQUALITY_VIOLATED. It is 0 without equalities. Equalities with a finite
+    stiffness are springs and are not included. With contact="mujoco" all equalities are soft, and all are included."""
     recorder: Any
     """Whom `step`, `reset` and `set_state` tell what they did (see `stepper.Recorder`); None is nobody."""
     sensors: Final[SensorModel | None]
@@ -908,11 +908,11 @@ class Stepper:
     mocap_quat: _Array
     """Writable, read by every step until changed or reset: orientations of the mocap bodies, (num_envs, nmocap, 4)."""
     eq_active: NDArray[np.bool_]
-    """Writable, read by every step until changed or reset: whether each equality acts, (num_envs, neq) bool. It begins as the model's
-    `eq_active0`, and `reset` brings that back.
+    """Whether each equality is active, (num_envs, neq) bool, as MuJoCo's `eq_active`: writable, and valid for every step until changed.
+    `reset` restores the model's `eq_active0`; `get_state` and `set_state` do not include it.
 
-    Rows of an equality that does not act are left out of the step. One that begins to act while its error is large closes it as fast as
-    positions are corrected, `Options.max_correction_speed`: a weld holds the pose of `eq_data`, not the present one."""
+    The step ignores inactive equalities. If one is activated with a large position error, position correction closes it at up to
+    `Options.max_correction_speed`. A weld pulls the bodies to the relative pose in `eq_data`, not to the present one."""
     randomized: Final[dict[str, Any]]
     """What environments have of their own, as `randomize` takes it: arrays by field, and under "actuators" an `ActuatorModel`."""
 
@@ -1050,9 +1050,9 @@ class Stepper:
         `reset` and `set_state` leave them, pickles and recordings have them. Other fields stay as they are, whether the model's or
         randomized before. What no environment has of its own costs neither time nor memory.
 
-        Contacts of an explicit pair have the pair's friction and restitution, whatever its geoms have. So a geom_friction other than the
-        model's for a geom of a pair is an error unless environments have a pair_friction of their own, given here or before: other
-        numbers, or the model's to leave these contacts as they are. Likewise geom_restitution and pair_restitution.
+        Contacts of an explicit pair use pair_friction and pair_restitution and ignore those of the geoms. A new geom_friction for a geom
+        of a pair is therefore an error, unless pair_friction is given too, here or before: new values, or the model's to keep these
+        contacts as they are. Likewise geom_restitution and pair_restitution.
 
         Args:
             mask: (num_envs,) bool: the environments that change; None is all. Rows of the others are not read.

@@ -40,7 +40,7 @@ def test_what_is_asked_for_expressly_and_does_not_run_is_one_warning(parts, word
     assert len(caught) == 1
     text = str(caught[0].message)
     assert caught[0].filename == __file__
-    for word in [*words, '"robot" asks for what does not run by default', "filterwarnings", "ModelWarning", "explain"]:
+    for word in [*words, '"robot" has settings that the default options do not use', "filterwarnings", "ModelWarning", "explain"]:
         assert word in text
     section = model.explain().split("\n\n")[1]
     assert section.startswith("The source asks for it, and by default something else runs:")
@@ -155,3 +155,8 @@ def test_robots_of_others_say_what_they_ask_for(name):
     asks = compiled.opt.integrator != mujoco.mjtIntegrator.mjINT_EULER
     assert any(line.startswith("integrator") for line in model.deviations) == asks
     assert isinstance(stepper.Options.from_model(model), stepper.Options)
+
+
+def test_options_are_those_of_a_model_and_of_nothing_else():
+    with pytest.raises(TypeError, match=r"from_model takes a stepper\.Model, not str; stepper\.load\(path\) reads one"):
+        stepper.Options.from_model("robot.xml")

@@ -15,6 +15,19 @@ def test_a_urdf_has_none_of_its_own():
     assert stepper.load(arm()).nu == 0
 
 
+@pytest.mark.parametrize("element", ["transmission", "ros2_control"])
+def test_an_element_that_names_motors_points_to_actuators_unless_there_are_some(element):
+    urdf = robot(link("base"), link("arm"), joint("j", "base", "arm", kind="continuous"), f'<{element} name="x"/>')
+    hint = 'stepper.load(..., actuators="position") adds actuators'
+    reasons = [[why for kind, _, why in model.omitted if kind == f"URDF {element}"] for model in (stepper.load(urdf), driven(urdf))]
+    assert [len(own) for own in reasons] == [1, 1]
+    assert [hint in own[0] for own in reasons] == [True, False]
+
+
+def driven(urdf):
+    return stepper.load(urdf, actuators="position")
+
+
 def test_bounds_are_those_of_the_file():
     position, velocity, torque = (stepper.load(arm(), actuators=kind) for kind in ("position", "velocity", "torque"))
     assert position.actuator_names == ["shoulder", "elbow"]
@@ -76,9 +89,9 @@ def test_controls_without_bounds_have_a_line(kind, said):
 def test_errors_say_what_to_do():
     with pytest.raises(ValueError, match="actuators is 'servo', must be None or one of 'position'"):
         stepper.load(arm(), actuators="servo")
-    with pytest.raises(ValueError, match="for a URDF, and the source is none"):
+    with pytest.raises(ValueError, match="needs a URDF, and the source is not one"):
         stepper.load("<mujoco/>", actuators="torque")
-    with pytest.raises(stepper.ModelError, match="has no revolute, continuous or prismatic joint; leave actuators= away"):
+    with pytest.raises(stepper.ModelError, match="has no revolute, continuous or prismatic joint; leave actuators= out"):
         stepper.load(robot('<link name="world"/>', link("a"), joint("f", "world", "a", kind="floating")), actuators="torque")
 
 

@@ -134,7 +134,7 @@ def test_text_that_is_not_well_formed_says_that_it_lists_nothing():
     text = one_joint().replace("</robot>", "<!-- -- --></robot>")  # XML allows no -- in a comment.
     compiled = stepper.load(text)
     assert lines(compiled, "not well-formed")
-    with pytest.raises(stepper.ModelError, match="its XML is not well-formed"):
+    with pytest.raises(stepper.ModelError, match="the XML is not well-formed"):
         stepper.load(text, actuators="position")
 
 

@@ -244,11 +244,11 @@ STATE.reset(seed=0)
 
 
 @pytest.mark.parametrize(("envs", "error", "said"), [
-    (lambda: StepperVectorEnv("HalfCheetah", 2), ValueError, r"returns is \(4,\), must have shape \(2,\)"),
-    (lambda: StepperVectorEnv("Hopper", N), ValueError, r"action is \(4, 6\), must have shape \(4, 3\)"),
+    (lambda: StepperVectorEnv("HalfCheetah", 2), ValueError, r"'returns' of the state has shape \(4,\), must have shape \(2,\)"),
+    (lambda: StepperVectorEnv("Hopper", N), ValueError, r"'action' of the state has shape \(4, 6\), must have shape \(4, 3\)"),
     (lambda: StepperVectorEnv("Walker2d", N), ValueError, "model"),
     (lambda: StepperVectorEnv("HalfCheetah", N, precision="f32"), ValueError, "numbers in F64, this stepper in F32"),
-    (lambda: StepperVectorEnv(Everything(), N), ValueError, "action is"),
+    (lambda: StepperVectorEnv(Everything(), N), ValueError, "'action' of the state"),
 ])  # fmt: skip
 def test_a_state_of_other_environments_is_refused(envs, error, said):
     other = envs()
@@ -267,7 +267,7 @@ def test_what_is_wrong_with_a_state_is_said():
         StepperEnv("HalfCheetah").get_state()
     with pytest.raises(ResetNeeded, match="others have not begun"):
         envs.set_state(STATE.get_state(), envs=[1])
-    with pytest.raises(ValueError, match="qvel is given beside a state"):
+    with pytest.raises(ValueError, match="qvel is given together with a state"):
         envs.set_state(STATE.get_state(), np.zeros(9))
     with pytest.raises(IndexError, match="envs has 7"):
         envs.set_state(STATE.get_state(), envs=[7])

@@ -134,6 +134,7 @@ def test_cells_lines_and_names(tmp_path):
         (["mass:boxx"], KeyError, "no body is named 'boxx'; did you mean 'box'"),
         (["mass:box", "inertia:box"], ValueError, "same number"),
         (["mass:box=3..1"], ValueError, "bounds"),
+        (["pair_friction:p"], KeyError, "no pair is named 'p'; the model has no pair"),
         (["kp:push"], KeyError, "no actuator is named"),
         (["frictionloss:x"], ValueError, "give a start above 0"),
         (["bias:torque"], KeyError, "no sensor is named"),

@@ -219,11 +219,11 @@ def test_islands_keep_their_loops_closed_when_a_correction_is_bounded():
     assert sim.qpos[0] == pytest.approx(np.radians(-60), abs=1e-3)
 
 
-def test_explain_lists_what_is_in_the_way_at_the_reference_pose():
-    text = stepper.load(OVERLAP.format(joint=HINGE)).explain()
-    section = text.split("In the way at the reference pose:")[1]
+def test_explain_lists_overlaps_and_violated_limits_at_the_reference_pose():
+    title = "Overlaps and violated limits at the reference pose:"
+    section = stepper.load(OVERLAP.format(joint=HINGE)).explain().split(title)[1]
     assert "overlap by 70.00 mm" in section
     assert "Remedy" in section
-    outside = stepper.load(RANGE.replace('range="-60 0"', 'range="30 60"')).explain().split("In the way at the reference pose:")[1]
+    outside = stepper.load(RANGE.replace('range="-60 0"', 'range="30 60"')).explain().split(title)[1]
     assert "outside its range by 0.524" in outside
-    assert "nothing" in stepper.load(RANGE).explain().split("In the way at the reference pose:")[1]
+    assert "nothing" in stepper.load(RANGE).explain().split(title)[1]

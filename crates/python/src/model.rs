@@ -167,21 +167,21 @@ impl Model {
         self.core.save(&path).map_err(to_py)
     }
 
-    /// A report in words.
+    /// A report on the model as text.
     ///
-    /// What the source asks for and something else runs by default; what is modelled; what was left out and why; what costs nothing;
-    /// what rigid bodies cannot model; pairs of geoms whose contact is excluded because they overlap; convex hulls that are much larger
-    /// than their mesh; and what is in the way of what at the reference pose.
+    /// Its sections: settings of the source that default options do not use; modelled elements; left-out elements, with reasons;
+    /// absent elements, which cost nothing; limits of rigid-body models; excluded overlaps; convex hulls that are much larger than their
+    /// mesh; overlaps and violated joint limits at the reference pose.
     fn explain(&self) -> String {
         in_python(overlaps::explain(&self.core))
     }
 
     /// A new model with other values in some fields, e.g. `geom_restitution=` (ngeom,); what derives from a field follows.
     ///
-    /// Contacts of an explicit pair have the pair's numbers, whatever its geoms have. So other values of geom_friction, geom_restitution,
-    /// geom_margin, geom_gap, geom_condim, geom_solref, geom_solimp, geom_solmix, geom_stiffness or geom_damping for a geom of a pair
-    /// need the field of the pair in the same call (pair_friction, pair_restitution, ...; pair_dim with geom_condim, pair_solref with
-    /// geom_solmix): other values, or the model's.
+    /// Contacts of an explicit pair use the fields of the pair (pair_friction, pair_restitution, ...) and ignore those of its geoms. A new
+    /// geom_friction, geom_restitution, geom_margin, geom_gap, geom_condim, geom_solref, geom_solimp, geom_solmix, geom_stiffness or
+    /// geom_damping for a geom of a pair therefore needs the field of the pair in the same call, with new values or the model's: pair_dim
+    /// for geom_condim, pair_solref for geom_solmix.
     ///
     /// Raises:
     ///     ValueError: A wrong shape.
@@ -208,11 +208,11 @@ impl Model {
         Ok(Self::of(core))
     }
 
-    /// A new model without contact between what overlaps at the reference pose: what `stepper.load(..., overlaps="exclude")` returns.
+    /// A new model without contact between bodies that overlap at the reference pose: `stepper.load(..., overlaps="exclude")`.
     ///
-    /// `excluded_overlaps` lists what overlaps. Of two such bodies no geoms collide any more; of the world, only the geom that overlaps.
-    /// Overlaps with the ground stay, and `overlaps()` has them: those of planes and height fields, and those of what no joint moves
-    /// with a body that has a free joint.
+    /// `excluded_overlaps` lists the pairs, from a depth of 0.01 mm on. No geoms of the two bodies collide any more; world geoms are
+    /// excluded one by one. Overlaps with the ground stay, and `overlaps()` lists them: those of planes and height fields, and those of
+    /// fixed geoms with a body that has a free joint.
     fn exclude_overlaps(&self) -> Self {
         Self::of(overlaps::exclude(&self.core))
     }
@@ -413,16 +413,16 @@ impl Model {
         self.core.deviations(false).into_iter().map(in_python).collect()
     }
 
-    /// Pairs of geoms whose contact is excluded because they overlap at the reference pose, as `overlaps()` has them; of two bodies,
-    /// none of their geoms collide.
+    /// Pairs of geoms that overlap at the reference pose and whose bodies do not collide for that reason (`exclude_overlaps`), in the
+    /// format of `overlaps()`.
     #[getter]
     fn excluded_overlaps(&self) -> Vec<(String, String, f64)> {
         self.core.excluded_overlaps.iter().map(|overlap| self.named(overlap)).collect()
     }
 
-    /// Geoms that collide as a convex hull of at least twice the volume of their mesh, or 1.25 times where no joint moves them: (index of
-    /// the geom, volume of the hull over that of the mesh). The mesh's volume is what others cannot enter; where they can enter all of
-    /// it, as in a valley, the ratio is infinite.
+    /// Geoms whose convex hull, as which they collide, has at least twice the volume of their mesh, or 1.25 times for fixed geoms: (index
+    /// of the geom, hull volume / mesh volume). The mesh volume is the space that other geoms cannot enter; the ratio is infinite if there
+    /// is none, as for an open valley.
     #[getter]
     fn wide_hulls(&self) -> Vec<(usize, f64)> {
         self.core.wide_hulls().iter().map(|hull| (hull.geom, hull.ratio)).collect()

@@ -1,9 +1,10 @@
 //! Messages of the core, with the names that calls have in Python.
 
 /// Phrases of the core's messages that name a call, and the names of that call in Python.
-const PHRASES: [(&str, &str); 13] = [
+const PHRASES: [(&str, &str); 14] = [
     ("Options::from_model(&model)", "Options.from_model(model)"),
     ("choose ContactLaw::Mujoco and an integrator", "choose Options(contact=\"mujoco\", integrator=...)"),
+    ("by analysis::overlaps::exclude(&model)", "by stepper.load(..., overlaps=\"exclude\")"),
     ("ContactLaw::Mujoco", "contact=\"mujoco\""),
     ("ContactLaw::Hard", "contact=\"hard\""),
     ("or leave them out with finish(false)", "or load with strict=False to leave them out"),

@@ -30,22 +30,22 @@ SOLVED = 1e-9
 
 
 class Kink(IntFlag):
-    """Why a derivative is near a kink: what differs between perturbed copies and the nominal environment."""
+    """Kinds of kinks: differences between perturbed copies and the nominal environment."""
 
     NONE = 0
-    """Nothing does."""
+    """No kink."""
     CONTACT = 1
     """Contacts begin or cease to push."""
     SLIP = 2
-    """Contacts that stick in one and slip in the other; not read with contact="mujoco"."""
+    """Contacts that stick in one and slip in the other; not detected with contact="mujoco"."""
     GAP = 4
     """A contact or limit that is open by a hair in one and overlaps in the other: an open gap may close within the step, an overlap is
     not pushed out by velocity. A robot at rest is at this kink; docs/derivatives.md has settings without it. With method="implicit" also
     a contact whose damping in the correction of positions begins or ends because equalities move it, where the step jumps a little."""
     LIMIT = 8
-    """Slides and hinges that reach a limit or leave it; limits of ball joints and tendons are not read."""
+    """Slides and hinges that reach a limit or leave it; limits of ball joints and tendons are not detected."""
     DRY_FRICTION = 16
-    """Joints that dry friction holds in one and not in the other; not read with contact="mujoco"."""
+    """Joints that dry friction holds in one and not in the other; not detected with contact="mujoco"."""
     SATURATION = 32
     """Actuators at the bound of their effort."""
     SLOPE = 64
@@ -53,7 +53,7 @@ class Kink(IntFlag):
     UNSOLVED = 128
     """A step was not solved, not finite, or too long for its motion (`Status`)."""
     UNDETERMINED = 256
-    """No slope of the nominal mode was found: the column is 0, and no derivative."""
+    """The nominal mode has no slope (docs/derivatives.md): the column is 0 in place of a derivative."""
 
 
 @dataclass

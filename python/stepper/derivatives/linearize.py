@@ -102,7 +102,7 @@ class Linearization:
 
     @property
     def undetermined(self) -> Bools:
-        """Whether an environment has a column of which no slope of the nominal mode was found, (num_envs,) bool: such columns are 0."""
+        """Whether an environment has a column without a derivative (`Kink.UNDETERMINED`), (num_envs,) bool. Such columns are 0."""
         lost = [(flags & np.uint32(Kink.UNDETERMINED)) != 0 for flags in self.kinks.values()]
         shape = np.shape(self.near_kink)
         found: Bools = np.logical_or.reduce([own.reshape(*shape, -1).any(axis=-1) for own in lost], axis=0)
@@ -131,7 +131,7 @@ def linearize(
     if method not in ("fd", "implicit"):
         raise ValueError(f"method is {method!r}, must be 'fd' or 'implicit'")
     if not isinstance(nstep, int | np.integer) or nstep < 1:
-        raise ValueError(f"nstep is {nstep!r}, must be a whole number of 1 at least")
+        raise ValueError(f"nstep is {nstep!r}, must be a positive integer")
     tolerance = min(TOLERANCE, sim.tolerance) if tolerance is None else _positive("tolerance", tolerance)
     blocks = blocks_of(sim.model, (*STATE, "ctrl") if wrt is None else wrt)
     if method == "implicit":

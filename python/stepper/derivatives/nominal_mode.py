@@ -1,8 +1,9 @@
-"""Slopes of the nominal mode, for columns whose difference has a kink or a jump within it.
+"""Slopes of the nominal mode, for columns whose finite difference crosses a kink or a jump.
 
-The mode of a step is the set of what is active in it (docs/derivatives.md, "Kinks"). A difference between two modes is a derivative of
-neither, and where the step jumps it is jump / (2 h). Such columns are differentiated again within the mode of the unperturbed step: by the
-implicit function theorem, or by the widest difference of some whose copies keep that mode. What has neither is `Kink.UNDETERMINED`.
+The mode of a step is its set of active constraints (docs/derivatives.md, "Kinks"), and the nominal mode that of the unperturbed step. A
+difference between two modes is a derivative of neither; at a jump it is jump / (2 h). Such columns are differentiated again within the
+nominal mode: by the implicit function theorem, or by the widest difference whose copies stay in that mode. Columns that allow neither get
+`Kink.UNDETERMINED`.
 """
 
 from __future__ import annotations
@@ -18,18 +19,19 @@ from stepper.derivatives.kinks import CURVATURE, LEAST_SLOPE, Bools, Kink
 from stepper.derivatives.perturbations import Array, Stencil
 
 WIDTHS = 6
-"""Widths that are tried, each a quarter of the one before: the last is 1/1024 of the difference, where rounding makes 1e-6 of a slope."""
+"""Number of widths to try, each a quarter of the last. The narrowest is 1/1024 of the difference; rounding is then 1e-6 of a slope."""
 
 NARROWER = 0.25
 
 SHRINKS = 0.5
-"""Share of a difference of slopes that is left at a quarter of the width if it is curvature: a quarter in theory, all of it at a corner."""
+"""Ratio of the slope differences at a quarter of the width and at the full width below which they count as curvature. In theory it is
+a quarter for curvature and 1 at a corner."""
 
 HARMLESS = np.uint32(Kink.CONTACT | Kink.SLOPE | Kink.UNSOLVED)
-"""Kinks that may have no effect: a contact that carries nothing begins, and slopes are compared here again."""
+"""Kinks that may have no effect, such as a contact without force that begins. Slopes decide."""
 
 LARGEST_BEND = 0.1
-"""Difference of slopes, relative to them, that may be curvature."""
+"""Relative difference of slopes up to which it may be curvature."""
 
 
 @dataclass(frozen=True)

@@ -145,7 +145,7 @@ def _block(model: Model, name: str) -> Block:
         known = [*sizes, *RANDOMIZED]
         near = difflib.get_close_matches(field, known, 2)
         raise ValueError(
-            f"wrt has {name!r}, which is no part of the state, no control and no field of randomize"
+            f"wrt has {name!r}, which is neither 'ctrl', a part of the state nor a field of randomize"
             + (f"; did you mean {' or '.join(near)}?" if near else f"; there are: {', '.join(known)}")
         )
     own = np.asarray(getattr(model, field), np.float64)

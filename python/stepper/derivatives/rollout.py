@@ -1,4 +1,4 @@
-"""Vector-Jacobian products over rollouts, with checkpoints: memory for some states instead of all matrices."""
+"""Vector-Jacobian products of rollouts, with checkpoints in place of stored matrices."""
 
 from __future__ import annotations
 
@@ -25,17 +25,17 @@ OUTPUTS = (*STATE, "sensors")
 
 @dataclass(frozen=True)
 class Gradients:
-    """What `Rollout.vjp` returns: gradients by what the rollout began with. Without the axis of the environments for a single one.
+    """Gradients returned by `Rollout.vjp`. With `num_envs=None` the axis of the environments is absent.
 
     Attributes:
-        qpos: By the numbers of the first qpos, (num_envs, nq); of a quaternion along its tangent space.
-        qvel: By the first qvel, (num_envs, nv).
-        act: By the first act, (num_envs, na).
-        ctrl: By the controls, (T, num_envs, nu).
-        parameters: By parameters, (num_envs, *shape) for each name of `wrt` that is one.
-        near_kink: Steps of a control with a kink near them, (T, num_envs); see `Linearization`. Gradients are those of the nominal mode
-            there.
-        undetermined: Environments whose rollout has a kink without such a slope, (num_envs,); their gradients are 0.
+        qpos: Gradient by the initial qpos, (num_envs, nq); for quaternions in their tangent space.
+        qvel: Gradient by the initial qvel, (num_envs, nv).
+        act: Gradient by the initial act, (num_envs, na).
+        ctrl: Gradient by the controls, (T, num_envs, nu).
+        parameters: Gradients by parameters, (num_envs, *shape), by name as given to `rollout`.
+        near_kink: Whether the steps of a control are near a kink, (T, num_envs); see `Linearization`. The gradient is then that of the
+            nominal mode.
+        undetermined: Environments with a kink at which the nominal mode has no slope, (num_envs,); their gradients are 0.
     """
 
     qpos: Array
@@ -48,12 +48,12 @@ class Gradients:
 
 
 class Rollout:
-    """A rollout that was made, and its derivative. Made by `rollout`.
+    """States of a rollout, and its derivative. `rollout` creates it.
 
     Attributes:
         qpos, qvel, act: States after every control, (T, num_envs, ...).
-        sensors: Ideal readings after every control, (T, num_envs, nsensordata), if they were asked for.
-        every: Controls between two checkpoints.
+        sensors: Ideal readings after every control, (T, num_envs, nsensordata), with `sensors=True`; else None.
+        every: Number of controls between two checkpoints.
     """
 
     def __init__(self, sim: Stepper, ctrl: Array, nstep: int, *, parameters: Sequence[str], every: int | None, sensors: bool):
@@ -77,11 +77,10 @@ class Rollout:
 
     @property
     def memory(self) -> int:
-        """Bytes that `vjp` takes at the most: checkpoints, the states between two of them, and the matrices of one control.
+        """Upper bound of the memory of `vjp` in bytes: checkpoints, the states between two of them, and the matrices of one control.
 
-        Copies that are stepped for these, at most `stepper.derivatives.copies.ROOM` for each thread at a time, come beside it, and
-        stay for the next linearization as long as the stepper does. With `smoothing` the matrices are as many times as large as there
-        are samples.
+        It does not include the copies that are stepped for finite differences, at most `stepper.derivatives.copies.ROOM` per thread; the
+        stepper keeps them for the next linearization. With `smoothing`, multiply the matrices by the number of samples.
         """
         model, n = self._plant.model, self._plant.num_envs or 1
         state = self._checkpoints[0].nbytes
@@ -101,25 +100,25 @@ class Rollout:
         undetermined: Literal["raise", "zero"] = "raise",
         **settings: Any,
     ) -> Gradients:
-        """Gradients of a function of the rollout, from its gradients by the rollout's states.
+        """Vector-Jacobian product: gradients of a scalar function by the controls, the initial state and parameters.
 
-        From each checkpoint, the last first, the states up to the next are made again; then every control's step is linearized, and its
-        matrices take the gradient one control back.
+        It goes backwards over the checkpoints. It recomputes the states after each, linearizes the steps of every control, and
+        propagates the gradient one control back.
 
         Args:
-            qpos: Gradient by the numbers of `self.qpos`, (T, num_envs, nq); None is zero.
-            qvel: Likewise by `self.qvel`.
-            act: Likewise by `self.act`.
-            sensors: Likewise by `self.sensors`.
-            smoothing: Smoothed derivatives, for a gradient that kinks do not hide; None is those of the steps that were made.
-            undetermined: Action where a rollout has a kink and no slope of the nominal mode: "raise", or gradients of "zero" for the
-                environment (`Gradients.undetermined`).
+            qpos: Gradient of the function by `self.qpos`, (T, num_envs, nq); None is zero.
+            qvel: Gradient by `self.qvel`, likewise.
+            act: Gradient by `self.act`, likewise.
+            sensors: Gradient by `self.sensors`, likewise.
+            smoothing: Derivatives averaged over random displacements, for gradients across kinks; None takes those of the actual steps.
+            undetermined: Action at a kink where the nominal mode has no slope (docs/derivatives.md): "raise" an error, or return "zero"
+                gradients for the environment, flagged in `Gradients.undetermined`.
             **settings: `step`, `tolerance`, `centered`, `extrapolate` and `method` of `linearize`.
 
         Raises:
-            UndeterminedDerivative: A kink without a slope of the nominal mode, with its environment, control and coordinate.
-            ValueError: A wrong shape, a number that is not finite; gradients by sensors that were not asked for.
-            TypeError: A smoothing that is none.
+            UndeterminedDerivative: A kink where the nominal mode has no slope, with its environment, control and coordinate.
+            ValueError: A wrong shape, a number that is not finite, or `sensors` of a rollout without them.
+            TypeError: `smoothing` is not a `Smoothing`.
         """
         if smoothing is not None and not isinstance(smoothing, Smoothing):
             raise TypeError(f"smoothing is {type(smoothing).__name__}, must be a stepper.derivatives.Smoothing or None")
@@ -173,7 +172,7 @@ class Rollout:
         return array[:, None] if self._plant.num_envs is None else array
 
     def _direct(self, cotangents: dict[str, Array | None], t: int) -> Array:
-        """Gradient by the state after a control of what is a function of that state itself."""
+        """Direct gradient by the state after a control, in tangent coordinates."""
         model, n = self._plant.model, self._plant.num_envs or 1
         after = self.qpos[t].reshape(n, -1)
         numbers = cotangents["qpos"]
@@ -184,7 +183,7 @@ class Rollout:
         return np.concatenate(parts, axis=1)
 
     def _states(self, segment: range) -> list[State]:
-        """States before every control of a segment, made again from its checkpoint."""
+        """States before every control of a segment, recomputed from its checkpoint."""
         self._plant.set_state(self._checkpoints[segment.start // self.every])
         states = []
         for t in segment:
@@ -229,21 +228,21 @@ def rollout(
     every: int | None = None,
     sensors: bool = False,
 ) -> Rollout:
-    """Makes `nstep` steps with each of T controls on a copy of a stepper, and remembers what its derivative needs.
+    """Steps a copy of a stepper `nstep` times with each of T controls, and stores checkpoints for derivatives.
 
     Args:
-        sim: The stepper, whose state is where the rollout begins. It is only read.
+        sim: Stepper with the initial state. It does not change.
         ctrl: Controls, (T, num_envs, nu), or (T, nu) for all environments.
-        nstep: Steps that each control is held.
-        parameters: Parameters to differentiate by, as `linearize` takes them in `wrt`.
-        every: Controls between two checkpoints; None is the square root of T, where checkpoints and the states between two of them take
-            the least memory together. Each control is stepped once more on the way back.
-        sensors: Whether readings of ideal sensors are wanted.
+        nstep: Number of steps for which each control is held.
+        parameters: Parameters to differentiate by, named as in `wrt` of `linearize`.
+        every: Number of controls between two checkpoints; None is the square root of T, which takes the least memory. `vjp` steps each
+            control once more.
+        sensors: Whether to compute readings of ideal sensors.
 
     Raises:
         TypeError: `parameters` is a string.
-        ValueError: A wrong shape, a number of steps that is none, a parameter that nothing has.
-        KeyError: No element of a name behind a parameter's colon.
+        ValueError: A wrong shape, a number of steps below 1, an unknown parameter.
+        KeyError: An unknown element behind the colon of a parameter.
     """
     model, n = sim.model, sim.num_envs
     if isinstance(parameters, str):
@@ -260,5 +259,5 @@ def rollout(
         raise ValueError("ctrl has a number that is not finite")
     for name, value in (("nstep", nstep), ("every", every)):
         if value is not None and (not isinstance(value, int | np.integer) or value < 1):
-            raise ValueError(f"{name} is {value!r}, must be a whole number of 1 at least")
+            raise ValueError(f"{name} is {value!r}, must be a positive integer")
     return Rollout(copy.deepcopy(sim), np.array(given), int(nstep), parameters=parameters, every=every, sensors=sensors)

@@ -1,4 +1,4 @@
-"""The error for gradients that would need a column without a derivative."""
+"""Error for gradients through a step that has no derivative."""
 
 from __future__ import annotations
 
@@ -10,26 +10,26 @@ from stepper.derivatives.linearize import Linearization
 
 
 class UndeterminedDerivative(ArithmeticError):  # noqa: N818
-    """A rollout passes a kink of which no slope of the nominal mode was found.
+    """Error raised by `Rollout.vjp` for a kink at which the nominal mode has no slope (docs/derivatives.md).
 
     Attributes:
         env: Index of the environment.
         control: Index of the control whose steps have the kink.
-        coordinate: The coordinate along which the step has no derivative.
-        kinks: What switches there.
+        coordinate: Coordinate along which the step has no derivative.
+        kinks: Kinds of the kink.
     """
 
     def __init__(self, env: int, control: int, coordinate: str, kinks: Kink):
         self.env, self.control, self.coordinate, self.kinks = env, control, coordinate, kinks
         cause = " | ".join(kink.name or "" for kink in kinks & ~Kink.UNDETERMINED)
         super().__init__(
-            f"the steps of control {control} have no derivative by {coordinate} in environment {env}: there is a kink ({cause}) on both "
-            "sides. Take a mean over displacements, vjp(smoothing=Smoothing(...)), or leave the environment out, vjp(undetermined='zero')"
+            f"the steps of control {control} have no derivative by {coordinate} in environment {env}: they are at a kink ({cause}). Use "
+            "smoothed gradients, vjp(smoothing=Smoothing(...)), or zero gradients for this environment, vjp(undetermined='zero')"
         )
 
 
 def first_undetermined(part: Linearization, needed: Bools, control: int, model: Model) -> dict[int, UndeterminedDerivative]:
-    """Errors by environment for columns without a derivative, of the environments that need any, (num_envs,)."""
+    """Errors for columns without a derivative, by environment, restricted to a mask (num_envs,) of those that need gradients."""
     errors: dict[int, UndeterminedDerivative] = {}
     for name, flags in part.kinks.items():
         rows = flags.reshape(len(needed), -1)

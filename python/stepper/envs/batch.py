@@ -66,6 +66,8 @@ class Batch:
         self._has_noise = sensors is not None
         # Seeds of the errors of sensors, and which environments have not begun under theirs yet.
         self._noise_seeds, self._new_seeds = np.full(num_envs, _word(), dtype=np.uint64), np.full(num_envs, self._has_noise)
+        if not hasattr(task, "frame_skip"):
+            raise TypeError(f"{type(task).__name__} has no frame_skip, the number of steps per action: add the field `frame_skip: int = 1`")
         self.num_envs, self.dt = num_envs, self.sim.timestep * task.frame_skip
         self.dtype = np.dtype(dtype if dtype is not None else {"f64": np.float64, "f32": np.float32}[precision])
         if self.dtype not in (np.float64, np.float32):
@@ -163,22 +165,23 @@ class Batch:
         self._reread(mask)
 
     def get_state(self) -> EnvState:
-        """State of all environments: the next observations and rewards follow from it and the actions alone."""
+        """State of all environments, which determines the next observations and rewards together with the actions."""
         now = self.now
         return save(self.sim, self._episodes() | {f"kept {name}": value for name, value in now.kept.items()})
 
     def restore(self, state: EnvState, mask: Array) -> None:
-        """Gives environments of a mask (num_envs,) their part of a state that `get_state` made, in this batch or one like it.
+        """Restores environments of a mask (num_envs,) from a state that `get_state` of this or an equal batch returned.
 
         Raises:
-            ValueError: A state of a batch of another model, task, precision, or number of environments. Nothing is changed then.
+            ValueError: The state is from another model, task, precision or number of environments. Nothing is changed.
         """
         mine, theirs = self._episodes(), state.episodes
         for name, values in mine.items():
             if name not in theirs or theirs[name].shape != values.shape:
-                found = theirs[name].shape if name in theirs else "missing"
+                found = f"has shape {theirs[name].shape}" if name in theirs else "is missing"
                 raise ValueError(
-                    f"the state's {name} is {found}, must have shape {values.shape}: give a state of the same task and as many environments"
+                    f"{name!r} of the state {found}, must have shape {values.shape}: "
+                    "the state is from another task, or from another number of environments"
                 )
         restore(self.sim, state, mask)
         last, kept = self._now.step_values(), {name[5:]: values for name, values in theirs.items() if name.startswith("kept ")}
@@ -251,11 +254,11 @@ class Batch:
             env = np.flatnonzero(~np.isfinite(reward))[0]
             raise ValueError(
                 f"the reward of environment {env} is {reward[env]} after the action {action[env].tolist()}: "
-                f"have {type(self.task).__name__}.reward give finite numbers"
+                f"return finite numbers from {type(self.task).__name__}.reward"
             )
 
     def info(self) -> Terms:
-        """What info says after a reset and after a step."""
+        """Extra fields of the info dict after reset and after step."""
         return self.task.info(self._now)
 
     def room(self, out: Array | None = None) -> Array:
@@ -320,16 +323,17 @@ def _check_actions(action: Array) -> None:
         finite = np.isfinite(action)
         env, column = np.argwhere(~finite)[0]
         count = int((~finite).any(axis=1).sum())
+        affected = f" ({count} of {len(action)} environments have NaN or infinite actions)" if len(action) > 1 else ""
         raise ValueError(
-            f"the action of environment {env} is {action[env, column]} in column {column}, and {count} of {len(action)} environments have "
-            "actions that are not finite: look whether the policy's weights or its observations are; nothing was stepped"
+            f"the action of environment {env} is {action[env, column]} in column {column}{affected}; no environment was stepped. "
+            "Check the policy's weights and its observations for NaN"
         )
 
 
 def _warn_without_actions(task: Task, model: Model) -> None:
     name = f' "{model.name}"' if model.name else ""
     message = (
-        f"{type(task).__name__}: the model{name} has no actuators, so that actions have size 0 and move nothing; give it some in its file, "
+        f"{type(task).__name__}: the model{name} has no actuators, so actions have size 0 and no effect; add actuators to its file, "
         'or to a URDF with stepper.load(..., actuators="position")'
     )
     warnings.warn(message, ModelWarning, stacklevel=4)

@@ -141,28 +141,28 @@ class StepperEnv(gymnasium.Env[Array, Array]):
         return self._batch.get_state()
 
     def set_state(self, qpos: Array | EnvState | None = None, qvel: Array | None = None) -> Array:
-        """Sets configuration and velocity, or restores what `get_state` saved.
+        """Sets positions and velocities, or restores a state of `get_state`.
 
-        With a configuration or velocity the episode goes on: its length, memory and random numbers stay. A state replaces everything: the
-        same actions then give the same observations, rewards, terminations and resets, bit for bit. The state may be of another
-        `StepperEnv` of the same task and settings, and of another process.
+        Positions and velocities leave the episode as it is: length, memory and random numbers. A state replaces everything: the same
+        actions then give the same observations, rewards, terminations and resets, bit for bit. The state may be from another
+        `StepperEnv` with the same task and settings, also from another process.
 
         Args:
-            qpos: Configuration (nq,), None leaves it; or a state.
-            qvel: Velocity (nv,); None leaves it.
+            qpos: Positions (nq,), None keeps them; or a state.
+            qvel: Velocities (nv,); None keeps them. Leave it out with a state.
 
         Returns:
             The observation, (n,).
 
         Raises:
-            ValueError: A wrong shape, a number that is not finite; a state of another environment, or a velocity beside a state. Nothing is
-                changed then.
+            ValueError: A wrong shape, a number that is not finite, a state of another task, or velocities together with a state. Nothing
+                is changed.
         """
         mask = np.ones(1, dtype=bool)
         if not isinstance(qpos, EnvState):
             self._batch.set_state(qpos, qvel, mask)
         elif qvel is not None:
-            raise ValueError("qvel is given beside a state, which has velocities: leave it out")
+            raise ValueError("qvel is given together with a state, which contains velocities: leave it out")
         else:
             self._batch.restore(qpos, mask)
             self._begun = True

@@ -1,4 +1,4 @@
-"""States of whole environments: the state of the stepper, its parameters, and the episodes under way."""
+"""States of environments: state of the stepper, its parameters, and the running episodes."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ from stepper._stepper import State, Stepper
 Array = NDArray[Any]
 
 _APPLIED = ("qfrc_applied", "xfrc_applied", "mocap_pos", "mocap_quat", "eq_active")
-"""Arrays of a stepper that users write to, in the order of its pickles."""
+"""Writable arrays of a stepper, in the order of its pickles."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class EnvState:
-    """State of all environments of a `StepperVectorEnv`, or of a `StepperEnv`, as their `get_state` makes it. It pickles.
+    """State of a `StepperVectorEnv` or `StepperEnv`, returned by `get_state`. It pickles.
 
     Attributes:
         sim: State of the stepper.
         parameters: Parameters of `Stepper.randomize`, by name.
-        applied: Applied forces, poses of mocap bodies and active equalities, by name; None for arrays that nobody has used.
+        applied: Applied forces, poses of mocap bodies and active equalities, by name; None for arrays that were never used.
         episodes: Values of the episodes by name, (num_envs, ...) each: memory of the task, random numbers, return, length, last action.
     """
 
@@ -50,10 +50,10 @@ def save(sim: Stepper, episodes: dict[str, Array]) -> EnvState:
 
 
 def restore(sim: Stepper, state: EnvState, mask: Array) -> None:
-    """Gives environments of a mask (num_envs,) their part of a state of the stepper, its parameters and applied forces.
+    """Restores the stepper's state, parameters and applied forces of environments in a mask (num_envs,).
 
     Raises:
-        ValueError: A state of another model or precision. Nothing is changed then.
+        ValueError: The state is from another model or precision. Nothing is changed.
     """
     sim.set_state(state.sim, mask=mask)
     _restore_parameters(sim, state.parameters, mask)
@@ -67,7 +67,7 @@ def restore(sim: Stepper, state: EnvState, mask: Array) -> None:
 
 
 def _restore_parameters(sim: Stepper, parameters: dict[str, Any], mask: Array) -> None:
-    """Gives environments of a mask the parameters of a state; None is the model's own."""
+    """Restores the parameters of environments in a mask; None is the model's value."""
     now = sim.randomized
     fields = {name: parameters.get(name) for name in {*now, *parameters}}
     changed = {name: value for name, value in fields.items() if not _same(value, now.get(name), mask)}

@@ -183,7 +183,7 @@ class Task(ABC):
     lamp: ClassVar[bool] = True
     """Whether pictures of a scene without a light get one: False in Gymnasium's tasks, whose pictures are Gymnasium's."""
     frame_skip: int
-    """Steps for each action."""
+    """Number of steps per action."""
 
     @abstractmethod
     def model(self) -> Model:

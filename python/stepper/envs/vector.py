@@ -215,14 +215,14 @@ class StepperVectorEnv(VectorEnv[Array, Array, Array]):
         return batch.observation(room), reward, terminated, truncated, infos
 
     def get_state(self) -> EnvState:
-        """State of all environments, from which they go on with the same bits: `set_state` restores it.
+        """State of all environments, for `set_state`; an environment continues from it with the same bits.
 
-        It has the state of the stepper, parameters of `Stepper.randomize`, applied forces, mocap poses, and the episodes: memory of the
-        task, random numbers of starts and sensors, returns, lengths, and which are over. Wrappers have counts of their own, and so have
-        the random numbers of `action_space`.
+        The state contains that of the stepper, parameters of `Stepper.randomize`, applied forces, mocap poses, active equalities, and the
+        episodes: the task's memory, random number generators of initial states and sensors, returns, lengths, and which have ended. It
+        does not contain the counters of wrappers or the random number generator of `action_space`.
 
         Raises:
-            ResetNeeded: Before the first reset.
+            ResetNeeded: `reset` was not called yet.
         """
         if not self._begun:
             raise ResetNeeded("call reset before get_state")
@@ -230,32 +230,32 @@ class StepperVectorEnv(VectorEnv[Array, Array, Array]):
         return replace(state, episodes=state.episodes | {"over": self._over.copy(), "elapsed": time.perf_counter() - self._since})
 
     def set_state(self, qpos: Array | EnvState | None = None, qvel: Array | None = None, envs: Envs | None = None) -> Array:
-        """Sets configurations and velocities, or restores what `get_state` saved.
+        """Sets positions and velocities, or restores a state of `get_state`.
 
-        With configurations or velocities episodes go on: their lengths, memory and random numbers stay. A state replaces everything: the
-        same actions then give the same observations, rewards, terminations and resets, bit for bit. The state may be of another
-        `StepperVectorEnv` of the same task, settings and number of environments, and of another process.
+        Positions and velocities leave the episodes as they are: lengths, memory and random numbers. A state replaces everything: the
+        same actions then give the same observations, rewards, terminations and resets, bit for bit. The state may be from another
+        `StepperVectorEnv` with the same task, settings and number of environments, also from another process.
 
         Args:
-            qpos: Configurations, (num_envs, nq) or (nq,), None leaves them; or a state, of which each environment takes its own part.
-            qvel: Velocities, (num_envs, nv) or (nv,); None leaves them.
-            envs: Environments that change, a mask (num_envs,) bool or indices; None is all.
+            qpos: Positions, (num_envs, nq) or (nq,), None keeps them; or a state, whose row i belongs to environment i.
+            qvel: Velocities, (num_envs, nv) or (nv,); None keeps them. Leave it out with a state.
+            envs: Environments to change, a mask (num_envs,) bool or indices; None is all. Rows of the others are ignored.
 
         Returns:
             Observations, (num_envs, n).
 
         Raises:
-            ValueError: A wrong shape, a number that is not finite; a state of other environments, or velocities beside a state. Nothing is
-                changed then.
-            TypeError, IndexError: Indices that are no whole numbers, or of environments that there are not.
-            ResetNeeded: A state for some environments before all began once.
+            ValueError: A wrong shape, a number that is not finite, a state of another task, or velocities together with a state. Nothing
+                is changed.
+            TypeError, IndexError: Indices that are not integers, or out of range.
+            ResetNeeded: A state for some environments before the first `reset`.
         """
         mask = _of_indices(indices(self.sim, envs), self.num_envs)
         if not isinstance(qpos, EnvState):
             self._batch.set_state(qpos, qvel, mask)
             return self._batch.observation()
         if qvel is not None:
-            raise ValueError("qvel is given beside a state, which has velocities: leave it out")
+            raise ValueError("qvel is given together with a state, which contains velocities: leave it out")
         if not self._begun and not mask.all():
             raise ResetNeeded("call reset before set_state with a state of some environments: the others have not begun")
         self._batch.restore(qpos, mask)

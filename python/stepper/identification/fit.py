@@ -292,7 +292,7 @@ def _concluded(
 
 
 def _shift_warnings(residuals: Residuals, best: _Found, solver: _Solver) -> tuple[str, ...]:
-    """What is said of readings that fit better one sample earlier or later."""
+    """Warnings about readings that fit better one sample earlier or later."""
     if not suspicious(residuals.whitened(best.at)):
         return ()
     tried = []

@@ -77,22 +77,22 @@ PRIOR = 1.0
 
 @dataclass(frozen=True)
 class Tracked:
-    """What is known after a sample.
+    """Estimates of a `Tracker` after a sample.
 
     Attributes:
-        time: Of the sample since the beginning, s.
-        labels: What each value is.
+        time: Time of the sample since the first, s.
+        labels: Names of the parameters.
         values: Estimates in their units, (n,).
         interval: 95 % intervals, (n, 2).
-        determined: Whether what was measured so far says each of them, (n,). It is False also where the estimate has not settled, where
-            recent readings differ from their prediction by far more than their noise, and where they are shifted (see `warnings`). Where it
-            is False for friction, the lower end of the interval is what held without slipping, the upper end what was known before.
-        covariance: Of theta (logarithms of what is positive), (n, n).
-        surprise: Mean of the squares of what this sample's readings differ from their prediction, over noise: about 1, and much more where
-            the model lacks something.
-        untrusted: Share of the steps of the window that were not solved.
-        seconds: Time of the update.
-        warnings: What is wrong with the data: readings that stand one sample too late or too early beside their controls.
+        determined: Whether the readings so far determine each parameter, (n,). It is also False while the estimate has not converged, if
+            recent readings differ from their prediction by far more than their noise, and if readings are shifted (see `warnings`). For an
+            undetermined friction, the lower end of the interval is the largest that held without slip, the upper end the prior knowledge.
+        covariance: Covariance of the parameters, with logarithms for positive ones, (n, n).
+        surprise: Mean square of the prediction errors of this sample, each over its noise: about 1, and much more if the model lacks
+            something.
+        untrusted: Share of unsolved steps in the window.
+        seconds: Duration of the update, s.
+        warnings: Problems of the data: readings that are one sample late or early relative to their controls.
     """
 
     time: float

@@ -455,11 +455,12 @@ def _find(model: Model, element: str, name: str) -> list[int]:
     found = [k for k, other in enumerate(names) if other and fnmatch.fnmatchcase(other, name)]
     if not found:
         near = difflib.get_close_matches(name, [n for n in names if n], 3)
-        hint = (
-            f"did you mean {' or '.join(map(repr, near))}?"
-            if near
-            else f"there are: {', '.join(n or f'#{k}' for k, n in enumerate(names))}"
-        )
+        if near:
+            hint = f"did you mean {' or '.join(map(repr, near))}?"
+        elif names:
+            hint = f"there are: {', '.join(n or f'#{k}' for k, n in enumerate(names))}"
+        else:
+            hint = f"the model has no {element}"
         raise KeyError(f"no {element} is named {name!r}; {hint}")
     return found
 

@@ -195,12 +195,14 @@ class Identification:
         return float(np.sqrt(values[-1])), {label: float(part) for label, part in parts if abs(part) > 0.1}
 
     def advice(self) -> str:
-        """What to measure next, in words."""
+        """Suggestion for the next measurement."""
         std, parts = self.weakest()
         first = next(iter(parts))
         block = next(b for b in self.blocks for k in range(b.size) if first in (b.labels[0], f"{b.parameter}[{k}]"))
-        what = " ".join(f"{part:+.2f} {label}" for label, part in parts.items())
-        return f"least known is {what} (standard deviation {std:.2g} of its scale): {block.hint}"
+        what = f"parameter is {first}"
+        if len(parts) > 1:
+            what = "combination is " + " ".join(f"{part:+.2f} {label}" for label, part in parts.items())
+        return f"the least certain {what} (standard deviation {std:.2g} of its scale): {block.hint}"
 
     def table(self, confidence: float = 0.95) -> str:
         """Values, intervals and what they are of, as a Markdown table."""

@@ -1,7 +1,7 @@
-"""Readings that stand one row too late or too early beside their controls: whether data fit better one sample to either side.
+"""Detection of readings that are one row late or early relative to their controls.
 
-A reading belongs to the end of the period in which its row's control is in force. Logs are often off by one, and then a fit finds numbers
-that make up for a delay. A fit that leaves white residuals is not off by one; of others the neighbouring rows are tried.
+A reading belongs to the end of the period in which its row's control is in force. Logs are often off by one row, and then a fit finds
+parameters that imitate the delay. A fit with white residuals is not off by one. Otherwise both neighbouring rows are tried.
 """
 
 from __future__ import annotations
@@ -18,35 +18,39 @@ from stepper.identification.inertia import Array
 
 LATE, EARLY = 1, -1
 RATIO = 0.75
-"""Mean square of what a shift leaves, over that without it, below which the shift is reported."""
+"""Mean square residual with a shift, over that without it, below which the shift is reported."""
 COLOURED = 0.3
-"""Correlation of a residual with the one before it from which on shifts are tried, beside what chance makes,"""
+"""Correlation of consecutive residuals above which shifts are tried, if it is also above chance."""
 LOUD = 1.5
-"""or mean square of residuals over noise that was given."""
+"""Mean square of residuals over the given noise above which shifts are tried."""
 RECENT = 15
-"""Samples over which a tracker's surprise is averaged,"""
+"""Number of samples over which a tracker's surprise is averaged."""
 STRANGE = 3.0
-"""and the mean above which its model does not explain the readings."""
+"""Mean surprise above which the tracker's model does not explain the readings."""
 STRETCH = 100
-"""Samples after which what the shifts begin with is taken anew."""
+"""Number of samples after which the copy from which shifted trackers start is renewed."""
 CAUGHT_UP = 2
-"""Samples that are tried again with each shift at every update, until they have caught up."""
+"""Number of past samples that each shifted tracker processes per update, until it has caught up."""
 _WORDS = {
-    LATE: "one sample late: the readings of row k + 1 fit the control of row k. Pair ctrl[:-1] with readings[1:]",
-    EARLY: "one sample early: the readings of row k fit the control of row k + 1. Pair ctrl[1:] with readings[:-1], from one row later",
+    LATE: ("late: the readings of row k + 1 fit the control of row k", "Pair ctrl[:-1] with readings[1:]"),
+    EARLY: (
+        "early: the readings of row k fit the control of row k + 1",
+        "Pair ctrl[1:] with readings[:-1], and give the initial state one row later",
+    ),
 }
 
 
 def finding(shift: int, ratio: float) -> str:
-    """What is said of a shift: what is wrong, how sure that is, what to do."""
+    """Warning about a shift: the problem, the evidence, the remedy."""
+    problem, remedy = _WORDS[shift]
     return (
-        f"readings are {_WORDS[shift]} (residuals shrink to {100 * ratio:.0f} % in mean square), or model the delay of one period; "
-        "values and intervals are not to be used before"
+        f"readings are one sample {problem} (the mean square residual falls to {100 * ratio:.0f} %). {remedy}, or model the delay of one "
+        "period. Do not use these values and intervals. A wrong initial state can look the same: check qpos and qvel of the start"
     )
 
 
 def shifted(episode: Episode, shift: int) -> Episode:
-    """The episode with the readings of the row after (`LATE`) or before (`EARLY`) in each row; those without one are not measured."""
+    """Episode with each row's readings taken from the row after (`LATE`) or before (`EARLY`), NaN where there is no such row."""
     moved = {}
     for name, given in episode.readings.items():
         rows = np.full(np.shape(given), np.nan)
@@ -59,7 +63,7 @@ def shifted(episode: Episode, shift: int) -> Episode:
 
 
 def suspicious(whitened: list[Array]) -> bool:
-    """Whether residuals over their noise, (T, width) by episode, are loud or correlated from row to row."""
+    """Whether residuals over their noise, (T, width) by episode, are large or correlated in time."""
     square = np.concatenate([rows[np.isfinite(rows)] for rows in whitened])
     if len(square) and float(np.mean(square**2)) > LOUD:
         return True
@@ -68,17 +72,17 @@ def suspicious(whitened: list[Array]) -> bool:
             one, other = column[:-1], column[1:]
             both = np.isfinite(one) & np.isfinite(other)
             power = float((one[both] ** 2).sum())
-            # Chance makes 1 / sqrt(rows); five of them are no chance.
+            # The standard deviation by chance is 1 / sqrt(rows); five of them are significant.
             if both.sum() > 2 and power > 0 and float((one[both] * other[both]).sum()) / power > max(COLOURED, 5 / np.sqrt(both.sum())):
                 return True
     return False
 
 
 class Watch:
-    """Follows two twins of a tracker, whose readings are shifted, where the tracker's model does not explain what it is given.
+    """Comparison of a tracker with two copies that get shifted readings, run when its model does not explain the readings.
 
     Attributes:
-        found: Shift that was found and the ratio of the mean squares; None is none.
+        found: Detected shift and the ratio of the mean squares; None before one is found.
     """
 
     def __init__(self) -> None:
@@ -89,13 +93,13 @@ class Watch:
         self._twins: dict[int, _Twin] = {}
 
     def begin(self, tracker: Any) -> None:
-        """Called before each sample: every stretch begins with what the tracker knew then."""
+        """Called before each sample: copies the tracker at the beginning of each stretch of samples."""
         if self._origin is None or (len(self._samples) >= STRETCH and not self._twins):
             self._origin = twin_of(tracker)
             self._samples, self._surprise = [], self._surprise[-RECENT:]
 
     def look(self, ctrl: Array, readings: Mapping[str, Array], surprise: float) -> bool:
-        """Takes a sample; returns whether the model explains the readings of late."""
+        """Adds a sample; returns whether the model explains the recent readings."""
         self._samples.append((ctrl, readings))
         self._surprise.append(surprise)
         if self.found is not None:
@@ -110,7 +114,7 @@ class Watch:
         return not strange
 
     def _follow(self) -> None:
-        """Brings the twins on, and compares them once they have caught up."""
+        """Advances the copies, and compares them once they have caught up."""
         for twin in self._twins.values():
             for _ in range(CAUGHT_UP):
                 twin.take(self._samples)
@@ -124,14 +128,14 @@ class Watch:
 
 
 class _Twin:
-    """A copy of a tracker that is given the readings of the row after or before."""
+    """Copy of a tracker that gets the readings of the row after or before."""
 
     def __init__(self, tracker: Any, shift: int):
         self._tracker, self._shift, self._at = twin_of(tracker), shift, 0
         self._surprise: list[float] = []
 
     def take(self, samples: list[tuple[Array, Mapping[str, Array]]]) -> None:
-        """Takes one sample more, if there is one."""
+        """Processes one more sample, if there is one."""
         if self.done(samples):
             return
         k = self._at
@@ -145,16 +149,16 @@ class _Twin:
         self._at += 1
 
     def done(self, samples: list[tuple[Array, Mapping[str, Array]]]) -> bool:
-        """Whether it has taken all that there are: of those that are late, the last row has no reading yet."""
+        """Whether all available samples are processed: with `LATE`, the last row has no reading yet."""
         return self._at >= len(samples) - (self._shift == LATE)
 
     def left(self) -> float:
-        """Mean surprise."""
+        """Mean surprise of the processed samples."""
         return float(np.mean(self._surprise)) if self._surprise else np.inf
 
 
 def twin_of(tracker: Any) -> Any:
-    """A copy of a tracker that goes on by itself: both use the same environments, which each sets before use."""
+    """Independent copy of a tracker. Both use the same environments, because each sets their state before use."""
     twin = copy.copy(tracker)
     twin._watch = None
     twin._samples, twin._bounds = copy.copy(tracker._samples), dict(tracker._bounds)

@@ -7,7 +7,7 @@ import warnings
 from stepper._stepper import Model
 
 _SHOWN = 8
-"""Lines of a kind that a warning shows."""
+"""Number of lines that a warning shows of each kind."""
 
 
 _LARGE_PART = 10.0
@@ -16,34 +16,34 @@ _LARGE_PART = 10.0
 
 
 class ModelWarning(UserWarning):
-    """A model that runs otherwise than its source says, or than its meshes look: `Model.explain()` has it in words."""
+    """Warning that a model runs differently from what its source or its meshes suggest; `Model.explain()` has the details."""
 
 
 def warn_of(model: Model, *, loaded: bool, excluded: bool, is_robot: bool) -> None:
-    """Issues one ModelWarning for all that runs otherwise than the user may expect.
+    """Issues one ModelWarning with all findings about a model.
 
     Args:
         model: The model.
-        loaded: Whether it was read from its source, not from a saved model, of which the user was warned before.
+        loaded: Whether the model was read from its source. The user of a saved model was warned when it was first loaded.
         excluded: Whether overlaps were excluded.
-        is_robot: Whether all that it has is a robot, as in a URDF: what no joint moves is a base, not the ground.
+        is_robot: Whether fixed geoms are the base of a robot, as in a URDF, instead of ground.
     """
     name = f'"{model.name}"' if model.name else "this model"
     parts = []
     if loaded and model.deviations:
-        parts.append(_listed(f"{name} asks for what does not run by default:", model.deviations))
+        parts.append(_listed(f"{name} has settings that the default options do not use:", model.deviations))
     if loaded and (hulls := [hull for hull in model.wide_hulls if _is_worth_a_warning(model, *hull, is_robot=is_robot)]):
         parts.append(_hulls(model, hulls))
     if excluded:
         parts += _overlaps(model)
     if parts:
         silence = 'warnings.filterwarnings("ignore", category=stepper.ModelWarning) silences this'
-        message = "\n".join(parts) + f"\n(model.explain() has all of it; {silence})"
+        message = "\n".join(parts) + f"\n(model.explain() has the details; {silence})"
         warnings.warn(message, ModelWarning, stacklevel=3)
 
 
 def _is_worth_a_warning(model: Model, geom: int, ratio: float, *, is_robot: bool) -> bool:
-    """Whether a hull is too large for what the geom is: ground, on which others rest, or a part of a robot."""
+    """Whether a hull is large enough for a warning: every listed hull of the ground, very large ones of robots."""
     body = model.body(model.geom(geom).bodyid)
     while body.jntnum == 0 and body.id != 0:
         body = model.body(body.parentid)
@@ -53,11 +53,11 @@ def _is_worth_a_warning(model: Model, geom: int, ratio: float, *, is_robot: bool
 
 def _hulls(model: Model, hulls: list[tuple[int, float]]) -> str:
     lines = [
-        f"{_label(model, geom)}: {ratio:.1f} times" if ratio < 100 else f"{_label(model, geom)}: more than 100 times"
+        f"{_label(model, geom)}: {ratio:.1f} times the volume" if ratio < 100 else f"{_label(model, geom)}: more than 100 times the volume"
         for geom, ratio in hulls
     ]
     remedy = "model.replace(geom_concave=...) makes a mesh collide as its triangles; see docs/terrain.md"
-    return _listed(f"meshes collide as convex hulls that have more than the volume of the mesh ({remedy}):", lines)
+    return _listed(f"these meshes collide as their convex hulls, which are much larger than the meshes ({remedy}):", lines)
 
 
 def _label(model: Model, geom: int) -> str:
@@ -66,13 +66,13 @@ def _label(model: Model, geom: int) -> str:
 
 
 def _overlaps(model: Model) -> list[str]:
-    """Paragraphs on the overlaps that were excluded, and on those that stay."""
+    """Paragraphs on excluded overlaps and on remaining ones."""
     parts = []
     if model.excluded_overlaps:
-        title = 'overlaps="exclude" leaves out contact between the bodies of these geoms, which overlap at the reference pose:'
+        title = 'overlaps="exclude" disables contact between the bodies of these geoms, which overlap at the reference pose:'
         parts.append(_listed(title, [_line(*overlap) for overlap in model.excluded_overlaps]))
     if kept := model.overlaps():
-        title = 'overlaps="exclude" keeps overlaps with the ground; give a pose above it (qpos0, the body\'s pos):'
+        title = 'overlaps="exclude" keeps overlaps with the ground; start from a pose above it (qpos0, the body\'s pos):'
         parts.append(_listed(title, [_line(*overlap) for overlap in kept]))
     return parts
 

@@ -39,33 +39,31 @@ def load(
     """Reads a model.
 
     Args:
-        source: Path of an MJCF file (.xml), a URDF file (.urdf), a compiled model of MuJoCo (.mjb), or a model that `Model.save` wrote,
-            told apart by their contents; or MJCF or URDF text; or a compiled `mujoco.MjModel`.
-        strict: Whether elements that would change the motion and are not simulated yet are an error. If False they are left out:
-            `Model.omitted` and `Model.explain()` list them, and actuators that are left out have no control, so `nu` is smaller. A saved
-            model is what it was when it was saved, whatever `strict` says.
-        package_dirs: Where meshes of a URDF are found: folders that have the package of `package://package/...` or
-            `model://package/...`, or are it, and folders that relative names begin in besides the file's own. None looks for packages in
-            all folders above the file. The folders of ROS_PACKAGE_PATH, AMENT_PREFIX_PATH, GAZEBO_MODEL_PATH and GZ_SIM_RESOURCE_PATH
-            come after these.
-        overlaps: What becomes of geoms that overlap at the reference pose (`qpos0`). "keep" lets contact separate them. "exclude" leaves
-            out the contacts between their two bodies for good (`Model.exclude_overlaps`), but for overlaps with the ground, and lists
-            them in a `ModelWarning`, in `Model.excluded_overlaps` and in `Model.explain()`.
-        actuators: Actuators for the joints of a URDF, which has none. "position" and "velocity" are servos, "torque" is a motor; their
-            bounds are the position, velocity and effort limits of the file. A position servo has a natural frequency of 5 Hz with critical
-            damping, a velocity servo a bandwidth of 50 Hz, for the inertia at the reference pose. None gives it no actuators.
+        source: Path of an MJCF file (.xml), a URDF file (.urdf), a compiled MuJoCo model (.mjb), or a model that `Model.save` wrote; the
+            contents decide. Or MJCF or URDF text, or a compiled `mujoco.MjModel`.
+        strict: Whether unsupported elements that would change the motion are an error. If False, they are left out, and `Model.omitted`
+            and `Model.explain()` list them; `nu` counts only the remaining actuators. Saved models ignore `strict`.
+        package_dirs: Folders to search for meshes of a URDF: folders that contain the package of `package://package/...` or
+            `model://package/...`, the package folders themselves, and base folders of relative paths besides the file's own. None searches
+            for packages in all folders above the file. The folders of ROS_PACKAGE_PATH, AMENT_PREFIX_PATH, GAZEBO_MODEL_PATH and
+            GZ_SIM_RESOURCE_PATH come last.
+        overlaps: Treatment of geoms that overlap at the reference pose (`qpos0`). With "keep", contact pushes them apart. "exclude"
+            disables contact between their two bodies permanently (`Model.exclude_overlaps`), except with the ground. A `ModelWarning`,
+            `Model.excluded_overlaps` and `Model.explain()` list the pairs.
+        actuators: Kind of actuators to add to the joints of a URDF: servos ("position", "velocity") or motors ("torque"). Their control
+            ranges are the position, velocity and effort limits of the file. For the inertia at the reference pose, a position servo
+            has a natural frequency of 5 Hz with critical damping, and a velocity servo a bandwidth of 50 Hz. None adds none.
 
     Warns:
-        ModelWarning: The source asks expressly for what by default runs otherwise: another integrator than Euler's, solref or solimp of its
-            own. A mesh collides as a convex hull that is larger: 1.25 times as large where it is fixed ground, 10 times where it is a part
-            of a robot. `overlaps="exclude"` leaves out contacts, or keeps those with the ground. Once for each call.
-            `Options.from_model(model)` takes the source's integrator; contacts stay hard. Silence it with
-            `warnings.filterwarnings("ignore", category=stepper.ModelWarning)`.
+        ModelWarning: The source sets an integrator other than Euler, or its own solref or solimp, which the default options do not use
+            (`Options.from_model(model)` does). A mesh is much smaller than the convex hull as which it collides: by a factor of 1.25 if it
+            is fixed ground, of 10 if it is a part of a robot. `overlaps="exclude"` disabled contacts, or kept overlaps with the ground. One
+            warning per call. Silence it with `warnings.filterwarnings("ignore", category=stepper.ModelWarning)`.
 
     Raises:
-        ModelError: The model is not valid, is damaged, or uses elements that are not simulated; a mesh is not there. The message names
-            them, and what to do.
-        ValueError: A word that `overlaps` or `actuators` does not have; actuators for what is no URDF.
+        ModelError: The model is invalid or damaged, uses unsupported elements, or lacks a mesh file. The message has the element and a
+            remedy.
+        ValueError: An unknown value of `overlaps` or `actuators`; actuators for a source that is not a URDF.
         ImportError: MJCF or URDF without MuJoCo's compiler installed, or with one of another version; the message says how to install it.
         OSError: The file cannot be read.
     """
@@ -73,7 +71,7 @@ def load(
     saved = is_saved(source)
     urdf = None if saved else read_urdf(source)
     if actuators is not None and urdf is None:
-        raise ValueError(f"actuators is {actuators!r}, which is for a URDF, and the source is none: give its own actuators in its file")
+        raise ValueError(f"actuators is {actuators!r}, which needs a URDF, and the source is not one: define actuators in its file")
     model = Model.from_file(source) if saved else _read(source, strict, package_dirs, urdf, actuators)
     if overlaps == "exclude":
         model = model.exclude_overlaps()
@@ -97,7 +95,7 @@ def _read(
     compiled = compile_source(source, package_dirs)
     description = describe(compiled)
     if urdf is not None:
-        description["omitted"] += omissions(urdf)
+        description["omitted"] += omissions(urdf, actuators)
         for joint in description["joints"]:
             joint["velocity_limit"] = urdf.speed_limit(joint["name"]) if joint["name"] in urdf.joints else None
     if urdf is not None and actuators is not None:

@@ -91,11 +91,11 @@ def _found(name: str, places: _Places, place: str, link: str) -> Path:
     for candidate in searched:
         if candidate.is_file():
             return candidate
-    where = ", ".join(str(candidate) for candidate in searched) or "nowhere: text has no folder of its own"
+    where = ", ".join(str(candidate) for candidate in searched) or "no folder, because XML text has none"
     package = _without(_PACKAGE, name).partition("/")[0] if name.startswith(_PACKAGE) else ""
-    folder = f"the folder that has the package {package}, or is it" if package else "the folder that the name begins in"
-    remedy = f"Give stepper.load(..., package_dirs=[...]) {folder}" + (", or set ROS_PACKAGE_PATH" if package else "")
-    raise ModelError(f'{place}: link "{link}": the mesh {name} is not there; looked for {where}. {remedy}')
+    folder = f"the folder that contains the package {package}, or the package itself" if package else "the folder that the path starts from"
+    remedy = f"Pass {folder} in stepper.load(..., package_dirs=[...])" + (", or set ROS_PACKAGE_PATH" if package else "")
+    raise ModelError(f'{place}: link "{link}": mesh {name} not found; searched {where}. {remedy}')
 
 
 def _without(prefixes: tuple[str, ...], name: str) -> str:

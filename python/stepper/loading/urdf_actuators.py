@@ -39,11 +39,11 @@ def add_actuators(kind: Actuators, urdf: Urdf, compiled: Any, description: dict[
         ModelError: There is nothing to drive, or the limits cannot be read.
     """
     if urdf.root is None:
-        raise ModelError(f"{urdf.place}: actuators={kind!r}, and its XML is not well-formed, so that its limits cannot be read; correct it")
+        raise ModelError(f"{urdf.place}: actuators={kind!r} needs the joint limits, and the XML is not well-formed; correct the file")
     names = [joint["name"] for joint in description["joints"]]
     driven = [name for name in names if name in urdf.joints and _can_drive(urdf, name)]
     if not driven:
-        raise ModelError(f"{urdf.place}: actuators={kind!r}, and it has no revolute, continuous or prismatic joint; leave actuators= away")
+        raise ModelError(f"{urdf.place}: actuators={kind!r}, and it has no revolute, continuous or prismatic joint; leave actuators= out")
     mass = _mass_matrix(compiled)
     for name in driven:
         joint = names.index(name)
@@ -61,7 +61,7 @@ def _can_drive(urdf: Urdf, name: str) -> bool:
 
 
 def _unbounded(name: str, what: str) -> dict[str, Any]:
-    reason = f"the file has no {what} limit, so that the control has no bounds; model.replace(actuator_ctrlrange=...) gives it some"
+    reason = f"the file has no {what} limit, so the control is unbounded; model.replace(actuator_ctrlrange=...) sets bounds"
     return {"kind": f"URDF {what} limit", "name": name, "reason": reason, "changes_motion": False}
 
 

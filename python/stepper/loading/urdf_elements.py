@@ -50,17 +50,18 @@ READ: dict[str, set[str]] = {
 }
 """Attributes of every element that is simulated; the speed limit is kept in the model and not enforced."""
 
-_OTHERS = "settings of another simulator are not read; model.replace(geom_friction=...) and its siblings set what it had"
+_OTHERS = "contact settings of another simulator are not read; set them with model.replace(geom_friction=...) and similar fields"
+_ACTUATORS = 'stepper.load(..., actuators="position") adds actuators'
 
 LEFT_OUT: dict[str, str] = {
     "robot/link/visual": "is drawn and does not collide",
     "robot/material": "is drawn",
     "robot/link/collision/material": "is drawn",
-    "robot/joint/safety_controller": "belongs to the controller: limit the control to its soft limits yourself",
-    "robot/joint/calibration": "reference positions of encoders are not simulated; the position is known",
-    "robot/joint/joint_properties": "is no element of URDF and not read; give <dynamics damping= friction=>",
-    "robot/transmission": 'motors and gears are not read; stepper.load(..., actuators="position") gives the joints actuators',
-    "robot/ros2_control": 'hardware interfaces are not read; stepper.load(..., actuators="position") gives the joints actuators',
+    "robot/joint/safety_controller": "belongs to the controller, and its soft limits are not enforced: clip the controls yourself",
+    "robot/joint/calibration": "reference positions of encoders are not simulated",
+    "robot/joint/joint_properties": "is not a URDF element and not read; use <dynamics damping= friction=>",
+    "robot/transmission": "motors and gears are not read",
+    "robot/ros2_control": "hardware interfaces are not read",
     "robot/sensor": "is not read; model.with_sensors(...) adds sensors",
     "robot/gazebo": "settings of Gazebo are not read",
     "robot/link/contact": _OTHERS,
@@ -72,7 +73,9 @@ LEFT_OUT: dict[str, str] = {
 }
 """Reason for every element that is left out with all that it contains."""
 
-_UNKNOWN = "is not an element that is simulated, and not read"
+_UNKNOWN = "is not supported, and not read"
+_DRIVES = ("URDF transmission", "URDF ros2_control")
+"""Omissions for which the actuators of `load` are a substitute."""
 _HIDDEN = frozenset({"robot/mujoco"})
 """Elements that MuJoCo's compiler reads and checks by itself."""
 _FREE = ("continuous", "revolute", "prismatic")
@@ -138,12 +141,14 @@ def refuse_xacro(urdf: Urdf) -> None:
         raise ModelError(f"{urdf.place}: it is a template with xacro elements, not a URDF; expand it: xacro FILE > robot.urdf")
 
 
-def omissions(urdf: Urdf) -> list[Omission]:
-    """Elements of a URDF that the model lacks, as the Rust crate's `Omission`."""
+def omissions(urdf: Urdf, actuators: str | None = None) -> list[Omission]:
+    """Elements of a URDF that the model lacks, as the Rust crate's `Omission`; `actuators` is the argument of `load`."""
     if urdf.root is None:
-        reason = "the XML is not well-formed, so that elements that are not simulated cannot be listed; correct the file"
+        reason = "the XML is not well-formed, so that unsupported elements cannot be listed; correct the file"
         return [_omission("URDF", urdf.place, reason)]
     found = [*_left_out(urdf.root, "robot", ""), *_masses(urdf.root), *_limits(urdf)]
+    if actuators is None:
+        found = [o | {"reason": f"{o['reason']}; {_ACTUATORS}"} if o["kind"] in _DRIVES else o for o in found]
     unique = {(o["kind"], o["name"], o["reason"]): o for o in found}
     return list(unique.values())
 
@@ -180,8 +185,8 @@ def _masses(robot: Element) -> Iterator[Omission]:
         mass = link.find("inertial/mass")
         if link.get("name") in welded and mass is not None:
             reason = (
-                "the link is welded to the world, so that its inertia has no effect; for a robot that moves freely add "
-                '<link name="world"/> and a joint of type floating from it'
+                "the link is welded to the world, so that its inertia has no effect; for a mobile robot add "
+                '<link name="world"/> and a joint of type floating between them'
             )
             yield _omission("URDF inertial", f"{link.get('name')} ({mass.get('value', '?')} kg)", reason)
 
@@ -192,19 +197,17 @@ def _end(joint: Element, which: str) -> str:
 
 
 def _limits(urdf: Urdf) -> Iterator[Omission]:
-    """Limits that are not what they seem."""
+    """Limits that are ignored or have no effect."""
     for name, joint in urdf.joints.items():
         kind, limit = joint.get("type"), joint.find("limit")
         low, high = (urdf.number(name, "limit", end) for end in ("lower", "upper"))
         if kind in ("revolute", "prismatic") and (low or 0.0) >= (high or 0.0):
-            yield _omission("URDF range", name, f"from {low or 0:g} to {high or 0:g} is empty, and the joint moves without limits")
+            yield _omission("URDF range", name, f"from {low or 0:g} to {high or 0:g} is empty, so the joint has no limits")
         if kind == "continuous" and not (low is None and high is None):
             yield _omission("URDF range", name, "a continuous joint has no limits; make it revolute")
         if kind not in _FREE or limit is None:
             continue
         if limit.get("effort") is not None and urdf.effort_limit(name) is None:
-            yield _omission(
-                "URDF effort limit", name, f"is {limit.get('effort')}, which counts as none: forces of actuators are not bounded"
-            )
+            yield _omission("URDF effort limit", name, f"is {limit.get('effort')}, which counts as none: actuator forces are unbounded")
         if limit.get("velocity") is not None and urdf.speed_limit(name) is None:
             yield _omission("URDF velocity limit", name, f"is {limit.get('velocity')}, which counts as none")

@@ -1,7 +1,7 @@
-//! What is in the way of what at a model's reference pose: overlaps, and joints outside their range.
+//! Overlaps of geoms and violated joint limits at a model's reference pose.
 //!
-//! Models that were made for soft contact often begin with bodies inside one another. Hard contact takes them apart, so that the robot
-//! moves from its reference pose by itself, or jams; whoever loads the model should know.
+//! Bodies of models that were made for soft contact often overlap at the reference pose. Hard contact pushes them apart, so that the robot
+//! moves by itself, or jams. The report names the geoms and a remedy.
 
 use stepper_real::{Mask, Real};
 
@@ -14,13 +14,13 @@ use crate::model::{Description, JointKind, Model, Overlap, Shape, WideHull, weld
 use crate::probe::NoProbe;
 use crate::stages::s03_detect::detect;
 
-/// Overlap that is worth a line, m; of limits also rad. Files give lengths with as many digits.
+/// Overlap or limit violation above which the report has a line, m or rad. Files give lengths with that many digits.
 const WORTH_A_LINE: f64 = 1e-4;
 
-/// Overlap that position correction leaves (the default of [`Options::slop`](crate::Options)), m.
+/// Overlap above which a pair is excluded, m: the default of [`Options::slop`](crate::Options), which position correction leaves.
 const NOT_CORRECTED: f64 = 1e-5;
 
-/// Overlaps shown.
+/// Number of lines that the report shows of each kind.
 const SHOWN: usize = 12;
 
 /// A joint outside its range at the reference pose.
@@ -37,13 +37,13 @@ pub fn overlaps(model: &Model) -> Vec<Overlap> {
     deeper_than(model, WORTH_A_LINE)
 }
 
-/// Model without contact between what overlaps at the reference pose (`qpos0`); keyframes do not count.
+/// Copy of a model without contact between bodies that overlap at the reference pose (`qpos0`). Keyframes do not count.
 ///
-/// [`Description::excluded_overlaps`] lists the overlaps. As in SRDF and `<exclude>`, the two bodies do not collide any more, since their
-/// other geoms would jam a moment later. Of the world, which is no link, the geom alone does not.
+/// [`Description::excluded_overlaps`] lists the overlaps. As with SRDF and `<exclude>`, no geoms of the two bodies collide, because other
+/// geoms of them would jam as soon as a joint moves. World geoms are excluded one by one, because the world is not a link.
 ///
-/// Overlaps with the ground stay, because their remedy is another pose: of planes and height fields with anything, and of what no joint
-/// moves with a body that moves freely.
+/// Overlaps with the ground stay, because their remedy is another pose: of planes and height fields with anything, and of fixed geoms with
+/// a body that has a free joint.
 pub fn exclude(model: &Model) -> Model {
     let mut model = model.clone();
     loop {
@@ -52,12 +52,12 @@ pub fn exclude(model: &Model) -> Model {
         if found.is_empty() {
             return model;
         }
-        // Contacts of a crowd are found up to a number, so that there may be more.
+        // Detection finds a limited number of contacts, so that another round may find more.
         model.trusted_mut().excluded_overlaps.extend(found);
     }
 }
 
-/// What is fixed to the world, and what moves freely against it.
+/// Bodies that are fixed to the world, and bodies with a free joint.
 struct Ground {
     fixed: Vec<bool>,
     free: Vec<bool>,
@@ -127,7 +127,7 @@ pub fn out_of_range(model: &Model) -> Vec<OutOfRange> {
     found
 }
 
-/// [`Model::explain`] with excluded overlaps, hulls that are larger than their mesh, and what is in the way at the reference pose.
+/// [`Model::explain`] with excluded overlaps, large convex hulls, and overlaps and violated limits at the reference pose.
 pub fn explain(model: &Model) -> String {
     let excluded = model.excluded_overlaps.iter().map(|o| described(o, model)).collect();
     let hulls = model.wide_hulls().iter().map(|h| hull_line(h, model)).collect();
@@ -136,24 +136,25 @@ pub fn explain(model: &Model) -> String {
     let limits = out_of_range(model);
     let joints = limits.iter().map(|l| format!("{} is outside its range by {:.3} (rad or m)", model.joint_label(l.joint), l.by));
     let outside = shortened(joints.collect(), "joints are outside their range");
-    let in_the_way = [with_remedy(overlapping, OVERLAP_REMEDY), with_remedy(outside, RANGE_REMEDY)].concat();
+    let violated = [with_remedy(overlapping, OVERLAP_REMEDY), with_remedy(outside, RANGE_REMEDY)].concat();
     [
         model.explain(),
         section("Excluded from contact, because they overlap at the reference pose", &shortened(excluded, "pairs are excluded")),
         section("Convex hulls larger than their mesh", &with_remedy(shortened(hulls, "hulls are larger"), HULL_REMEDY)),
-        section("In the way at the reference pose", &in_the_way),
+        section("Overlaps and violated limits at the reference pose", &violated),
     ]
     .join("\n\n")
 }
 
 /// Remedy of overlaps at the reference pose.
-const OVERLAP_REMEDY: &str = "Contact is hard: position correction separates overlaps from the first step on, by at most \
-     max_correction_speed, and leaves those that contradict one another (status INFEASIBLE). Remedy: stepper.load(..., overlaps=\"exclude\") \
-     leaves out the contacts between these bodies, but for those with the ground; or give a pose without overlap (qpos0), make the geoms \
-     smaller, or exclude pairs yourself (<exclude>, contype and conaffinity).";
+const OVERLAP_REMEDY: &str = "From the first step on, position correction pushes these geoms apart at up to max_correction_speed. Where \
+     that is impossible, the status has INFEASIBLE. Remedy: disable contact between these bodies, except with the ground, by \
+     analysis::overlaps::exclude(&model); or choose a pose without overlap (qpos0), make the geoms smaller, or exclude pairs yourself \
+     (<exclude>, contype and conaffinity).";
 
 /// Remedy of joints outside their range.
-const RANGE_REMEDY: &str = "Joints outside their range come back from the first step on. Remedy: a pose inside, or a wider range.";
+const RANGE_REMEDY: &str = "From the first step on, position correction moves these joints into their range. Remedy: choose a \
+     reference pose inside the range (qpos0), or widen the range (jnt_range).";
 
 /// Overlap in words.
 pub fn described(overlap: &Overlap, model: &Description) -> String {
@@ -169,10 +170,10 @@ pub fn hull_line(hull: &WideHull, model: &Description) -> String {
 }
 
 /// Remedy of hulls that are larger than their mesh.
-pub const HULL_REMEDY: &str = "Remedy: model.replace(geom_concave=...) makes a mesh collide as its triangles (docs/terrain.md); parts of a \
-     moving body are better convex pieces.";
+pub const HULL_REMEDY: &str = "Remedy: model.replace(\"geom_concave\", ..) lets a mesh collide as its triangles (docs/terrain.md); for \
+     moving bodies, split the mesh into convex pieces.";
 
-/// Lines, if any, and what to do about them.
+/// Lines with their remedy, if there are any lines.
 fn with_remedy(mut lines: Vec<String>, remedy: &str) -> Vec<String> {
     if !lines.is_empty() {
         lines.push(remedy.into());
@@ -180,7 +181,7 @@ fn with_remedy(mut lines: Vec<String>, remedy: &str) -> Vec<String> {
     lines
 }
 
-/// The first lines, and how many more there are.
+/// The first [`SHOWN`] lines, and the number of the others.
 fn shortened(mut lines: Vec<String>, what: &str) -> Vec<String> {
     let more = lines.len().saturating_sub(SHOWN);
     lines.truncate(SHOWN);

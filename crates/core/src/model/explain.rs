@@ -105,17 +105,14 @@ impl Model {
         let pairs = self.collision_pairs();
         let (kept, missing): (Vec<_>, Vec<_>) =
             pairs.iter().partition(|p| Kernel::of(&self.geoms[p.geoms[0]].shape, &self.geoms[p.geoms[1]].shape).is_some());
+        let others = if dropped.is_empty() { String::new() } else { format!("; of the others {}", dropped.join(", ")) };
         let slick = kept.iter().filter(|p| p.condim == 1).count();
         let bouncing = kept.iter().filter(|p| p.restitution > 0.0).count();
         let giving = kept.iter().filter(|p| !p.spring.is_rigid()).count();
         let turning = kept.iter().filter(|p| p.condim > 3).count();
         let rough = kept.len() - slick - turning;
         vec![
-            Line::new(
-                kept.len(),
-                format!("{} of {total} geom pairs can collide; of the others {}", kept.len(), or_none(&dropped)),
-                "pairs of geoms that can collide",
-            ),
+            Line::new(kept.len(), format!("{} of {total} geom pairs can collide{others}", kept.len()), "pairs of geoms that can collide"),
             Line::new(
                 missing.len(),
                 format!("{} more would collide but for what is left out below", missing.len()),
@@ -312,10 +309,6 @@ fn short(names: impl Iterator<Item = impl Display>) -> String {
     let names: Vec<String> = names.map(|n| n.to_string()).collect();
     let more = if names.len() > SHOWN { format!(" and {} more", names.len() - SHOWN) } else { String::new() };
     names[..names.len().min(SHOWN)].join(", ") + &more
-}
-
-fn or_none(parts: &[String]) -> String {
-    if parts.is_empty() { "none".into() } else { parts.join(", ") }
 }
 
 fn section(title: &str, lines: &[String]) -> String {

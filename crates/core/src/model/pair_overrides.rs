@@ -73,10 +73,10 @@ impl<'a> PairOverrides<'a> {
     fn refusal(&self, pair: usize, geom: usize, geom_field: &str, pair_field: &str) -> ModelError {
         let [a, b] = self.model.pairs[pair].geoms.map(|g| self.model.geom_label(g));
         let what = format!(
-            "{geom_field} differs from the model's, and contacts of geoms {a:?} and {b:?} have the {pair_field} of explicit pair {:?} instead",
+            "{geom_field} has no effect on contacts of geoms {a:?} and {b:?}, which use the {pair_field} of explicit pair {:?} instead",
             label(&self.model.pairs[pair].name, pair)
         );
-        let remedy = format!("give {pair_field} too: other numbers, or the model's to leave these contacts as they are");
+        let remedy = format!("give {pair_field} too: new values, or the model's to keep these contacts as they are");
         ModelError::invalid(format!("geom {:?}", self.model.geom_label(geom)), what, remedy)
     }
 }

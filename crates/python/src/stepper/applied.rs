@@ -186,11 +186,11 @@ impl Stepper {
         slf.assign(py, AppliedInput::MocapQuat, &value)
     }
 
-    /// Writable, read by every step until changed or reset: whether each equality acts, (num_envs, neq) bool. It begins as the model's
-    /// `eq_active0`, and `reset` brings that back.
+    /// Whether each equality is active, (num_envs, neq) bool, as MuJoCo's `eq_active`: writable, and valid for every step until changed.
+    /// `reset` restores the model's `eq_active0`; `get_state` and `set_state` do not include it.
     ///
-    /// Rows of an equality that does not act are left out of the step. One that begins to act while its error is large closes it as fast as
-    /// positions are corrected, `Options.max_correction_speed`: a weld holds the pose of `eq_data`, not the present one.
+    /// The step ignores inactive equalities. If one is activated with a large position error, position correction closes it at up to
+    /// `Options.max_correction_speed`. A weld pulls the bodies to the relative pose in `eq_data`, not to the present one.
     #[getter]
     fn eq_active<'py>(mut slf: Writing<'_>, py: Python<'py>) -> PyResult<Bound<'py, PyUntypedArray>> {
         slf.applied_array(py, AppliedInput::EqActive)

@@ -59,9 +59,9 @@ impl Stepper {
         slf.per_env(py, "limit_overshoot", |env| slf.simulation.limit_overshoot(env))
     }
 
-    /// Largest position error of an equality (connect, weld, joint, tendon) after a step of the last call of `step`, in m or rad:
-    /// (num_envs,) float64. Above 0.001 `status` says EQUALITY_VIOLATED. It is 0 without equalities. Equalities with a finite
-    /// stiffness are springs and do not count, except with MuJoCo's contact law, by which all equalities are soft and all count.
+    /// Largest position error of an equality (connect, weld, joint, tendon) after any step of the last call of `step`, in m or rad:
+    /// (num_envs,) float64. Above 0.001 `status` has EQUALITY_VIOLATED. It is 0 without equalities. Equalities with a finite
+    /// stiffness are springs and are not included. With contact="mujoco" all equalities are soft, and all are included.
     #[getter]
     fn max_equality_violation<'py>(slf: Reading<'_>, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         slf.per_env(py, "max_equality_violation", |env| slf.simulation.max_equality_violation(env))

@@ -76,9 +76,9 @@ impl Stepper {
     /// `reset` and `set_state` leave them, pickles and recordings have them. Other fields stay as they are, whether the model's or
     /// randomized before. What no environment has of its own costs neither time nor memory.
     ///
-    /// Contacts of an explicit pair have the pair's friction and restitution, whatever its geoms have. So a geom_friction other than the
-    /// model's for a geom of a pair is an error unless environments have a pair_friction of their own, given here or before: other
-    /// numbers, or the model's to leave these contacts as they are. Likewise geom_restitution and pair_restitution.
+    /// Contacts of an explicit pair use pair_friction and pair_restitution and ignore those of the geoms. A new geom_friction for a geom
+    /// of a pair is therefore an error, unless pair_friction is given too, here or before: new values, or the model's to keep these
+    /// contacts as they are. Likewise geom_restitution and pair_restitution.
     ///
     /// Args:
     ///     mask: (num_envs,) bool: the environments that change; None is all. Rows of the others are not read.

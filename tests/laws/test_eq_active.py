@@ -120,8 +120,11 @@ def test_derivatives_have_it():
 
 def test_what_is_no_array_of_truths_is_refused():
     sim = stepper.Stepper(scene(), 2)
-    with pytest.raises(ValueError, match="broadcast"):
+    with pytest.raises(ValueError, match=r"eq_active has shape \(2, 3\).*broadcast"):
         sim.eq_active = np.ones((2, 4), bool)
+    for numbers in (np.nan, 2, [0.5, 1, 0], None):
+        with pytest.raises(ValueError, match="must be bool"):
+            sim.eq_active = numbers
     sim.eq_active.dtype = np.int8
     with pytest.raises(ValueError, match="eq_active is no longer a plain bool array"):
         sim.step()

@@ -80,7 +80,7 @@ impl<S: LaneScalar> WorkerPool<S> {
         chunks: impl Iterator<Item = P> + Send,
         work: impl Fn(&mut dyn Worker<S>, P) + Sync,
     ) {
-        let helpers = self.threads.min(chunks.size_hint().0) - 1;
+        let helpers = self.threads.min(chunks.size_hint().0).saturating_sub(1);
         let chunks = Mutex::new(chunks);
         let next = || chunks.lock().expect("taking a chunk does not panic").next();
         let take = || {

@@ -121,7 +121,22 @@ impl Stepper {
     /// Replaces the contents of a writable array.
     pub(super) fn assign(&mut self, py: Python<'_>, input: AppliedInput, value: &Bound<'_, PyAny>) -> PyResult<()> {
         self.applied_array(py, input)?;
-        self.made(py, input)?.expect("made above").untyped().set_item(py.Ellipsis(), value)
+        let (name, shape) = (input.name(), shape_text(&self.applied_shape(input)));
+        if input == AppliedInput::EqActive {
+            let dtype = py.import("numpy")?.call_method1("asarray", (value,))?.getattr("dtype")?;
+            if dtype.getattr("kind")?.extract::<String>()? != "b" {
+                return Err(PyValueError::new_err(format!(
+                    "{name} is {dtype}, must be bool {shape}: compare numbers first, e.g. values > 0.5"
+                )));
+            }
+        }
+        self.made(py, input)?.expect("made above").untyped().set_item(py.Ellipsis(), value).map_err(|error| {
+            if error.is_instance_of::<PyValueError>(py) {
+                PyValueError::new_err(format!("{name} has shape {shape}: {error}"))
+            } else {
+                error
+            }
+        })
     }
 
     /// Hands the writable arrays that were made to the core, which copies them.

@@ -36,7 +36,7 @@ FLOOR = 1e-3
 it turns the gradient by a thousandth."""
 
 NOISE = 1e-5
-"""The same between differences: noise of the narrowest, whose rollouts are solved to 1e-13 m/s."""
+"""Noise of the narrowest difference, relative as in `FLOOR`. Its rollouts are solved to 1e-13 m/s."""
 
 LAWS = {"hard": Options(tolerance=1e-13), "mujoco": Options(contact="mujoco", tolerance=1e-13)}
 """Both laws with their defaults, solved as tightly as derivatives are: rollouts and differences are of one map."""
@@ -187,7 +187,7 @@ def judge(scene: Scene, seed: int, into: Judged, count: int = 4) -> None:
 
 
 def verdict_of(ours: float, central: Array, sides: Array, scale: float) -> str:
-    """What the differences at all widths, central (3,) and to both sides (2, 3), say of a derivative; `scale` is that of the largest."""
+    """Verdict on a derivative by central (3,) and one-sided (2, 3) differences of all widths; `scale` is the largest derivative."""
     size, noise, floor = max(np.abs(central).max(), np.abs(sides).max()), NOISE * scale, FLOOR * scale
     if np.ptp(central) > SAME * size + noise:
         return "differences differ"

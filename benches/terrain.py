@@ -1,4 +1,4 @@
-"""What ground costs: one ball that rolls over it, and the processor time of a step.
+"""Cost of ground: processor time of a step of one ball that rolls over each kind.
 
 python -m terrain
 """

@@ -213,7 +213,7 @@ class Learner:
         return float(1.0 / np.sqrt(self.returned.var[0] + 1e-8))
 
     def objective(self, made: Horizon) -> tuple[Tensor, float, float]:
-        """What the policy makes less, as a function of its weights, the share of steps near a kink, and that of environments left out.
+        """Loss as a function of the policy's weights, with the shares of steps near a kink and of environments left out.
 
         Where the policy acts as it did, states are those that were; a little beside it they are off by A and B times what came before.
         """

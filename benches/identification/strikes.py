@@ -206,7 +206,7 @@ class Followed:
 
 
 def readings(scene: Strike, truth: Any, rng: np.random.Generator) -> dict[str, np.ndarray[Any, Any]]:
-    """What sensors with noise read of a run with these values, (T, dim) each, from a start that is not exactly known."""
+    """Noisy sensor readings of a run with these parameter values, (T, dim) each, from a perturbed start."""
     model = scene.model(truth)
     sim = stepper.Stepper(model, options=HARD)
     shift = START_STD[0] * rng.standard_normal(model.nv)

@@ -450,7 +450,7 @@ class Model:
         """Reference acceleration of an explicit pair's contacts by MuJoCo's law: (npair, 2)."""
     @property
     def pair_solreffriction(self) -> _Array:
-        """The same of their friction by MuJoCo's law; zeros where it is that of the normal: (npair, 2)."""
+        """Stiffness and damping of an explicit pair's friction by MuJoCo's law; zeros where it is that of the normal: (npair, 2)."""
     @property
     def pair_solimp(self) -> _Array:
         """Impedance of an explicit pair's contacts by MuJoCo's law: (npair, 5)."""

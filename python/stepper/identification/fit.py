@@ -145,7 +145,7 @@ class _Solver:
         self.evaluations = 0
 
     def with_residuals(self, residuals: Residuals) -> _Solver:
-        """The same solver of other residuals."""
+        """Solver with these settings for other residuals."""
         return _Solver(self._optimize, residuals, loss=self.loss, f_scale=self.f_scale, most=self._most)
 
     def search(self, starts: Sequence[Array], tolerance: float = COARSE) -> list[_Found]:

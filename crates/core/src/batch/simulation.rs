@@ -66,7 +66,7 @@ pub struct Simulation {
 struct TrueReadings {
     known: bool,
     readings: Vec<f64>,
-    /// What the user applied then, in the order of [`AppliedInput::ALL`](crate::batch::inputs::AppliedInput::ALL).
+    /// Inputs that the user applied at that time, in the order of [`AppliedInput::ALL`](crate::batch::inputs::AppliedInput::ALL).
     applied: [Vec<f64>; 5],
 }
 

@@ -352,7 +352,7 @@ impl<R: Real, const N: usize> SquaredLengths<R, N> {
 
 /// Ratio of trace(G) before the elimination to that after it.
 ///
-/// It is 1 if nothing is left, and exactly 1 if nothing was eliminated.
+/// The ratio is 1 if nothing is left, and exactly 1 if nothing was eliminated.
 #[inline(always)]
 pub(crate) fn trace_ratio<R: Real>(before: &[R], after: &[R]) -> R {
     let [mut trace_before, mut trace_after] = [R::zero(); 2];

@@ -1,8 +1,8 @@
 //! Overlaps of the solution that a derivative is taken at.
 //!
-//! What a contact or a limit demands has a corner, or with MuJoCo's law a jump, where its gap closes. A robot at rest has gaps of 1e-17 m
-//! of either sign, so that no displacement is small enough to stay on one side of all corners. At displaced states contacts and limits
-//! therefore stay on the side on which the solution has them.
+//! The target velocity of a contact or limit has a corner, or with MuJoCo's law a jump, where its gap closes. A robot at rest has gaps of
+//! 1e-17 m of either sign, so that no displacement is small enough to stay on one side of all corners. At displaced states contacts and
+//! limits therefore stay on the side on which the solution has them.
 
 use stepper_real::{Real, Scalar};
 

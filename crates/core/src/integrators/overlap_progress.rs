@@ -87,9 +87,12 @@ pub(crate) fn revert_ineffective_corrections<R: Real>(
     }
 }
 
+/// Least fraction of an overlap that counts as removed per step; keeps the division below finite without correction.
+const MIN_BAUMGARTE: f64 = 2e-7;
+
 /// Penalty of an overlap, or of a joint limit violation as a length, of `x` m.
 fn penalty(options: &StepSettings, x: f64) -> f64 {
-    let x0 = DAMPING * ARM / options.baumgarte.max(MIN_DECREASE);
+    let x0 = DAMPING * ARM / options.baumgarte.max(MIN_BAUMGARTE);
     x - x0 * (x / x0).ln_1p()
 }
 

@@ -194,8 +194,8 @@ fn farthest_closing_gap<R: Real>(
 
 /// Overlap below which a pair does not collide, m.
 ///
-/// It is the overlap of resting contacts nearby, at most the slop, plus [`touch_tolerance`]. A body that slides over flush supports keeps
-/// its overlap from one support to the next.
+/// The tolerance is the overlap of resting contacts nearby, at most the slop, plus [`touch_tolerance`]. A body that slides over flush
+/// supports keeps its overlap from one support to the next.
 #[inline(always)]
 fn pair_tolerance<R: Real>(query: &StrikeQuery<'_, R>, constraints: &Constraints<R>, candidate: &CandidatePair<R>) -> R {
     let compiled = query.compiled;

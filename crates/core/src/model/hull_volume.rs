@@ -19,7 +19,7 @@ const PLACE: [f64; 3] = [0.437_1, 0.541_3, 0.486_7];
 /// Hull volume over the mesh's volume from which a hull is worth a line, where the geom moves: links of robots are often half as large.
 const WIDE: f64 = 2.0;
 
-/// The same where no joint moves the geom: a trench in a plain is a small part of a terrain's hull, and others could be in it.
+/// Hull volume over the mesh's volume from which a fixed geom is worth a line: a trench is a small part of a terrain's hull.
 const WIDE_FIXED: f64 = 1.25;
 
 /// A geom that collides as a convex hull much larger than its mesh.
@@ -67,7 +67,7 @@ fn volume_ratio(mesh: &Mesh, hull: &Hull) -> f64 {
     if inside == 0 { 1.0 } else { inside as f64 / (inside - open) as f64 }
 }
 
-/// What a ray meets first.
+/// First side of a surface that a ray meets.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Sight {
     Free,
@@ -136,7 +136,7 @@ impl Grid {
 }
 
 impl Sights {
-    /// What a point sees along the axis and against it.
+    /// Sides of the mesh that a point faces along the axis and against it.
     fn of(&self, grid: &Grid, cell: [usize; 3]) -> [Sight; 2] {
         let (axis, u, v) = (self.axis, (self.axis + 1) % 3, (self.axis + 2) % 3);
         let (here, line) = (grid.at(axis, cell[axis]), &self.lines[cell[u] * POINTS + cell[v]]);

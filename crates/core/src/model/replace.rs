@@ -77,9 +77,12 @@ pub const REPLACEABLE: &[Field] = &[
     rows("pair_solref", 2, "reference acceleration of an explicit pair's contacts by MuJoCo's law", |m, f| {
         each_pair(m, f, |p| &mut p.softness.solref)
     }),
-    rows("pair_solreffriction", 2, "the same of their friction by MuJoCo's law; zeros where it is that of the normal", |m, f| {
-        each_pair(m, f, |p| &mut p.solref_friction)
-    }),
+    rows(
+        "pair_solreffriction",
+        2,
+        "stiffness and damping of an explicit pair's friction by MuJoCo's law; zeros where it is that of the normal",
+        |m, f| each_pair(m, f, |p| &mut p.solref_friction),
+    ),
     rows("pair_solimp", 5, "impedance of an explicit pair's contacts by MuJoCo's law", |m, f| each_pair(m, f, |p| &mut p.softness.solimp)),
     rows("pair_stiffness", 1, "stiffness of an explicit pair's contacts, N/m; infinity is rigid", |m, f| {
         each_pair(m, f, |p| std::slice::from_mut(&mut p.spring.stiffness))

@@ -11,7 +11,7 @@ use crate::error::value_error;
 use crate::stepper::{Reading, Stepper, Writing, precision_name};
 
 impl Stepper {
-    /// What a copy takes over besides what it is made with.
+    /// State, parameters and applied inputs that a copy takes over after its construction.
     fn contents<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let state = PyDict::new(py);
         state.set_item("state", PyBytes::new(py, &self.simulation.save_state().to_bytes()))?;

@@ -11,11 +11,12 @@ const TANGENT_JUMP: f64 = 1e-2;
 /// Relative rounding above which a scalar has single precision.
 const SINGLE: f64 = 1e-10;
 
-/// Gap that counts as rounding, in units of the rounding of a metre and of the contact's place. Ant that lies: 2 errs by 4 %, 4 by 0.01 %.
-const ROUNDED_GAP: f64 = 4.0;
+/// Rounding error of a distance, in units in the last place of the coordinates of its contact point. With 2, the weight of an ant that lies
+/// errs by 4 % in single precision, with 4 by 0.01 %.
+const DISTANCE_ROUNDINGS: f64 = 4.0;
 
-/// Share of the weight from which on a change of the normal force is felt.
-const FELT: f64 = 0.01;
+/// Share of the weight above which an error of a normal force matters.
+const FORCE_ERROR: f64 = 0.01;
 
 /// Identity of a contact from step to step: which pair of the compiled model (high 32 bits), which feature of the pair (low 32 bits).
 /// Ascending within an environment.
@@ -51,6 +52,15 @@ pub struct ContactPoint<R> {
     pub pos: V3<R>,
     /// Unit normal from the first geom to the second.
     pub normal: V3<R>,
+}
+
+impl<R: Real> ContactPoint<R> {
+    /// Rounding error of the distance, m.
+    #[inline(always)]
+    pub(crate) fn rounding(&self) -> R {
+        let [x, y, z] = self.pos;
+        R::of(DISTANCE_ROUNDINGS) * R::splat(R::Scalar::EPSILON) * (x.abs() + y.abs() + z.abs())
+    }
 }
 
 /// One slot: a contact in each lane that has so many.
@@ -218,23 +228,25 @@ impl<R: Real> Contacts<R> {
         self.count[l] = to;
     }
 
-    /// In 32 bits: makes gaps that are no more than the rounding of positions zero, where to close one within the step would change the
-    /// normal force by more than a hundredth of the weight. `drop` is what gravity covers in the step, g h^2, m.
+    /// In single precision: sets gaps below the rounding of their distance to zero.
+    ///
+    /// A body at rest jumps by one unit in the last place of its coordinates. The gap that this opens would let it fall in the next step.
+    /// Joint angles round the positions of links up to a metre away. Gaps below that rounding are closed if closing them within the step
+    /// would change the normal force noticeably. `drop` is what gravity covers in the step, g h^2, m.
     pub(crate) fn close_rounded_gaps(&mut self, drop: R) {
-        let epsilon = <R::Scalar as Scalar>::EPSILON.to_f64();
-        if epsilon < SINGLE {
+        if R::Scalar::EPSILON.to_f64() < SINGLE {
             return;
         }
         R::vectorize(
             #[inline(always)]
             || {
+                let metre = R::of(DISTANCE_ROUNDINGS) * R::splat(R::Scalar::EPSILON);
                 for k in 0..self.slots() {
-                    let ContactPoint { distance, pos: [x, y, z], .. } = self.data[k].point;
-                    let rounding = R::of(epsilon) * (R::one() + x.abs() + y.abs() + z.abs());
-                    let small = distance.gt(R::zero()).and(distance.lt(rounding * R::of(ROUNDED_GAP)));
-                    let felt = rounding.gt(drop * R::of(FELT));
-                    let gap = &mut self.data[k].point.distance;
-                    *gap = R::select(small.and(felt), R::zero(), *gap);
+                    let point = &mut self.data[k].point;
+                    let rounding = point.rounding();
+                    let felt = (rounding + metre).gt(drop * R::of(DISTANCE_ROUNDINGS * FORCE_ERROR));
+                    let small = point.distance.lt(rounding + R::select(felt, metre, R::zero()));
+                    point.distance = R::select(small.and(point.distance.gt(R::zero())), R::zero(), point.distance);
                 }
             },
         )

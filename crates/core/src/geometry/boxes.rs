@@ -1,7 +1,7 @@
 //! Two boxes: separating axes in closed form (Gottschalk, Lin & Manocha 1996).
 
 use crate::geometry::facing::Separation;
-use crate::geometry::pair::Pair;
+use crate::geometry::pair::{POSE_ROUNDING, Pair};
 use crate::geometry::vectors::{V, neg};
 use crate::math::spatial::*;
 
@@ -50,7 +50,7 @@ pub(super) fn separation(pair: &Pair<'_>, ha: V, hb: V, prediction: f64) -> Opti
         axis[i] = 1f64.copysign(p[i]);
         take(p[i].abs() - ha[i] - (hb[0] * cos(i, 0) + hb[1] * cos(i, 1) + hb[2] * cos(i, 2)), axis, 0.0);
     }
-    let tie = 1e-9 * pair.size;
+    let tie = POSE_ROUNDING * pair.size;
     for j in 0..3 {
         let axis = scale(column(r, j), 1f64.copysign(q[j]));
         take(q[j].abs() - hb[j] - (ha[0] * cos(0, j) + ha[1] * cos(1, j) + ha[2] * cos(2, j)), axis, tie);

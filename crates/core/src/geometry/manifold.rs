@@ -2,7 +2,7 @@
 
 use crate::geometry::clip::{Shared, Work, behind, edges_of_triangle, overlay};
 use crate::geometry::facing::Facing;
-use crate::geometry::pair::Pair;
+use crate::geometry::pair::{POSE_ROUNDING, Pair};
 use crate::geometry::patch::{Kind, Patch, View, edge};
 use crate::geometry::separating_plane::SeparatingPlane;
 use crate::geometry::shape::ConvexShape;
@@ -122,7 +122,7 @@ impl Clipper {
     /// The points of the patches that were taken up, of which the reference is nearly level, at their distances along the normal.
     fn faces(&mut self, pair: &Pair<'_>, axes: &[V; 3], reference: usize, prediction: f64, out: &mut Manifold) {
         let (r, o) = (&self.patches[reference], &self.patches[1 - reference]);
-        overlay(r, o, 1e-9 * pair.size, &mut self.work, &mut self.shared);
+        overlay(r, o, POSE_ROUNDING * pair.size, &mut self.work, &mut self.shared);
         if reference == 1 {
             self.shared.iter_mut().for_each(|s| s.h.swap(0, 1));
         }

@@ -4,6 +4,11 @@ use crate::geometry::shape::ConvexShape;
 use crate::geometry::vectors::{Pose, V, neg};
 use crate::math::spatial::*;
 
+/// Rounding error of the relative pose of two shapes in single precision, as a fraction of their size.
+///
+/// Features closer than this are equal, so that rounding does not exchange the contact points of bodies at rest.
+pub(super) const POSE_ROUNDING: f64 = 1e-6;
+
 /// Two shapes; everything of the second is in the frame of the first.
 pub(super) struct Pair<'a> {
     pub(super) a: &'a ConvexShape,

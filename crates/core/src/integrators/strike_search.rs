@@ -12,9 +12,6 @@ use crate::dynamics::kinematics::Kinematics;
 use crate::math::lanes::each_of;
 use crate::options::StepSettings;
 
-/// Rounding error of a distance a few metres from the origin, m: in 64 bits and in 32 bits.
-const POSITION_ROUNDING: [f64; 2] = [1e-12, 2e-6];
-
 /// Difference of two times of first touch, as a fraction of the path, below which both pairs count as first.
 const SIMULTANEOUS_FRACTION: f64 = 2e-3;
 
@@ -35,6 +32,8 @@ struct CandidatePair<R: Real> {
     pair: usize,
     /// Lanes in which the linearised gap closes. The search reduces them to those in which the pair collides.
     lanes: R::Mask,
+    /// Overlap below which the pair does not collide, m.
+    tolerance: R,
     /// Time of the first touch after the start of the path, s.
     time: R,
     /// Lanes (bits) in which another pair of the same trees touches earlier.
@@ -91,11 +90,11 @@ impl<R: Real> StrikeSearch<R> {
     pub(crate) fn list_candidates(&mut self, query: &StrikeQuery<'_, R>, constraints: &Constraints<R>) -> bool {
         self.rates.clear();
         self.pairs.clear();
-        let touch = touch_tolerance(query, constraints);
         R::vectorize(
             #[inline(always)]
             || {
                 for contact in &constraints.deferred {
+                    let touch = touch_tolerance(query, constraints, contact.slot);
                     let velocity = constraints.problem.normal_velocity(contact.contact, &constraints.iterate.w);
                     let rate = velocity - contact.bias;
                     let end = query.contacts.data[contact.slot].point.distance + constraints.closing_time * rate;
@@ -109,7 +108,7 @@ impl<R: Real> StrikeSearch<R> {
                 let lanes = R::Mask::from_bits(lanes);
                 match self.pairs.iter_mut().find(|candidate| candidate.pair == pair) {
                     Some(candidate) => candidate.lanes = candidate.lanes.or(lanes),
-                    None => self.pairs.push(CandidatePair { pair, lanes, time: R::zero(), later_lanes: 0 }),
+                    None => self.pairs.push(CandidatePair { pair, lanes, tolerance: R::zero(), time: R::zero(), later_lanes: 0 }),
                 }
             }
         }
@@ -129,7 +128,8 @@ impl<R: Real> StrikeSearch<R> {
             let pair = compiled.pair(candidate.pair);
             let gap = farthest_closing_gap(query, constraints, rates, candidate);
             let least = -(gap.distance + time * gap.rate) * R::of(query.margin);
-            let tolerance = pair_tolerance(query, constraints, candidate).max(least);
+            candidate.tolerance = pair_tolerance(query, constraints, candidate);
+            let tolerance = candidate.tolerance.max(least);
             (candidate.lanes, candidate.time) = swept.find_touch(&path(candidate.pair, pair), candidate.lanes, gap, tolerance);
             several = several.or(once.and(candidate.lanes));
             once = once.or(candidate.lanes);
@@ -139,8 +139,7 @@ impl<R: Real> StrikeSearch<R> {
         }
         for candidate in pairs.iter_mut().filter(|candidate| candidate.lanes.and(several).any()) {
             let (pair, lanes) = (compiled.pair(candidate.pair), candidate.lanes.and(several));
-            let tolerance = pair_tolerance(query, constraints, candidate);
-            candidate.time = swept.first_touch(&path(candidate.pair, pair), lanes, candidate.time, tolerance);
+            candidate.time = swept.first_touch(&path(candidate.pair, pair), lanes, candidate.time, candidate.tolerance);
         }
     }
 
@@ -205,14 +204,21 @@ fn pair_tolerance<R: Real>(query: &StrikeQuery<'_, R>, constraints: &Constraints
         let deepest = constraints.resting_overlap(query.contacts, frames_of, frames_of(candidate.pair), lane);
         overlap.set_lane(lane, R::of(deepest).lane(lane));
     }
-    overlap.min(R::of(query.options.slop)) + touch_tolerance(query, constraints)
+    let mut touch = R::zero();
+    for contact in &constraints.deferred {
+        for (pair, lanes) in query.contacts.pairs(contact.slot, contact.lanes.and(candidate.lanes).bits()) {
+            if pair == candidate.pair {
+                touch = R::select(R::Mask::from_bits(lanes), touch_tolerance(query, constraints, contact.slot), touch);
+            }
+        }
+    }
+    overlap.min(R::of(query.options.slop)) + touch
 }
 
 /// Overlap at the end of the path that counts as touch, m: the motion of a resting contact, or the rounding of positions if larger.
 #[inline(always)]
-fn touch_tolerance<R: Real>(query: &StrikeQuery<'_, R>, constraints: &Constraints<R>) -> R {
-    let rounding = POSITION_ROUNDING[usize::from(size_of::<R::Scalar>() < size_of::<f64>())];
-    (constraints.closing_time * R::of(resting_speed(query.options))).max(R::of(rounding))
+fn touch_tolerance<R: Real>(query: &StrikeQuery<'_, R>, constraints: &Constraints<R>, slot: usize) -> R {
+    (constraints.closing_time * R::of(resting_speed(query.options))).max(query.contacts.data[slot].point.rounding())
 }
 
 /// Kinematic trees of the bodies of a pair. `None` for the world and mocap bodies.

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import difflib
 import functools
-from collections.abc import Callable, Iterable
-from typing import Any
+from collections.abc import Callable, Collection, Iterable
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+
+from stepper._stepper import Model, Stepper
 
 _NOTHING = "nothing sets it: it says how things are"
 _STATE = ("qpos", "qvel", "act", "time")
@@ -31,6 +33,7 @@ _REMEDIES = {
     ),
     "timestep": "stepper.Options(timestep=...) chooses it, and model.replace(timestep=...) a model's own",
     "tolerance": "stepper.Options(tolerance=...) chooses it",
+    "eq_active": "sim.eq_active[...] = ... switches equalities of each environment, model.replace(eq_active0=...) their initial state",
     "model": "make another stepper of another model, or change parameters of environments with sim.randomize(...)",
     "randomized": "sim.randomize(...) sets it",
     **dict.fromkeys(("options", "num_envs", "precision", "threads", "sensors", "actuators"), "it is chosen when a stepper.Stepper is made"),
@@ -45,6 +48,8 @@ _REMEDIES = {
 }  # fmt: skip
 _LISTED = 12
 """Names that a message lists."""
+_NEW_NAMES = {("Options", "of"): "from_model"}
+"""Today's names of attributes that had another one, by class and earlier name."""
 _OF_ENVIRONMENTS = "environments have it of their own: sim.randomize({}=...) sets it"
 
 _OPERATORS = ("add", "sub", "mul", "matmul", "truediv", "floordiv", "mod", "pow", "lshift", "rshift", "and", "or", "xor")
@@ -121,8 +126,49 @@ def not_assigned(owner: type, name: str) -> AttributeError:
 
 
 def no_attribute(owner: type, name: str) -> AttributeError:
-    """What to say of a name that nothing has."""
-    return AttributeError(f"a stepper.{owner.__name__} has no attribute {name!r}{near(name, dir(owner))}")
+    """Error for an attribute that a class does not have: its new name, where it is instead, or similar names."""
+    hint = _place_of(owner, name) or near(name, dir(owner))
+    return AttributeError(f"a stepper.{owner.__name__} has no attribute {name!r}{hint}")
+
+
+def _place_of(owner: type, name: str) -> str:
+    """Where an attribute is that a class does not have, as the end of a message; empty if it is nowhere."""
+    if (owner.__name__, name) in _NEW_NAMES:
+        return f"; did you mean {_NEW_NAMES[owner.__name__, name]}?"
+    if name.startswith("_"):
+        return ""
+    if owner is Model and hasattr(Stepper, name):
+        start = f", and model.{name}0 is its value after a reset" if hasattr(Model, f"{name}0") else ""
+        return f"; a stepper.Stepper of the model has it, as sim.{name}{start}"
+    if owner is Stepper and hasattr(Model, name):
+        return f"; its model has it, as sim.model.{name}"
+    return ""
+
+
+class Hinting(type):
+    """Metaclass of classes whose missing attributes are named in an error with a hint, as `Options.of`."""
+
+    if not TYPE_CHECKING:  # Type checkers know which attributes there are.
+
+        def __getattr__(cls, name: str) -> Any:
+            raise no_attribute(cls, name)
+
+
+def unknown_field(where: str, name: str, known: Iterable[str], listed: str) -> str:
+    """Message about the name of a field that a call does not take: which call does, similar names, or where all names are listed.
+
+    Args:
+        where: Call or argument that was given the name: "randomize", "wrt".
+        name: The name.
+        known: Names that the call takes.
+        listed: What lists these names: "help(stepper.Stepper.randomize)".
+    """
+    hint = near(name, known) or f"; {listed} lists the fields"
+    if isinstance(getattr(Model, name, None), property):
+        hint = f"; all environments of a stepper share this one: make a stepper.Stepper of model.replace({name}=...)"
+    elif name in _REMEDIES:
+        hint = f"; {_REMEDIES[name]}"
+    return f"{where}: there is no field {name!r}{hint}"
 
 
 def unknown(kind: str, name: str, names: list[str]) -> str:
@@ -145,3 +191,8 @@ def near(name: str, known: Iterable[str]) -> str:
     """The names most like one that nothing has, as the end of a message; empty when none is."""
     found = difflib.get_close_matches(name, [other for other in known if not other.startswith("_")], n=3)
     return f"; did you mean {' or '.join(found)}?" if found else ""
+
+
+def near_or_all(name: str, known: Collection[str]) -> str:
+    """The names most like one that nothing has, or all when none is, as the end of a message."""
+    return near(name, known) or f"; there are: {', '.join(known)}"

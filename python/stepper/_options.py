@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal, TypeAlias
 
+from stepper._hints import Hinting
+
 Precision: TypeAlias = Literal["f64", "f32"]
 """Scalar type of the lanes."""
 
@@ -13,7 +15,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Options:
+class Options(metaclass=Hinting):
     """Every choice of method that a step makes. Immutable; `dataclasses.replace` makes another.
 
     Out-of-range values raise `ValueError` when a `Stepper` is made with them.

@@ -20,6 +20,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from stepper._hints import near_or_all
 from stepper._stepper import Model, Stepper
 
 Array = NDArray[Any]
@@ -56,7 +57,7 @@ def read(sim: Stepper, name: str, of: Key | Sequence[Key] | None = None, *, out:
         KeyError, IndexError: No element of that name or index.
     """
     if name not in KINDS:
-        raise ValueError(f"there is no quantity {name!r}, there are: {', '.join(sorted(KINDS))}")
+        raise ValueError(f"there is no quantity {name!r}{near_or_all(name, sorted(KINDS))}")
     values = np.asarray(getattr(sim, name))
     if of is not None:
         axis = 0 if sim.num_envs is None else 1

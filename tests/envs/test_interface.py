@@ -183,7 +183,7 @@ def test_statistics_are_those_of_gymnasiums_wrapper():
 
 
 @pytest.mark.parametrize(("make", "error", "said"), [
-    (lambda: StepperVectorEnv("Cheetah", 2), ValueError, "there is no task 'Cheetah', there are: Ant, HalfCheetah"),
+    (lambda: StepperVectorEnv("Cheetah", 2), ValueError, "there is no task 'Cheetah'; did you mean HalfCheetah"),
     (lambda: StepperVectorEnv("Hopper", 2, contact="soft"), ValueError, "contact is 'soft', must be"),
     (lambda: StepperVectorEnv("Hopper", 2, dtype="float16"), ValueError, "dtype is float16"),
     (lambda: StepperVectorEnv("Hopper", 2, max_episode_steps=0), ValueError, "max_episode_steps is 0"),

@@ -128,7 +128,7 @@ def test_a_stepper_without_an_axis_has_none():
 
 
 @pytest.mark.parametrize(("call", "error", "said"), [
-    (lambda sim: quantities.read(sim, "xpo"), ValueError, "there is no quantity 'xpo', there are: act"),
+    (lambda sim: quantities.read(sim, "xpo"), ValueError, "there is no quantity 'xpo'; did you mean xpos"),
     (lambda sim: quantities.read(sim, "xpos", "tors"), KeyError, "torso"),
     (lambda sim: quantities.read(sim, "xpos", 99), IndexError, "99"),
     (lambda sim: quantities.read(sim, "xpos", out=np.empty((5, 14, 3), np.float32)), ValueError, "float32, must have"),

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from stepper._stepper import Stepper
-from stepper.derivatives.perturbations import STATE
+from stepper.derivatives.perturbations import STATE, check_parameters
 from stepper.derivatives.rollout import Rollout
 from stepper.derivatives.rollout import rollout as make
 from stepper.shared.machine import require
@@ -39,7 +39,11 @@ def rollout(
         (num_envs, nv), (num_envs, na) and, for each name of `parameters`, (num_envs, ...). It gives "qpos", "qvel" and "act" after every
         control, (T, num_envs, ...), and "sensors" if they are wanted. A state that is given begins without the memory of drives. It raises
         TypeError for another number of arrays, and for one that is neither float32 nor float64.
+
+    Raises:
+        TypeError, ValueError, KeyError: `parameters` that are no fields of the stepper's model.
     """
+    check_parameters(sim.model, parameters)
     original = copy.deepcopy(sim)
     names = ("qpos", "qvel", "act", *(("sensors",) if sensors else ()))
     sizes = {"qpos": sim.model.nq, "qvel": sim.model.nv, "act": sim.model.na, "sensors": sim.model.nsensordata}

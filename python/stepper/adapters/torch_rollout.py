@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from stepper._stepper import Stepper
-from stepper.derivatives.perturbations import STATE
+from stepper.derivatives.perturbations import STATE, check_parameters
 from stepper.derivatives.rollout import Rollout
 from stepper.derivatives.rollout import rollout as make
 from stepper.shared.machine import require
@@ -65,11 +65,12 @@ def rollout(
 
     Raises:
         TypeError: A tensor that is neither float32 nor float64.
-        ValueError: A wrong shape, a number that is not finite.
+        ValueError: A wrong shape, a number that is not finite, a parameter that is no field.
         ModelError: Parameters that no model may have.
     """
     given = dict(zip(STATE, (qpos, qvel, act), strict=True))
     names = tuple(parameters or {})
+    check_parameters(sim.model, names)
     for name, tensor in {"ctrl": ctrl, **given, **(parameters or {})}.items():
         if tensor is not None and tensor.dtype not in (torch.float32, torch.float64):
             raise TypeError(f"{name} has dtype {tensor.dtype}, must be torch.float32 or torch.float64: convert it, as {name}.double()")

@@ -6,7 +6,6 @@ points beside the nominal one, or one for differences to one side, and twice as 
 
 from __future__ import annotations
 
-import difflib
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -15,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from stepper._hints import unknown_field
 from stepper._stepper import Model
 from stepper.shared.fields import RANDOMIZED
 
@@ -129,25 +129,47 @@ def blocks_of(model: Model, wrt: Sequence[str]) -> list[Block]:
         ValueError: A name twice, none at all, or one that nothing has.
         KeyError: No element of a name behind the colon.
     """
-    if isinstance(wrt, str) or not all(isinstance(name, str) for name in wrt):
-        raise TypeError(f"wrt is {wrt!r}, must be a sequence of names, as ('qpos', 'qvel', 'act', 'ctrl')")
-    if not wrt or len(set(wrt)) != len(wrt):
-        raise ValueError(f"wrt is {tuple(wrt)!r}, must have one name at least and none twice")
-    return [_block(model, name) for name in wrt]
+    _check_names("wrt", wrt, "('qpos', 'qvel', 'act', 'ctrl')")
+    if not wrt:
+        raise ValueError("wrt is (), must have one name at least")
+    return [_block(model, name, "wrt") for name in wrt]
 
 
-def _block(model: Model, name: str) -> Block:
+def check_parameters(model: Model, parameters: Sequence[str]) -> None:
+    """Checks the parameters by which a rollout is differentiated.
+
+    Raises:
+        TypeError: `parameters` is a string or has something else than strings.
+        ValueError: A name twice, one that no field has, or a part of the state or the controls, whose gradients a rollout always has.
+        KeyError: No element of a name behind the colon.
+    """
+    _check_names("parameters", parameters, "('body_mass', 'geom_friction:floor')")
+    for name in parameters:
+        if name in (*STATE, "ctrl"):
+            raise ValueError(f"parameters has {name!r}, but gradients by the state and the controls are always there: leave it out")
+        _block(model, name, "parameters")
+
+
+def _check_names(argument: str, names: Sequence[str], example: str) -> None:
+    """Checks that an argument is a sequence of names without repetition."""
+    if isinstance(names, str) or not all(isinstance(name, str) for name in names):
+        remedy = f"({names!r},)" if isinstance(names, str) else example
+        raise TypeError(f"{argument} is {names!r}, must be a sequence of names, as {remedy}")
+    if twice := sorted({name for name in names if list(names).count(name) > 1}):
+        raise ValueError(f"{argument} has {twice[0]!r} more than once: name it once")
+
+
+def _block(model: Model, name: str, argument: str) -> Block:
+    """Block of a name that is in an argument."""
     field, colon, elements = name.partition(":")
     sizes = {"qpos": model.nv, "qvel": model.nv, "act": model.na, "ctrl": model.nu}
     if field in sizes and not colon:
         return Block(name, field, np.arange(sizes[field]), (sizes[field],))
+    if field in sizes:
+        raise ValueError(f"{argument} has {name!r}, but {field} has no elements by name: write {field!r} alone")
     if field not in RANDOMIZED:
-        known = [*sizes, *RANDOMIZED]
-        near = difflib.get_close_matches(field, known, 2)
-        raise ValueError(
-            f"wrt has {name!r}, which is neither 'ctrl', a part of the state nor a field of randomize"
-            + (f"; did you mean {' or '.join(near)}?" if near else f"; there are: {', '.join(known)}")
-        )
+        known = [*sizes, *RANDOMIZED] if argument == "wrt" else RANDOMIZED
+        raise ValueError(unknown_field(argument, field, known, "help(stepper.Stepper.randomize)"))
     own = np.asarray(getattr(model, field), np.float64)
     index = np.arange(own.size).reshape(own.shape)
     if not colon:

@@ -15,7 +15,7 @@ from stepper._stepper import State, Stepper
 from stepper.derivatives.copies import rows
 from stepper.derivatives.kinks import Bools
 from stepper.derivatives.linearize import Linearization, linearize
-from stepper.derivatives.perturbations import STATE, Array, blocks_of
+from stepper.derivatives.perturbations import STATE, Array, check_parameters
 from stepper.derivatives.smoothing import Smoothing, smoothed
 from stepper.derivatives.tangent import from_tangent, to_tangent
 from stepper.derivatives.undetermined import first_undetermined
@@ -240,14 +240,13 @@ def rollout(
         sensors: Whether to compute readings of ideal sensors.
 
     Raises:
-        TypeError: `parameters` is a string.
-        ValueError: A wrong shape, a number of steps below 1, an unknown parameter.
+        TypeError: `parameters` is a string or has something else than strings.
+        ValueError: A wrong shape, a number of steps below 1, or a parameter that is unknown, given twice, or a part of
+            the state or the controls.
         KeyError: An unknown element behind the colon of a parameter.
     """
     model, n = sim.model, sim.num_envs
-    if isinstance(parameters, str):
-        raise TypeError(f"parameters is {parameters!r}, must be a sequence of names, as ({parameters!r},)")
-    blocks_of(model, (*STATE, "ctrl", *parameters))
+    check_parameters(model, parameters)
     given = np.asarray(ctrl, np.float64)
     if given.ndim == 2 and n is not None and given.shape[1] == model.nu:
         given = np.broadcast_to(given[:, None], (len(given), n, model.nu))

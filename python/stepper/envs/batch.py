@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from gymnasium.spaces import Box
 
+from stepper._hints import near_or_all
 from stepper._options import Options, Precision
 from stepper._status import Status
 from stepper._stepper import Model, Stepper
@@ -298,7 +299,7 @@ def made_task(task: Task | type[Task] | str, arguments: dict[str, Any]) -> Task:
     if isinstance(task, type) and issubclass(task, Task):
         return task(**arguments)
     if task not in TASKS:
-        raise ValueError(f"there is no task {task!r}, there are: {', '.join(sorted(TASKS))}; or give a stepper.envs.Task")
+        raise ValueError(f"there is no task {task!r}{near_or_all(task, sorted(TASKS))}; or give a stepper.envs.Task")
     return TASKS[task](**arguments)
 
 

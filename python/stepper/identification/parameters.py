@@ -6,7 +6,6 @@ as log-Cholesky parameters, others as they are. `bind` looks the elements up in 
 
 from __future__ import annotations
 
-import difflib
 import fnmatch
 import math
 from collections.abc import Sequence
@@ -15,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from stepper._hints import near, near_or_all
 from stepper._stepper import Model
 from stepper.actuators import ActuatorModel, Drive
 from stepper.identification import inertia as shape
@@ -109,9 +109,7 @@ class Unknown:
 
     def __post_init__(self) -> None:
         if self.kind not in KINDS:
-            near = difflib.get_close_matches(self.kind, KINDS, 1)
-            hint = f"; did you mean {near[0]!r}?" if near else ""
-            raise ValueError(f"there is no kind of parameter {self.kind!r}, there are: {', '.join(KINDS)}{hint}")
+            raise ValueError(f"there is no kind of parameter {self.kind!r}{_kinds_like(self.kind)}")
         object.__setattr__(self, "of", (self.of,) if isinstance(self.of, str) else tuple(self.of))
         if not self.of:
             raise ValueError(f"a parameter of kind {self.kind!r} needs the name of a {KINDS[self.kind].element}")
@@ -438,6 +436,14 @@ def natural(blocks: Sequence[Block], theta: Array) -> Array:
     return np.concatenate([block.natural(piece) for block, piece in zip(blocks, split(blocks, theta), strict=True)], axis=-1)
 
 
+def _kinds_like(kind: str) -> str:
+    """Kinds of a field of the model, or of a similar name, or all, as the end of a message."""
+    of_field = [name for name, known in KINDS.items() if known.field == kind]
+    if of_field:
+        return f"; did you mean {' or '.join(of_field)}?"
+    return near_or_all(kind, KINDS)
+
+
 def _names(model: Model, element: str) -> list[str]:
     return list(getattr(model, f"{element}_names"))
 
@@ -454,14 +460,8 @@ def _find(model: Model, element: str, name: str) -> list[int]:
         return [names.index(name)]
     found = [k for k, other in enumerate(names) if other and fnmatch.fnmatchcase(other, name)]
     if not found:
-        near = difflib.get_close_matches(name, [n for n in names if n], 3)
-        if near:
-            hint = f"did you mean {' or '.join(map(repr, near))}?"
-        elif names:
-            hint = f"there are: {', '.join(n or f'#{k}' for k, n in enumerate(names))}"
-        else:
-            hint = f"the model has no {element}"
-        raise KeyError(f"no {element} is named {name!r}; {hint}")
+        listed = f"; there are: {', '.join(n or f'#{k}' for k, n in enumerate(names))}" if names else f"; the model has no {element}"
+        raise KeyError(f"no {element} is named {name!r}{near(name, names) or listed}")
     return found
 
 

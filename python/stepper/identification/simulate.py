@@ -6,7 +6,6 @@ Environments are variants times episodes. What `Stepper.randomize` takes goes in
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -14,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from stepper._hints import near_or_all
 from stepper._options import Options
 from stepper._status import Status
 from stepper._stepper import Model, Stepper
@@ -92,11 +92,7 @@ def _channel(model: Model, name: str, width: int) -> Channel:
         columns = tuple(range(own.qposadr, own.qposadr + own.nq)) if head == "qpos" else dofs
         return Channel(name, head, columns, dofs if head == "qpos" else (), False, slice(width, width + own.nv), -1)
     known = [*(n for n in model.sensor_names if n), *COORDINATES, *(f"qpos:{n}" for n in model.joint_names if n)]
-    near = difflib.get_close_matches(name, known, 3)
-    raise KeyError(
-        f"no sensor or coordinate is named {name!r}; "
-        + (f"did you mean {' or '.join(near)}?" if near else f"there are: {', '.join(known)}")
-    )
+    raise KeyError(f"no sensor or coordinate is named {name!r}{near_or_all(name, known)}")
 
 
 def find_channels(model: Model, names: Iterable[str]) -> list[Channel]:

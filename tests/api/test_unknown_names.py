@@ -1,0 +1,144 @@
+"""Names of fields and attributes that do not exist: the message names the argument and the right name, and is short."""
+
+import numpy as np
+import pytest
+import stepper
+from hypothesis import given
+from hypothesis import strategies as st
+from stepper._hints import unknown_field
+from stepper.derivatives import rollout
+from stepper.experiments.study.parameters import Parameter, check
+from stepper.shared.fields import RANDOMIZED
+
+SCENE = """<mujoco><worldbody><body name="ball"><joint name="x" type="slide" axis="1 0 0"/><geom name="ball" size=".1" mass="1"/></body>
+</worldbody><actuator><motor joint="x"/></actuator></mujoco>"""
+MODEL = stepper.load(SCENE)
+SIM = stepper.Stepper(MODEL)
+CTRL = np.zeros((2, 1))
+LONGEST = 200
+"""Characters of a message, about two lines of a terminal; all fields of `Model.replace` by name take 1,300."""
+
+TAKERS = {
+    "wrt": lambda name: SIM.linearize((name,)),
+    "parameters": lambda name: rollout(SIM, CTRL, parameters=(name,)),
+    "target": lambda name: check({"p": Parameter(target=name, names="*", low=0.1, high=1.0)}, MODEL),
+}
+"""Calls that take the name of a field, by the argument that has it."""
+
+
+@pytest.mark.parametrize("argument", TAKERS)
+@pytest.mark.parametrize(("name", "hint"), [
+    ("gem_friction", "did you mean geom_friction"),
+    ("friction", "did you mean"),
+    ("mass", "did you mean body_mass"),
+    ("eq_active", "eq_active0"),
+])  # fmt: skip
+def test_the_message_names_the_argument_and_the_field(argument, name, hint):
+    with pytest.raises(ValueError, match=hint) as error:
+        TAKERS[argument](name)
+    text = str(error.value)
+    assert argument in text
+    assert repr(name) in text
+    assert len(text) <= LONGEST
+
+
+@st.composite
+def typos(draw):
+    """A field, and its name with a letter left out, doubled, replaced, or two letters exchanged."""
+    field = draw(st.sampled_from(sorted(RANDOMIZED)))
+    at = draw(st.integers(0, len(field) - 2))
+    letter = draw(st.sampled_from("abcdefghijklmnopqrstuvwxyz_"))
+    before, one, two, after = field[:at], field[at], field[at + 1], field[at + 2 :]
+    wrong = draw(st.sampled_from([two, one + one + two, letter + two, two + one]))
+    return field, before + wrong + after
+
+
+@given(typos(), st.sampled_from(["wrt", "parameters"]))
+def test_a_field_with_a_slip_of_the_pen_is_suggested(typo, argument):
+    field, name = typo
+    if name in RANDOMIZED:
+        return
+    with pytest.raises(ValueError, match=rf"\b{field}\b") as error:
+        TAKERS[argument](name)
+    assert str(error.value).startswith(f"{argument}: there is no field {name!r}")
+    assert len(str(error.value)) <= LONGEST
+
+
+@pytest.mark.parametrize(("name", "remedy"), [
+    ("eq_active", "sim.eq_active[...] = ... switches equalities of each environment"),
+    ("qpos", "sim.set_state(qpos=...) sets it"),
+    ("geom_margin", "make a stepper.Stepper of model.replace(geom_margin=...)"),
+    ("zzz", "help(stepper.Stepper.randomize) lists the fields"),
+    ("dof_dampin", "did you mean dof_damping"),
+])  # fmt: skip
+def test_what_randomize_does_not_take_is_said_to_be_elsewhere(name, remedy):
+    message = unknown_field("randomize", name, RANDOMIZED, "help(stepper.Stepper.randomize)")
+    assert message.startswith(f"randomize: there is no field {name!r}; ")
+    assert remedy in message
+    assert len(message) <= LONGEST
+
+
+@pytest.mark.parametrize(("parameters", "error", "message"), [
+    (("typo",), ValueError, r"^parameters: there is no field 'typo'"),
+    (("qpos",), ValueError, r"^parameters has 'qpos', but gradients by the state .* are always there: leave it out"),
+    (("ctrl",), ValueError, r"^parameters has 'ctrl'"),
+    (("gravity", "gravity"), ValueError, r"^parameters has 'gravity' more than once"),
+    ((3,), TypeError, r"^parameters is \(3,\), must be a sequence of names"),
+    ("gravity", TypeError, r"^parameters is 'gravity', must be a sequence of names, as \('gravity',\)"),
+    (("geom_friction:bell",), KeyError, "no geom 'bell'; did you mean ball"),
+])  # fmt: skip
+def test_a_rollout_names_the_argument_that_it_was_given(parameters, error, message):
+    with pytest.raises(error) as raised:
+        rollout(SIM, CTRL, parameters=parameters)
+    raised.match(message if error is not KeyError else f'^"{message}')
+    assert "wrt" not in str(raised.value)
+
+
+@pytest.mark.parametrize(("wrt", "error", "message"), [
+    ((), ValueError, r"^wrt is \(\), must have one name at least"),
+    (("qvel", "qvel"), ValueError, "^wrt has 'qvel' more than once"),
+    (("qpos:x",), ValueError, "^wrt has 'qpos:x', but qpos has no elements by name: write 'qpos' alone"),
+])  # fmt: skip
+def test_names_of_linearize(wrt, error, message):
+    with pytest.raises(error, match=message):
+        SIM.linearize(wrt)
+
+
+@pytest.mark.parametrize(("kind", "hint"), [
+    ("geom_friction", "did you mean friction or torsion or rolling?"),
+    ("body_mass", "did you mean mass?"),
+    ("dof_damping", "did you mean damping?"),
+    ("frictoin", "did you mean friction"),
+    ("eq_active", "there are: mass, com, moments"),
+])  # fmt: skip
+def test_identify_suggests_the_kind_of_a_field(kind, hint):
+    with pytest.raises(ValueError, match=f"^there is no kind of parameter '{kind}'") as error:
+        stepper.identify(MODEL, [], [f"{kind}:ball"])
+    assert hint in str(error.value)
+
+
+@pytest.mark.parametrize(("attribute", "hint"), [
+    (lambda: stepper.Options.of(MODEL), "a stepper.Options has no attribute 'of'; did you mean from_model?"),
+    (lambda: stepper.Options.form_model, "did you mean from_model?"),
+    (lambda: MODEL.eq_active, "it, as sim.eq_active, and model.eq_active0 is its value after a reset"),
+    (lambda: MODEL.qpos, "a stepper.Stepper of the model has it, as sim.qpos, and model.qpos0"),
+    (lambda: MODEL.step, "a stepper.Stepper of the model has it, as sim.step"),
+    (lambda: SIM.eq_active0, "its model has it, as sim.model.eq_active0"),
+    (lambda: SIM.body_mass, "its model has it, as sim.model.body_mass"),
+])  # fmt: skip
+def test_attributes_of_another_class_are_found(attribute, hint):
+    with pytest.raises(AttributeError) as error:
+        attribute()
+    assert hint in str(error.value)
+
+
+def test_every_public_name_of_one_class_is_found_from_the_other():
+    """What only a model has is named by a stepper, and the other way round."""
+    for owner, other, place in ((MODEL, stepper.Stepper, "sim."), (SIM, stepper.Model, "sim.model.")):
+        for name in dir(other):
+            if name.startswith("_") or hasattr(type(owner), name):
+                continue
+            with pytest.raises(AttributeError) as error:
+                getattr(owner, name)
+            assert f"{place}{name}" in str(error.value)
+            assert not hasattr(owner, name)

@@ -58,7 +58,7 @@ def test_wrong_calls_say_what_to_do():
             made(np.zeros((2, 2, 3), dtype), *state, mass)
     with pytest.raises(TypeError, match="takes 5 arrays, ctrl, qpos, qvel, act, body_mass; 4 were given"):
         made(np.zeros((2, 2, 3)), *state)
-    with pytest.raises(ValueError, match=r"^parameters: there is no field 'body_mas'; did you mean body_mass\?"):
+    with pytest.raises(ValueError, match=r"^parameters: there is no field 'body_mas'; did you mean body_mass"):
         rollout(sim, parameters=("body_mas",))
     with pytest.raises(TypeError, match=r"^parameters is 'body_mass', must be a sequence of names, as \('body_mass',\)"):
         rollout(sim, parameters="body_mass")

@@ -3,6 +3,7 @@
 import functools
 import pickle
 from dataclasses import dataclass
+from typing import Any
 
 import gymnasium
 import numpy as np
@@ -16,6 +17,7 @@ from stepper.actuators import ActuatorModel, Drive
 from stepper.envs import Quantity, StepperEnv, StepperVectorEnv, Task
 from stepper.envs.basic import FallingBlock
 from stepper.sensors import SensorModel, Transfer
+from stepper.shared.fields import APPLIED
 
 N, LIMIT = 4, 5
 
@@ -245,10 +247,14 @@ STATE.reset(seed=0)
 
 @pytest.mark.parametrize(("envs", "error", "said"), [
     (lambda: StepperVectorEnv("HalfCheetah", 2), ValueError, r"'returns' of the state has shape \(4,\), must have shape \(2,\)"),
-    (lambda: StepperVectorEnv("Hopper", N), ValueError, r"'action' of the state has shape \(4, 6\), must have shape \(4, 3\)"),
-    (lambda: StepperVectorEnv("Walker2d", N), ValueError, "model"),
-    (lambda: StepperVectorEnv("HalfCheetah", N, precision="f32"), ValueError, "numbers in F64, this stepper in F32"),
-    (lambda: StepperVectorEnv(Everything(), N), ValueError, "'action' of the state"),
+    (lambda: StepperVectorEnv("Hopper", N), ValueError, "settings: task was 'HalfCheetah' and is 'Hopper' here. Make"),
+    (lambda: StepperVectorEnv(Everything(), N), ValueError, "task was 'HalfCheetah' and is 'Everything' here"),
+    (lambda: StepperVectorEnv("HalfCheetah", N, precision="f32"), ValueError, "precision was 'f64' and is 'f32' here. Make"),
+    (lambda: StepperVectorEnv("HalfCheetah", N, contact="hard"), ValueError, "contact was 'mujoco' and is 'hard' here.*sim.set_state"),
+    (lambda: StepperVectorEnv("HalfCheetah", N, options=stepper.Options(timestep=0.005)), ValueError, "timestep was 0.01 and is 0.005"),
+    (lambda: StepperVectorEnv("HalfCheetah", N, forward_reward_weight=2.0), ValueError,
+     r"settings: HalfCheetah\.forward_reward_weight was 1\.0 and is 2\.0 here\. Make .*, or take over the motion alone"),
+    (lambda: StepperVectorEnv("HalfCheetah", N, model=heavier("HalfCheetah")), ValueError, "model"),
 ])  # fmt: skip
 def test_a_state_of_other_environments_is_refused(envs, error, said):
     other = envs()
@@ -257,6 +263,93 @@ def test_a_state_of_other_environments_is_refused(envs, error, said):
     with pytest.raises(error, match=said):
         other.set_state(STATE.get_state())
     assert pickle.dumps(other.get_state().sim) == before
+
+
+SETTINGS = {
+    "frame_skip": st.integers(1, 9), "forward_reward_weight": st.floats(0.5, 2.0), "ctrl_cost_weight": st.floats(0.05, 0.2),
+    "reset_noise_scale": st.floats(0.05, 0.2), "exclude_current_positions_from_observation": st.booleans(),
+}  # fmt: skip
+OPTIONS = {
+    "contact": st.sampled_from(["mujoco", "hard"]), "solver": st.sampled_from(["auto", "pgs", "newton"]),
+    "tolerance": st.sampled_from([1e-6, 1e-8]), "max_contacts": st.sampled_from([None, 40]),
+}  # fmt: skip
+
+
+@settings(max_examples=25, deadline=None, derandomize=True)
+@given(*(st.tuples(st.fixed_dictionaries(SETTINGS), st.fixed_dictionaries(OPTIONS)) for _ in range(2)), st.data())
+def test_a_state_fits_where_all_settings_are_equal_and_nowhere_else(one, other, data):
+    """Whichever of them differ; those that differ are named."""
+    same_arguments, same_options = ({name for name in names if data.draw(st.booleans(), name)} for names in (SETTINGS, OPTIONS))
+    arguments = {name: (one if name in same_arguments else other)[0][name] for name in SETTINGS}
+    options = {name: (one if name in same_options else other)[1][name] for name in OPTIONS}
+    made_with = [StepperEnv("HalfCheetah", options=stepper.Options(**o), **a) for a, o in (one, (arguments, options))]
+    made_with[0].reset(seed=0)
+    state = made_with[0].get_state()
+    different = [f"HalfCheetah.{name}" for name in SETTINGS if arguments[name] != one[0][name]]
+    different += [name for name in OPTIONS if options[name] != one[1][name]]
+    if not different:
+        made_with[1].set_state(state)
+        return
+    with pytest.raises(ValueError, match="other settings") as error:
+        made_with[1].set_state(state)
+    assert sum(f"{name} was" in str(error.value) for name in different) == min(len(different), 3)
+
+
+@dataclass(frozen=True)
+class Weights:
+    """A dataclass, a mapping, a sequence and an array among the arguments of a task."""
+
+    progress: float = 1.0
+    limits: tuple[float, ...] = (1.0, 2.0)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Weighted(Everything):
+    """A task whose arguments are of many kinds."""
+
+    weights: Weights = Weights()
+    table: Any = None
+    named: Any = None
+    shape: Any = np.tanh
+
+
+@pytest.mark.parametrize(("arguments", "said"), [
+    ({"weights": Weights(progress=2.0)}, r"Weighted\.weights\.progress was 1\.0 and is 2\.0 here"),
+    ({"weights": Weights(limits=(1.0, 3.0))}, r"Weighted\.weights\.limits\.1 was 2\.0 and is 3\.0 here"),
+    ({"table": np.ones(2)}, r"Weighted\.table was None and is array\(\[1\., 1\.\]\) here"),
+    ({"named": {"energy": 0.1}}, r"Weighted\.named was None and is absent here; Weighted\.named\.energy was absent and is 0\.1 here"),
+    ({"named": {"energy": np.nan}, "shape": np.cos}, r"Weighted\.named\.energy"),
+])  # fmt: skip
+def test_arguments_of_a_task_are_compared_whatever_they_are_made_of(arguments, said):
+    """Functions are not compared: nothing says whether two of them are the same."""
+    plain, other = StepperEnv(Weighted()), StepperEnv(Weighted(**arguments))
+    for env in (plain, other):
+        env.reset(seed=0)
+    with pytest.raises(ValueError, match=said):
+        other.set_state(plain.get_state())
+    other.set_state(pickle.loads(pickle.dumps(other.get_state())))
+
+
+def test_settings_that_change_no_motion_may_differ():
+    one = StepperVectorEnv("HalfCheetah", 2, max_episode_steps=5)
+    other = StepperVectorEnv("HalfCheetah", 2, max_episode_steps=50, dtype=np.float32, threads=2, autoreset_mode="SameStep")
+    one.reset(seed=0)
+    other.set_state(one.get_state())
+    np.testing.assert_array_equal(one.step(np.ones((2, 6)))[1], other.step(np.ones((2, 6)))[1])
+
+
+@pytest.mark.parametrize("place", range(len(APPLIED)))
+def test_names_of_writable_arrays_are_in_the_order_of_the_core(place):
+    """A pickled stepper has a list without names, with None for each array that was never used."""
+    sim = stepper.Stepper(_scene(), 2)
+    getattr(sim, APPLIED[place])
+    assert [array is not None for array in sim.__getstate__()["applied"]] == [k == place for k in range(len(APPLIED))]
+
+
+def heavier(name):
+    """The model of a task with twice the mass."""
+    model = StepperEnv(name).sim.model
+    return model.replace(body_mass=2.0 * model.body_mass)
 
 
 def test_what_is_wrong_with_a_state_is_said():

@@ -19,7 +19,7 @@ from stepper._options import Options
 from stepper._stepper import Model, ModelError, Stepper
 from stepper.derivatives.nominal_mode import Pairs
 from stepper.derivatives.perturbations import STATE, Array, Block, Stencil
-from stepper.shared.fields import RANDOMIZED
+from stepper.shared.fields import APPLIED, RANDOMIZED
 
 ROOM = 1024
 """Copies that a thread steps in one call at the most, unless one environment alone needs more: so many stay in the caches of its core."""
@@ -70,9 +70,7 @@ def nominal_of(sim: Stepper, ctrl: ArrayLike | None, blocks: Sequence[Block]) ->
         own = np.asarray(getattr(model, field), np.float64)
         value = randomized.get(field, np.broadcast_to(own, (n, *own.shape)))
         fields[field] = np.array(value).reshape(n, -1)
-    applied = {
-        name: rows(sim, name).astype(np.float64) for name in ("qfrc_applied", "xfrc_applied", "mocap_pos", "mocap_quat", "eq_active")
-    }
+    applied = {name: rows(sim, name).astype(np.float64) for name in APPLIED}
     # What copies begin with, but for mocap poses, which they have where the model has them.
     usual = {"qfrc_applied": 0.0, "xfrc_applied": 0.0, "eq_active": np.asarray(model.eq_active0)}
     kept = {name: value for name, value in applied.items() if value.size and (name not in usual or (value != usual[name]).any())}

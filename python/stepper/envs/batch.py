@@ -14,7 +14,7 @@ from stepper._hints import near_or_all
 from stepper._options import Options, Precision
 from stepper._status import Status
 from stepper._stepper import Model, Stepper
-from stepper.envs.state import EnvState, restore, save
+from stepper.envs.state import EnvState, check_settings, restore, save
 from stepper.envs.streams import Draws, Streams
 from stepper.envs.task import Array, Contact, Moment, Quantity, Task, Terms, cleared
 from stepper.envs.tasks import TASKS
@@ -168,14 +168,16 @@ class Batch:
     def get_state(self) -> EnvState:
         """State of all environments, which determines the next observations and rewards together with the actions."""
         now = self.now
-        return save(self.sim, self._episodes() | {f"kept {name}": value for name, value in now.kept.items()})
+        return save(self.sim, self.task, self._episodes() | {f"kept {name}": value for name, value in now.kept.items()})
 
     def restore(self, state: EnvState, mask: Array) -> None:
         """Restores environments of a mask (num_envs,) from a state that `get_state` of this or an equal batch returned.
 
         Raises:
-            ValueError: The state is from another model, task, precision or number of environments. Nothing is changed.
+            ValueError: The state is from another model, task, precision or number of environments, or from other arguments of the task or
+                options of the step. Nothing is changed.
         """
+        check_settings(self.sim, self.task, state)
         mine, theirs = self._episodes(), state.episodes
         for name, values in mine.items():
             if name not in theirs or theirs[name].shape != values.shape:

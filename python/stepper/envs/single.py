@@ -155,8 +155,8 @@ class StepperEnv(gymnasium.Env[Array, Array]):
             The observation, (n,).
 
         Raises:
-            ValueError: A wrong shape, a number that is not finite, a state of another task, or velocities together with a state. Nothing
-                is changed.
+            ValueError: A wrong shape, a number that is not finite, velocities together with a state, or a state of another task or with
+                other arguments of the task or options of the step. Nothing is changed.
         """
         mask = np.ones(1, dtype=bool)
         if not isinstance(qpos, EnvState):

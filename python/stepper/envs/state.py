@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict, dataclass, fields, is_dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from stepper._stepper import State, Stepper
+from stepper.envs.task import Task
+from stepper.shared.fields import APPLIED
 
 Array = NDArray[Any]
 
-_APPLIED = ("qfrc_applied", "xfrc_applied", "mocap_pos", "mocap_quat", "eq_active")
-"""Writable arrays of a stepper, in the order of its pickles."""
+_DECISIVE = ("task", "precision")
+"""Settings with whose difference others come, which a message then does not list."""
+_SHOWN = 3
+"""Number of differences that a message lists."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -25,19 +30,21 @@ class EnvState:
         parameters: Parameters of `Stepper.randomize`, by name.
         applied: Applied forces, poses of mocap bodies and active equalities, by name; None for arrays that were never used.
         episodes: Values of the episodes by name, (num_envs, ...) each: memory of the task, random numbers, return, length, last action.
+        settings: Settings that the state depends on, by name: the task, its arguments, precision and options of the step.
     """
 
     sim: State
     parameters: dict[str, Any]
     applied: dict[str, Array | None]
     episodes: dict[str, Array]
+    settings: dict[str, Any]
 
 
-def save(sim: Stepper, episodes: dict[str, Array]) -> EnvState:
+def save(sim: Stepper, task: Task, episodes: dict[str, Array]) -> EnvState:
     """State of a stepper with copies of the values of its episodes."""
     pickled = sim.__getstate__()
     # Attributes of the stepper would make arrays that every step reads from then on.
-    applied = {name: None if array is None else np.array(array) for name, array in zip(_APPLIED, pickled["applied"], strict=True)}
+    applied = {name: None if array is None else np.array(array) for name, array in zip(APPLIED, pickled["applied"], strict=True)}
     if np.size(sim.mocap_pos):
         applied |= {name: np.array(getattr(sim, name)) for name in ("mocap_pos", "mocap_quat")}
     parameters = {name: value if name == "actuators" else np.array(value) for name, value in pickled["randomized"].items()}
@@ -46,7 +53,60 @@ def save(sim: Stepper, episodes: dict[str, Array]) -> EnvState:
         parameters=parameters,
         applied=applied,
         episodes={name: np.array(values) for name, values in episodes.items()},
+        settings=_settings(sim, task),
     )
+
+
+def check_settings(sim: Stepper, task: Task, state: EnvState) -> None:
+    """Checks that a state was saved with the same task, arguments of the task, precision and options of the step.
+
+    With others, returns, memory and random numbers of its episodes would belong to another reward or another motion.
+
+    Raises:
+        ValueError: Other settings; the message names them.
+    """
+    present, saved = _settings(sim, task), state.settings
+    absent = object()
+    names = [name for name in {**saved, **present} if not _equal(saved.get(name, absent), present.get(name, absent))]
+    if not names:
+        return
+    own = names[0] in _DECISIVE
+    shown = names[:1] if own else names[:_SHOWN]
+    more = "" if own or len(names) <= _SHOWN else f"; and {len(names) - _SHOWN} more"
+    listed = "; ".join(f"{name} was {_shown(saved, name)} and is {_shown(present, name)} here" for name in shown)
+    motion = "" if own else ", or take over the motion alone with sim.set_state(state.sim)"
+    raise ValueError(
+        f"the state is from an environment with other settings: {listed}{more}. Make an environment with the settings of the state{motion}"
+    )
+
+
+def _shown(settings: dict[str, Any], name: str) -> str:
+    return repr(settings[name]) if name in settings else "absent"
+
+
+def _settings(sim: Stepper, task: Task) -> dict[str, Any]:
+    """Settings that a state depends on, by name, without those of which nothing plain is known, such as functions."""
+    options = asdict(sim.options) | {"timestep": sim.timestep, "tolerance": float(sim.tolerance)}
+    names = [field.name for field in fields(task)] if is_dataclass(task) else [name for name in vars(task) if name[0] != "_"]
+    arguments = {name: getattr(task, name) for name in names}
+    found = {"task": type(task).__qualname__, "precision": sim.precision, **options}
+    return found | dict(_plain(f"{type(task).__name__}.", arguments))
+
+
+def _plain(prefix: str, values: Mapping[Any, Any]) -> Iterator[tuple[str, Any]]:
+    """Numbers, words and arrays in a mapping, and in the mappings, sequences and dataclasses in it, by the way to them."""
+    for key, value in values.items():
+        name = f"{prefix}{key}"
+        if isinstance(value, np.ndarray):
+            yield name, value.copy()
+        elif value is None or isinstance(value, bool | int | float | str | np.generic):
+            yield name, value
+        elif is_dataclass(value) and not isinstance(value, type):
+            yield from _plain(f"{name}.", {field.name: getattr(value, field.name) for field in fields(value)})
+        elif isinstance(value, Mapping):
+            yield from _plain(f"{name}.", value)
+        elif isinstance(value, tuple | list):
+            yield from _plain(f"{name}.", dict(enumerate(value)))
 
 
 def restore(sim: Stepper, state: EnvState, mask: Array) -> None:
@@ -58,7 +118,7 @@ def restore(sim: Stepper, state: EnvState, mask: Array) -> None:
     sim.set_state(state.sim, mask=mask)
     _restore_parameters(sim, state.parameters, mask)
     used = sim.__getstate__()["applied"]
-    for name, array in zip(_APPLIED, used, strict=True):
+    for name, array in zip(APPLIED, used, strict=True):
         rows = state.applied[name]
         if rows is not None:
             getattr(sim, name)[mask] = rows[mask]
@@ -73,6 +133,13 @@ def _restore_parameters(sim: Stepper, parameters: dict[str, Any], mask: Array) -
     changed = {name: value for name, value in fields.items() if not _same(value, now.get(name), mask)}
     if changed:
         sim.randomize(mask, **changed)
+
+
+def _equal(one: Any, other: Any) -> bool:
+    """Whether two settings are equal; NaN equals itself."""
+    if isinstance(one, np.ndarray) or isinstance(other, np.ndarray):
+        return type(one) is type(other) and one.dtype == other.dtype and one.tobytes() == other.tobytes() and one.shape == other.shape
+    return bool(one == other) or repr(one) == repr(other)
 
 
 def _same(one: Any, other: Any, mask: Array) -> bool:

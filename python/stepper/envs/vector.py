@@ -245,8 +245,8 @@ class StepperVectorEnv(VectorEnv[Array, Array, Array]):
             Observations, (num_envs, n).
 
         Raises:
-            ValueError: A wrong shape, a number that is not finite, a state of another task, or velocities together with a state. Nothing
-                is changed.
+            ValueError: A wrong shape, a number that is not finite, velocities together with a state, or a state of another task or with
+                other arguments of the task or options of the step. Nothing is changed.
             TypeError, IndexError: Indices that are not integers, or out of range.
             ResetNeeded: A state for some environments before the first `reset`.
         """

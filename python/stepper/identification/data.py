@@ -22,10 +22,12 @@ from numpy.typing import ArrayLike
 from stepper._stepper import Model
 from stepper.identification.inertia import Array
 from stepper.recording import HEADER, segments
+from stepper.shared.fields import APPLIED
 from stepper.shared.files import existing
 
 COORDINATES = ("qpos", "qvel", "act")
-APPLIED = ("qfrc_applied", "xfrc_applied", "mocap_pos", "mocap_quat")
+FORCES_AND_POSES = tuple(name for name in APPLIED if name != "eq_active")
+"""Applied inputs of an episode: numbers, without the switches of equalities."""
 
 
 @dataclass(frozen=True)
@@ -90,8 +92,8 @@ class Episode:
                 raise ValueError("start_std has a standard deviation that is negative or not finite; 0 takes a coordinate as exact")
         applied = {name: np.asarray(given, np.float64) for name, given in self.applied.items()}
         for name, array in applied.items():
-            if name not in APPLIED:
-                raise ValueError(f"applied has {name!r}, there are: {', '.join(APPLIED)}")
+            if name not in FORCES_AND_POSES:
+                raise ValueError(f"applied has {name!r}, there are: {', '.join(FORCES_AND_POSES)}")
             if len(array) != len(ctrl):
                 raise ValueError(f"{name} has {len(array)} rows, must have {len(ctrl)}, as ctrl has")
         return replace(self, ctrl=ctrl, readings=readings, start_std=std, applied=applied, qpos=qpos, qvel=qvel, act=act)
@@ -228,7 +230,7 @@ def _of_log(path: Path, table: dict[str, Array], model: Model, channels: Sequenc
     ctrl = np.asarray(table.pop("ctrl", np.zeros((len(time), 0))), np.float64).reshape(len(time), -1)
     if ctrl.shape[1] != model.nu:
         raise ValueError(f"ctrl has {ctrl.shape[1]} columns, must have {model.nu}: {', '.join(model.actuator_names)}")
-    applied = {name: np.asarray(table.pop(name))[:-1] for name in APPLIED if name in table}
+    applied = {name: np.asarray(table.pop(name))[:-1] for name in FORCES_AND_POSES if name in table}
     state: dict[str, Any] = {}
     notes = []
     given = _start(model, start)

@@ -52,7 +52,6 @@ FIELDS = {
 }
 COMPARED = tuple(name for name in FIELDS if name not in ("ctrl", "nstep"))
 """Fields that a replay has to reproduce, bit for bit."""
-APPLIED = ("qfrc_applied", "xfrc_applied", "mocap_pos", "mocap_quat", "eq_active")
 
 
 class RecordingError(ValueError):

@@ -13,7 +13,8 @@ import numpy as np
 
 from stepper.loading import origin_of
 from stepper.recording.failures import Failures
-from stepper.recording.format import APPLIED, COMPARED, FIELDS, FORMAT, KINDS, MODEL, digest_of, write_header
+from stepper.recording.format import COMPARED, FIELDS, FORMAT, KINDS, MODEL, digest_of, write_header
+from stepper.shared.fields import APPLIED
 from stepper.shared.machine import provenance
 
 if TYPE_CHECKING:

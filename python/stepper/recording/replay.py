@@ -14,8 +14,9 @@ import numpy as np
 from stepper._options import Options
 from stepper._stepper import Model, State, Stepper, __version__
 from stepper.actuators import ActuatorModel
-from stepper.recording.format import APPLIED, COMPARED, HEADER, MODEL, Arrays, Header, RecordingError, read_header, read_rows, reading
+from stepper.recording.format import COMPARED, HEADER, MODEL, Arrays, Header, RecordingError, read_header, read_rows, reading
 from stepper.sensors import SensorModel
+from stepper.shared.fields import APPLIED
 
 
 @dataclass(frozen=True)

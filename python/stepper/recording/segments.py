@@ -11,8 +11,9 @@ from typing import Any
 import numpy as np
 
 from stepper._stepper import Model, Stepper
-from stepper.recording.format import APPLIED, HEADER, Arrays, read_header, read_rows, reading
+from stepper.recording.format import HEADER, Arrays, read_header, read_rows, reading
 from stepper.recording.replay import recorded_stepper, repeat
+from stepper.shared.fields import APPLIED
 
 READ = ("qpos", "qvel", "act", "observation")
 

@@ -1,4 +1,4 @@
-"""Fields of a model that environments of one stepper may each have for themselves, and explicit pairs that override those of geoms."""
+"""Names of arrays of a stepper: fields of the model that environments may vary, those that explicit pairs override, applied inputs."""
 
 from __future__ import annotations
 
@@ -15,6 +15,8 @@ RANDOMIZED: dict[str, str] = {
     "actuator_bias": "actuator",
 }  # fmt: skip
 """Fields of `Stepper.randomize`, and the kind of element whose rows they have."""
+APPLIED = ("qfrc_applied", "xfrc_applied", "mocap_pos", "mocap_quat", "eq_active")
+"""Arrays of a stepper that users write and every step reads, in the order of a pickled stepper."""
 OF_PAIRS: dict[str, str] = {"geom_friction": "pair_friction", "geom_restitution": "pair_restitution"}
 """Fields of geoms that contacts of an explicit pair have from the pair instead, and the pair's fields."""
 

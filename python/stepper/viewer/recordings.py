@@ -8,8 +8,9 @@ from pathlib import Path
 
 import numpy as np
 
-from stepper.recording.format import APPLIED, HEADER, Arrays, RecordingError, read_header, read_rows, reading
+from stepper.recording.format import HEADER, Arrays, RecordingError, read_header, read_rows, reading
 from stepper.recording.replay import apply_parameters, recorded_stepper
+from stepper.shared.fields import APPLIED
 from stepper.viewer.frames import Envs, Frame, frame_of, shown_envs
 from stepper.viewer.looks import Array
 

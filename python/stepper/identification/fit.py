@@ -20,7 +20,7 @@ from stepper.identification.inertia import Array
 from stepper.identification.parameters import Block, Unknown, bind, write
 from stepper.identification.residuals import Linearized, Residuals, Together
 from stepper.identification.result import Identification, Search
-from stepper.identification.shift import EARLY, LATE, RATIO, finding, suspicious
+from stepper.identification.shift import EARLY, FREED_STD, LATE, RATIO, finding_of_fit, suspicious
 from stepper.identification.simulate import Simulator, noise_of, solved
 from stepper.identification.uncertainty import uncertainty, weights_of
 from stepper.shared.machine import require
@@ -302,7 +302,18 @@ def _shift_warnings(residuals: Residuals, best: _Found, solver: _Solver) -> tupl
             found = min(solver.with_residuals(other).search([best.x, residuals.start]), key=lambda s: s.cost)
             tried.append((found.cost / other.count / max(best.cost / residuals.count, 1e-300), shift))
     ratio, shift = min(tried, default=(1.0, 0))
-    return (finding(shift, ratio),) if ratio < RATIO else ()
+    return (finding_of_fit(shift, ratio, _freed_ratio(residuals, best, solver)),) if ratio < RATIO else ()
+
+
+def _freed_ratio(residuals: Residuals, best: _Found, solver: _Solver) -> float | None:
+    """Mean square residual with an estimated initial state, over that of the fit; None if the fit estimates that of every episode."""
+    other = residuals.freed(FREED_STD)
+    if other is None or other.count <= other.n:
+        return None
+    # The parameters start from both ends, and the displacement of each start from none.
+    points = [np.concatenate([x[: other.n], other.start[other.n :]]) for x in (best.x, residuals.start)]
+    found = min(solver.with_residuals(other).search(points), key=lambda s: s.cost)
+    return found.cost / max(best.cost, 1e-300)
 
 
 def _rms(residuals: Residuals, at: Linearized) -> Array:

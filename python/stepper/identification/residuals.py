@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -65,6 +65,17 @@ class Residuals:
     def shifted(self, shift: int) -> Residuals:
         """Those of the same episodes whose readings stand one row earlier or later, with the same noise."""
         out = Residuals(self.simulator.with_episodes([shifted(episode, shift) for episode in self.simulator.episodes]), self.step)
+        out.sigma = self.sigma
+        return out
+
+    def freed(self, start_std: tuple[float, float]) -> Residuals | None:
+        """Those of the same episodes and noise with estimated starts, where they were taken as exact; None if no start was."""
+        episodes = self.simulator.episodes
+        exact = [start is None for start in self._starts]
+        if not any(exact):
+            return None
+        own = [replace(e, start_std=start_std).checked(self.simulator.model) if x else e for e, x in zip(episodes, exact, strict=True)]
+        out = Residuals(self.simulator.with_episodes(own), self.step)
         out.sigma = self.sigma
         return out
 

@@ -31,6 +31,10 @@ STRETCH = 100
 """Number of samples after which the copy from which shifted trackers start is renewed."""
 CAUGHT_UP = 2
 """Number of past samples that each shifted tracker processes per update, until it has caught up."""
+FREED_STD = (0.1, 1.0)
+"""Standard deviations of displacement (m, rad) and velocity (m/s, rad/s) with which the initial state is estimated for comparison."""
+OF_TRACKER = "A wrong initial state can look the same: stepper.identify with the same readings tries both, and says which fits better"
+"""Remark of a tracker, which does not estimate other initial states in hindsight."""
 _WORDS = {
     LATE: ("late: the readings of row k + 1 fit the control of row k", "Pair ctrl[:-1] with readings[1:]"),
     EARLY: (
@@ -40,13 +44,50 @@ _WORDS = {
 }
 
 
-def finding(shift: int, ratio: float) -> str:
-    """Warning about a shift: the problem, the evidence, the remedy."""
+def finding(shift: int, ratio: float, remark: str = OF_TRACKER) -> str:
+    """Warning about a shift: the problem, the evidence, the remedy.
+
+    Args:
+        shift: `LATE` or `EARLY`.
+        ratio: Mean square residual with the shift over that without it.
+        remark: Sentence about initial states, without its full stop.
+    """
     problem, remedy = _WORDS[shift]
     return (
-        f"readings are one sample {problem} (the mean square residual falls to {100 * ratio:.0f} %). {remedy}, or model the delay of one "
-        "period. Do not use these values and intervals. A wrong initial state can look the same: check qpos and qvel of the start"
+        f"readings are one sample {problem} (the mean square residual falls to {_percent(ratio)}). {remedy}, or model the delay of one "
+        f"period. Do not use these values and intervals. {remark}"
     )
+
+
+def finding_of_fit(shift: int, ratio: float, freed: float | None) -> str:
+    """Warning about a shift, a wrong initial state, or both where they explain the readings equally well.
+
+    Args:
+        shift: `LATE` or `EARLY`.
+        ratio: Mean square residual with the shift over that without it.
+        freed: The same ratio with an estimated initial state and no shift; None if the initial state was estimated from the beginning.
+    """
+    if freed is None:
+        return finding(shift, ratio, "A wrong initial state is not the cause: it was estimated")
+    if ratio < RATIO * freed:
+        return finding(shift, ratio, f"A wrong initial state explains less: with an estimated one the residual falls to {_percent(freed)}")
+    remedy = (
+        f"Correct qpos and qvel of the episode, or estimate them with Episode(start_std={FREED_STD}). Do not use these values and intervals"
+    )
+    evidence = (
+        f"the mean square residual falls to {_percent(freed)} with an estimated initial state, and to {_percent(ratio)} with the shift"
+    )
+    if freed < RATIO * ratio:
+        return f"the initial state is wrong, which looks like a shift of the readings by one sample ({evidence}). {remedy}"
+    problem, pairing = _WORDS[shift]
+    return (
+        f"the initial state is wrong, or readings are one sample {problem}; these data do not tell which ({evidence}). {remedy}. For a "
+        f"shift: {pairing[0].lower()}{pairing[1:]}"
+    )
+
+
+def _percent(ratio: float) -> str:
+    return f"{100 * ratio:.2g} %"
 
 
 def shifted(episode: Episode, shift: int) -> Episode:

@@ -12,12 +12,11 @@ from stepper.shared.machine import provenance
 
 from identification import online, strikes, sysid
 from identification.repetitions import HEAD, Kept, Row, Trial, repeated
-from identification.scenes import SCENES
+from identification.scenes import HARD, SCENES
 
 PAGE = Path(__file__).parents[2] / "docs/identification.md"
 OUT = Path("out/identification")
 COLOUR = 0.8
-HARD = stepper.Options(tolerance=1e-9)
 
 
 def _table(title: str, rows: Sequence[Row], kept: Kept) -> str:

@@ -5,14 +5,13 @@ The wrist's torque about y is left out: how two fingers share a weight that eith
 
 from __future__ import annotations
 
-import time
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import stepper
 
-from identification.scenes import held
+from identification.followed import Followed, followed
+from identification.scenes import HARD, by_sensor, held
 
 STILL, SHAKEN = 1.0, 3.0
 """Seconds that the box is held still, and shaken."""
@@ -20,26 +19,6 @@ PERIOD = 0.02
 NOISE = {"wrist_force": 0.3, "lift": 1e-4}
 MARKS = (0.9, 2.4, 4.0)
 """Times at which intervals are compared with the truth, s."""
-HARD = stepper.Options(tolerance=1e-9)
-
-
-@dataclass(frozen=True)
-class Followed:
-    """One run.
-
-    Attributes:
-        error: Logarithms of the values over the truth at `MARKS`, (marks, 2).
-        covers: Whether the interval has the truth.
-        width: Half its width, as a logarithm.
-        determined: Whether the value is said.
-        seconds: Of the processor, of every update.
-    """
-
-    error: np.ndarray[Any, Any]
-    covers: np.ndarray[Any, Any]
-    width: np.ndarray[Any, Any]
-    determined: np.ndarray[Any, Any]
-    seconds: list[float]
 
 
 def controls() -> np.ndarray[Any, Any]:
@@ -62,8 +41,7 @@ def readings(masses: np.ndarray[Any, Any], friction: float) -> dict[str, np.ndar
             ratio[model.body("box").id] = mass / masses[0]
             sim.randomize(body_mass=model.body_mass * ratio, body_inertia=model.body_inertia * ratio[:, None])
         rows.append(sim.rollout(ctrl[None], round(PERIOD / sim.timestep), fields=("observation",))["observation"][0])
-    table = np.stack(rows)
-    return {name: table[:, model.sensor(name).adr : model.sensor(name).adr + model.sensor(name).dim] for name in NOISE}
+    return by_sensor(model, np.stack(rows), NOISE)
 
 
 def follow(seed: int, changes: bool = False) -> Followed:
@@ -84,17 +62,8 @@ def follow(seed: int, changes: bool = False) -> Followed:
         drift=(0.2, 0.02) if changes else None,
         options=HARD,
     )
-    out, seconds = [], []
-    for k in range(len(ctrl)):
-        began = time.process_time()
-        now = tracker.update(ctrl[k], {name: rows[k] for name, rows in noisy.items()})
-        seconds.append(time.process_time() - began)
-        if np.isclose(MARKS, t[k]).any():
-            truth = np.array([masses[k], friction])
-            low, high = now.interval.T
-            out.append((np.log(now.values / truth), (low <= truth) & (truth <= high), np.log(high / low) / 2, now.determined))
-    error, covers, width, determined = (np.stack(column) for column in zip(*out, strict=True))
-    return Followed(error, covers, width, determined, seconds)
+    marks = [round(mark / PERIOD) for mark in MARKS]
+    return followed(tracker, ctrl, noisy, {mark: np.array([masses[mark - 1], friction]) for mark in marks})
 
 
 def table(count: int) -> str:

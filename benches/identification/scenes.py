@@ -2,24 +2,48 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import stepper
 
-PUSHED = """<mujoco model="pushed box"><option timestep="0.002"/><worldbody>
+HARD = stepper.Options(tolerance=1e-9)
+"""Settings of the step in all runs with hard contact."""
+
+
+def by_sensor(model: stepper.Model, rows: np.ndarray[Any, Any], names: Iterable[str]) -> dict[str, np.ndarray[Any, Any]]:
+    """Columns of the readings (T, nsensordata) that belong to sensors, (T, dim) each by name."""
+    sensors = [model.sensor(name) for name in names]
+    return {sensor.name: rows[:, sensor.adr : sensor.adr + sensor.dim] for sensor in sensors}
+
+
+def springy_finger(name: str, *, stiffness: float, damping: float, mass: str = "{mass}", friction: str = "{friction}") -> str:
+    """MJCF of a finger on a spring behind a box on a floor.
+
+    Args:
+        name: Name of the model.
+        stiffness: Stiffness of the finger's spring, N/m.
+        damping: Its damping, N s/m.
+        mass: Place of the box's mass in the text.
+        friction: Places of the friction of box and floor.
+    """
+    return f"""<mujoco model="{name}"><option timestep="0.002"/><worldbody>
   <geom name="floor" type="plane" size="2 2 .1" friction="{friction}"/>
   <body name="box" pos="0 0 .04"><joint name="x" type="slide" axis="1 0 0"/><joint name="z" type="slide" axis="0 0 1"/>
     <geom name="box" type="box" size=".05 .04 .04" mass="{mass}" friction="{friction}"/></body>
   <body name="hand" pos="-.1 0 .04"><joint name="push" type="slide" axis="1 0 0" damping="2"/>
     <geom name="hand" type="box" size=".01 .01 .01" mass=".4" contype="2" conaffinity="2"/>
-    <body name="finger" pos=".02 0 0"><joint name="give" type="slide" axis="1 0 0" stiffness="2000" damping="40"/>
+    <body name="finger" pos=".02 0 0"><joint name="give" type="slide" axis="1 0 0" stiffness="{stiffness:g}" damping="{damping:g}"/>
       <geom name="finger" type="sphere" size=".01" mass=".05" condim="1" priority="1"/>
       <site name="wrist" pos="-.01 0 0"/></body>
   </body></worldbody>
   <actuator><position joint="push" kp="800" kv="60"/></actuator>
   <sensor><force name="wrist_force" site="wrist"/><jointpos name="box_x" joint="x"/></sensor></mujoco>"""
+
+
+PUSHED = springy_finger("pushed box", stiffness=2000, damping=40)
 
 HELD = """<mujoco model="held box"><option timestep="0.002"/><worldbody>
   <body name="arm" pos="0 0 .5"><joint name="lift" type="slide" axis="0 0 1" damping="5"/>
@@ -76,7 +100,7 @@ class Scene:
         model = self.model(*self.truth)
         sim = stepper.Stepper(model, options=options)
         made = sim.rollout(self.ctrl, round(self.period / sim.timestep), fields=("observation",))["observation"]
-        return {name: made[:, model.sensor(name).adr : model.sensor(name).adr + model.sensor(name).dim] for name in self.noise}
+        return by_sensor(model, made, self.noise)
 
 
 def pushed() -> Scene:

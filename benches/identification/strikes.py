@@ -2,30 +2,20 @@
 
 from __future__ import annotations
 
-import time
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import stepper
 
+from identification.followed import Followed, followed
+from identification.scenes import HARD, by_sensor, springy_finger
+
 PERIOD = 0.02
 START_STD = (1e-4, 1e-3)
 """Scatter of the true start, m (rad) and m/s (rad/s), which the tracker is told."""
-HARD = stepper.Options(tolerance=1e-9)
 
-STRUCK = """<mujoco model="struck box"><option timestep="0.002"/><worldbody>
-  <geom name="floor" type="plane" size="2 2 .1" friction="{1}"/>
-  <body name="box" pos="0 0 .04"><joint name="x" type="slide" axis="1 0 0"/><joint name="z" type="slide" axis="0 0 1"/>
-    <geom name="box" type="box" size=".05 .04 .04" mass="{0}" friction="{1}"/></body>
-  <body name="hand" pos="-.1 0 .04"><joint name="push" type="slide" axis="1 0 0" damping="2"/>
-    <geom name="hand" type="box" size=".01 .01 .01" mass=".4" contype="2" conaffinity="2"/>
-    <body name="finger" pos=".02 0 0"><joint name="give" type="slide" axis="1 0 0" stiffness="3000" damping="5"/>
-      <geom name="finger" type="sphere" size=".01" mass=".05" condim="1" priority="1"/>
-      <site name="wrist" pos="-.01 0 0"/></body>
-  </body></worldbody>
-  <actuator><position joint="push" kp="800" kv="60"/></actuator>
-  <sensor><force name="wrist_force" site="wrist"/><jointpos name="box_x" joint="x"/></sensor></mujoco>"""
+STRUCK = springy_finger("struck box", stiffness=3000, damping=5, mass="{0}", friction="{1}")
 
 THROWN = """<mujoco model="thrown box"><option timestep="0.002"/><worldbody>
   <geom name="floor" type="plane" size="5 5 .1" friction="{1}"/>
@@ -184,27 +174,6 @@ def stopped() -> Strike:
 STRIKES = (struck, thrown, grasped, stopped)
 
 
-@dataclass(frozen=True)
-class Followed:
-    """One run, at the marks.
-
-    Attributes:
-        error: Logarithms of the values over the truth, (marks, 2).
-        std: Standard deviations of these, by the tracker.
-        covers: Whether the interval has the truth.
-        width: Half its width, as a logarithm.
-        determined: Whether the value is said.
-        seconds: Of the processor, of every update.
-    """
-
-    error: np.ndarray[Any, Any]
-    std: np.ndarray[Any, Any]
-    covers: np.ndarray[Any, Any]
-    width: np.ndarray[Any, Any]
-    determined: np.ndarray[Any, Any]
-    seconds: np.ndarray[Any, Any]
-
-
 def readings(scene: Strike, truth: Any, rng: np.random.Generator) -> dict[str, np.ndarray[Any, Any]]:
     """Noisy sensor readings of a run with these parameter values, (T, dim) each, from a perturbed start."""
     model = scene.model(truth)
@@ -215,12 +184,8 @@ def readings(scene: Strike, truth: Any, rng: np.random.Generator) -> dict[str, n
     qvel = scene.velocities(model) + START_STD[1] * rng.standard_normal(model.nv)
     sim.set_state(model.integrate_pos(model.qpos0, shift), qvel)
     made = sim.rollout(scene.ctrl, round(PERIOD / sim.timestep), fields=("observation",))["observation"]
-    out = {}
-    for name, std in scene.noise.items():
-        at = model.sensor(name)
-        clean = made[:, at.adr : at.adr + at.dim]
-        out[name] = clean + std * rng.standard_normal(clean.shape)
-    return out
+    clean = by_sensor(model, made, scene.noise)
+    return {name: rows + scene.noise[name] * rng.standard_normal(rows.shape) for name, rows in clean.items()}
 
 
 def resting(model: stepper.Model) -> list[int]:
@@ -244,24 +209,7 @@ def follow(scene: Strike, seed: int, **settings: Any) -> Followed:
         start_std=START_STD,
         **settings,
     )
-    kept, seconds = [], []
-    for k, ctrl in enumerate(scene.ctrl):
-        began = time.process_time()
-        now = tracker.update(ctrl, {name: rows[k] for name, rows in noisy.items()})
-        seconds.append(time.process_time() - began)
-        if k + 1 in scene.marks:
-            low, high = now.interval.T
-            kept.append(
-                (
-                    np.log(now.values / truth),
-                    np.sqrt(np.diag(now.covariance)),
-                    (low <= truth) & (truth <= high),
-                    np.log(high / low) / 2,
-                    now.determined,
-                )
-            )
-    error, std, covers, width, determined = (np.stack(column) for column in zip(*kept, strict=True))
-    return Followed(error, std, covers, width, determined, np.array(seconds))
+    return followed(tracker, scene.ctrl, noisy, dict.fromkeys(scene.marks, truth))
 
 
 HEAD = "scene | after | contact | parameter | error | interval | is said | covers"

@@ -1,0 +1,56 @@
+"""Runs of `stepper.Tracker` beside the true values."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import stepper
+
+Array = np.ndarray[Any, Any]
+
+
+@dataclass(frozen=True)
+class Followed:
+    """One run, at the marks: samples after which values and intervals are compared with the truth.
+
+    Attributes:
+        error: Logarithms of the values over the truth, (marks, n).
+        std: Standard deviations of these, by the tracker.
+        covers: Whether the interval has the truth.
+        width: Half its width, as a logarithm.
+        determined: Whether the value is said.
+        seconds: Of the processor, of every update.
+    """
+
+    error: Array
+    std: Array
+    covers: Array
+    width: Array
+    determined: Array
+    seconds: Array
+
+
+def followed(tracker: stepper.Tracker, ctrl: Array, readings: Mapping[str, Array], truths: Mapping[int, Array]) -> Followed:
+    """Run of a tracker over all samples.
+
+    Args:
+        tracker: Tracker before its first sample.
+        ctrl: Controls, (T, nu).
+        readings: Readings by channel, (T, dim) each.
+        truths: True values, (n,), by the count of samples after which they are compared.
+    """
+    kept, seconds = [], []
+    for k, row in enumerate(ctrl):
+        began = time.process_time()
+        now = tracker.update(row, {name: rows[k] for name, rows in readings.items()})
+        seconds.append(time.process_time() - began)
+        if k + 1 in truths:
+            truth, (low, high) = truths[k + 1], now.interval.T
+            std = np.sqrt(np.diag(now.covariance))
+            kept.append((np.log(now.values / truth), std, (low <= truth) & (truth <= high), np.log(high / low) / 2, now.determined))
+    error, std, covers, width, determined = (np.stack(column) for column in zip(*kept, strict=True))
+    return Followed(error, std, covers, width, determined, np.array(seconds))

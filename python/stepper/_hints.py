@@ -158,7 +158,7 @@ def unknown_field(where: str, name: str, known: Iterable[str], listed: str) -> s
     """Message about the name of a field that a call does not take: which call does, similar names, or where all names are listed.
 
     Args:
-        where: Call or argument that was given the name: "randomize", "wrt".
+        where: Call or argument that was given the name: "Stepper.randomize", "wrt".
         name: The name.
         known: Names that the call takes.
         listed: What lists these names: "help(stepper.Stepper.randomize)".

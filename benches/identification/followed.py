@@ -20,10 +20,10 @@ class Followed:
     Attributes:
         error: Logarithms of the values over the truth, (marks, n).
         std: Standard deviations of these, by the tracker.
-        covers: Whether the interval has the truth.
+        covers: Whether the interval contains the truth.
         width: Half its width, as a logarithm.
-        determined: Whether the value is said.
-        seconds: Of the processor, of every update.
+        determined: Whether the tracker says that the value is determined.
+        seconds: Processor time of every update, s.
     """
 
     error: Array

@@ -49,7 +49,7 @@ _REMEDIES = {
 _LISTED = 12
 """Names that a message lists."""
 _NEW_NAMES = {("Options", "of"): "from_model"}
-"""Today's names of attributes that had another one, by class and earlier name."""
+"""Present names of attributes, by class and earlier name."""
 _OF_ENVIRONMENTS = "environments have it of their own: sim.randomize({}=...) sets it"
 
 _OPERATORS = ("add", "sub", "mul", "matmul", "truediv", "floordiv", "mod", "pow", "lshift", "rshift", "and", "or", "xor")
@@ -132,7 +132,7 @@ def no_attribute(owner: type, name: str) -> AttributeError:
 
 
 def _place_of(owner: type, name: str) -> str:
-    """Where an attribute is that a class does not have, as the end of a message; empty if it is nowhere."""
+    """Hint at an attribute that has a new name or belongs to another class, as the end of a message; empty if there is none."""
     if (owner.__name__, name) in _NEW_NAMES:
         return f"; did you mean {_NEW_NAMES[owner.__name__, name]}?"
     if name.startswith("_"):
@@ -155,7 +155,7 @@ class Hinting(type):
 
 
 def unknown_field(where: str, name: str, known: Iterable[str], listed: str) -> str:
-    """Message about the name of a field that a call does not take: which call does, similar names, or where all names are listed.
+    """Error message for an unknown field: the call that sets it, fields of similar names, or where all fields are listed.
 
     Args:
         where: Call or argument that was given the name: "Stepper.randomize", "wrt".
@@ -194,5 +194,5 @@ def near(name: str, known: Iterable[str]) -> str:
 
 
 def near_or_all(name: str, known: Collection[str]) -> str:
-    """The names most like one that nothing has, or all when none is, as the end of a message."""
+    """Similar names, or all names if none is similar, as the end of a message."""
     return near(name, known) or f"; there are: {', '.join(known)}"

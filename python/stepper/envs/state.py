@@ -16,7 +16,7 @@ from stepper.shared.fields import APPLIED
 Array = NDArray[Any]
 
 _DECISIVE = ("task", "precision")
-"""Settings with whose difference others come, which a message then does not list."""
+"""Settings whose difference implies others: a message lists it alone."""
 _SHOWN = 3
 """Number of differences that a message lists."""
 
@@ -85,7 +85,7 @@ def _shown(settings: dict[str, Any], name: str) -> str:
 
 
 def _settings(sim: Stepper, task: Task) -> dict[str, Any]:
-    """Settings that a state depends on, by name, without those of which nothing plain is known, such as functions."""
+    """Settings that a state depends on, by name. Values that cannot be compared, such as functions, are left out."""
     options = asdict(sim.options) | {"timestep": sim.timestep, "tolerance": float(sim.tolerance)}
     names = [field.name for field in fields(task)] if is_dataclass(task) else [name for name in vars(task) if name[0] != "_"]
     arguments = {name: getattr(task, name) for name in names}
@@ -94,7 +94,7 @@ def _settings(sim: Stepper, task: Task) -> dict[str, Any]:
 
 
 def _plain(prefix: str, values: Mapping[Any, Any]) -> Iterator[tuple[str, Any]]:
-    """Numbers, words and arrays in a mapping, and in the mappings, sequences and dataclasses in it, by the way to them."""
+    """Numbers, strings and arrays of nested mappings, sequences and dataclasses, by dotted name."""
     for key, value in values.items():
         name = f"{prefix}{key}"
         if isinstance(value, np.ndarray):

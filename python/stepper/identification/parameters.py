@@ -437,7 +437,7 @@ def natural(blocks: Sequence[Block], theta: Array) -> Array:
 
 
 def _kinds_like(kind: str) -> str:
-    """Kinds of a field of the model, or of a similar name, or all, as the end of a message."""
+    """Hint at an unknown kind: kinds of the model's field of that name, similar kinds, or all kinds, as the end of a message."""
     of_field = [name for name, known in KINDS.items() if known.field == kind]
     if of_field:
         return f"; did you mean {' or '.join(of_field)}?"

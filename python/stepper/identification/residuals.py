@@ -69,7 +69,7 @@ class Residuals:
         return out
 
     def freed(self, start_std: tuple[float, float]) -> Residuals | None:
-        """Those of the same episodes and noise with estimated starts, where they were taken as exact; None if no start was."""
+        """Residuals of the same episodes and noise, with estimated starts in place of exact ones; None if no start is exact."""
         episodes = self.simulator.episodes
         exact = [start is None for start in self._starts]
         if not any(exact):

@@ -615,7 +615,7 @@ class Model:
         fixed geoms with a body that has a free joint.
         """
     def overlaps(self) -> list[tuple[str, str, float]]:
-        """Pairs of geoms that can collide and overlap by more than 0.1 mm at the reference pose, the deepest first.
+        """Pairs of geoms that can collide and overlap by more than 0.01 mm at the reference pose, the deepest first.
 
         Returns:
             (name of one geom, name of the other, depth in m); "#3 of body arm" where a geom has no name.
@@ -1051,8 +1051,9 @@ class Stepper:
         randomized before. What no environment has of its own costs neither time nor memory.
 
         Contacts of an explicit pair use pair_friction and pair_restitution and ignore those of the geoms. A new geom_friction for a geom
-        of a pair is therefore an error, unless pair_friction is given too, here or before: new values, or the model's to keep these
-        contacts as they are. Likewise geom_restitution and pair_restitution.
+        of a pair is therefore an error, unless pair_friction is given too, in this call or an earlier one: new values, or the model's to
+        keep these contacts as they are. An earlier call counts for all environments, also for those outside its mask, whose pairs keep the
+        model's values. Likewise geom_restitution and pair_restitution.
 
         Args:
             mask: (num_envs,) bool: the environments that change; None is all. Rows of the others are not read.

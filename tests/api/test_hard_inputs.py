@@ -128,7 +128,7 @@ def test_states_with_a_true_checksum_and_nonsense_in_them_are_refused_or_taken_b
     ("state", b"", "not a state"),
     ("state", 5, "state is not bytes"),
     ("randomized", [], "randomized is not a dict"),
-    ("randomized", {"body_weight": 1}, "no such field"),
+    ("randomized", {"body_weight": 1}, "no field 'body_weight'"),
     ("applied", [None], "has 1 arrays, must have 5"),
     ("applied", 5, "applied is not a list"),
     ("applied", [np.zeros(3), None, None, None, None], r"qfrc_applied has shape \(3,\), must be \(2, 8\)"),

@@ -139,6 +139,16 @@ def test_keyframes_do_not_count():
     assert load(apart) == (stepper.load(apart), [])
 
 
+@pytest.mark.parametrize(("depth", "listed"), [(0.5 * SLOP, False), (2 * SLOP, True), (8 * SLOP, True)])
+def test_overlaps_lists_what_exclude_excludes(depth, listed):
+    """Both have the threshold of position correction."""
+    scene = CHAIN.format(ground="", joint=SPIN).replace('name="gc" size=".15"', f'name="gc" size="{0.1 + depth!r}"')
+    kept, excluded = stepper.load(scene), stepper.load(scene).exclude_overlaps()
+    assert [names[:2] for names in kept.overlaps()] == ([("ga", "gc")] if listed else [])
+    assert [names[:2] for names in excluded.excluded_overlaps] == [names[:2] for names in kept.overlaps()]
+    assert excluded.overlaps() == []
+
+
 def test_words():
     with pytest.raises(ValueError, match='overlaps is \'drop\', must be "keep" or "exclude"'):
         stepper.load("<mujoco/>", overlaps="drop")

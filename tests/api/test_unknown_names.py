@@ -5,7 +5,6 @@ import pytest
 import stepper
 from hypothesis import given
 from hypothesis import strategies as st
-from stepper._hints import unknown_field
 from stepper.derivatives import rollout
 from stepper.experiments.study.parameters import Parameter, check
 from stepper.shared.fields import RANDOMIZED
@@ -21,6 +20,8 @@ LONGEST = 200
 TAKERS = {
     "wrt": lambda name: SIM.linearize((name,)),
     "parameters": lambda name: rollout(SIM, CTRL, parameters=(name,)),
+    "Stepper.randomize": lambda name: SIM.randomize(**{name: None}),
+    "Model.replace": lambda name: MODEL.replace(**{name: 1.0}),
     "target": lambda name: check({"p": Parameter(target=name, names="*", low=0.1, high=1.0)}, MODEL),
 }
 """Calls that take the name of a field, by the argument that has it."""
@@ -53,7 +54,7 @@ def typos(draw):
     return field, before + wrong + after
 
 
-@given(typos(), st.sampled_from(["wrt", "parameters"]))
+@given(typos(), st.sampled_from(["wrt", "parameters", "Stepper.randomize"]))
 def test_a_field_with_a_slip_of_the_pen_is_suggested(typo, argument):
     field, name = typo
     if hasattr(stepper.Model, name):  # Another field: "body_pos" from "body_ipos".
@@ -72,7 +73,9 @@ def test_a_field_with_a_slip_of_the_pen_is_suggested(typo, argument):
     ("dof_dampin", "did you mean dof_damping"),
 ])  # fmt: skip
 def test_what_randomize_does_not_take_is_said_to_be_elsewhere(name, remedy):
-    message = unknown_field("Stepper.randomize", name, RANDOMIZED, "help(stepper.Stepper.randomize)")
+    with pytest.raises(stepper.ModelError) as error:
+        SIM.randomize(**{name: np.ones(1)})
+    message = str(error.value)
     assert message.startswith(f"Stepper.randomize: there is no field {name!r}; ")
     assert remedy in message
     assert len(message) <= LONGEST
@@ -142,3 +145,37 @@ def test_every_public_name_of_one_class_is_found_from_the_other():
                 getattr(owner, name)
             assert f"{place}{name}" in str(error.value)
             assert not hasattr(owner, name)
+
+
+TWO = stepper.Stepper(
+    stepper.load(SCENE.replace("<joint", '<joint type="slide" axis="0 1 0"/><joint').replace("<motor", '<motor joint="x"/><motor')), 2
+)
+"""Two environments, each with two joints and two motors."""
+
+
+@pytest.mark.parametrize(("call", "message"), [
+    (lambda: SIM.randomize(geom_friction=0.3), r"^geom_friction is 0\.3 \(float\), a single number, must be an array of shape \(1, 3\)$"),
+    (lambda: TWO.randomize(gravity=-9.81), r"^gravity is -9\.81 \(float\), a single number, must be an array of shape \(2, 3\)$"),
+    (lambda: MODEL.replace(body_mass=2), r"^body_mass is 2 \(int\), a single number, must be an array of shape \(2,\)$"),
+    (lambda: TWO.step(0.5), r"^ctrl is 0\.5 \(float\), a single number, must be an array of shape \(2, 2\) or \(2,\)$"),
+    (lambda: TWO.set_state(qpos=np.array(1.0)), "^qpos is array.* a single number, must be an array of shape"),
+    (lambda: MODEL.replace(body_mass=[2.0]), r"^body_mass has shape \(1,\), must be \(2,\)$"),
+])  # fmt: skip
+def test_a_single_number_for_an_array_is_named_as_one(call, message):
+    with pytest.raises(ValueError, match=message):
+        call()
+
+
+@given(st.sampled_from(sorted(RANDOMIZED)), st.floats(0.1, 1.0))
+def test_every_field_names_a_single_number(field, number):
+    with pytest.raises(ValueError, match=f"^{field} is .* a single number, must be an array of shape") as error:
+        TWO.randomize(**{field: number})
+    assert str((2, *np.shape(getattr(TWO.model, field)))) in str(error.value)
+
+
+def test_a_single_number_is_taken_where_one_is_meant():
+    """Numbers of the model, and arrays of one number of a single environment."""
+    assert MODEL.replace(timestep=0.001).timestep == 0.001
+    SIM.step(0.5)
+    SIM.set_state(qpos=0.1)
+    assert SIM.qpos.tolist() == [0.1]

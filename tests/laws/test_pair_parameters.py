@@ -87,6 +87,17 @@ def test_what_a_pair_overrides_is_refused_unless_the_pair_is_given(field, pair_f
         sim.randomize()
 
 
+def test_pairs_given_to_one_environment_count_for_all():
+    """As `randomize` documents: the pairs of the others keep the model's numbers."""
+    sim = stepper.Stepper(model(), 2)
+    friction = np.tile(sim.model.geom_friction, (2, 1, 1))
+    friction[1, sim.model.geom("paired").id] = 0.25
+    first = np.array([True, False])
+    sim.randomize(first, pair_friction=np.full((2, 1, 3), 0.5))
+    sim.randomize(~first, geom_friction=friction)
+    assert np.array_equal(sim.randomized["pair_friction"][1], sim.model.pair_friction)
+
+
 def test_a_mask_leaves_the_other_environments_rows_alone():
     sim = stepper.Stepper(model(), 2)
     values = np.tile(sim.model.geom_friction, (2, 1, 1))

@@ -12,6 +12,8 @@ use pyo3::types::PyDict;
 use stepper_core::Precision;
 use stepper_core::rollout::Numbers;
 
+use crate::error::ModelError;
+
 /// An array of the given shape; float32 in that precision.
 pub(crate) fn array<'py>(py: Python<'py>, shape: &[usize], data: Vec<f64>, precision: Precision) -> PyResult<Bound<'py, PyAny>> {
     let shaped = ArrayD::from_shape_vec(shape, data).map_err(|e| PyValueError::new_err(e.to_string()))?;
@@ -172,6 +174,16 @@ pub(crate) fn check_shape(name: &str, found: &[usize], allowed: &[&[usize]]) -> 
     Err(PyValueError::new_err(format!("{name} has shape {}, must be {}", shape_text(found), must.join(" or "))))
 }
 
+/// As [`check_shape`] of an array that was converted from `given`, so that a single number is named as one.
+pub(crate) fn check_shape_of(given: &Bound<'_, PyAny>, name: &str, found: &[usize], allowed: &[&[usize]]) -> PyResult<()> {
+    if found != [1] || allowed.contains(&found) || given.py().import("numpy")?.call_method1("ndim", (given,))?.extract::<usize>()? > 0 {
+        return check_shape(name, found, allowed);
+    }
+    let must: Vec<String> = allowed.iter().map(|s| shape_text(s)).collect();
+    let must = must.join(" or ");
+    Err(PyValueError::new_err(format!("{name} is {}, a single number, must be an array of shape {must}", described(given))))
+}
+
 /// A whole number from `least` on, as Python's own or NumPy's integer.
 pub(crate) fn whole(given: &Bound<'_, PyAny>, name: &str, least: u64) -> PyResult<u64> {
     let index = given.py().import("operator")?.call_method1("index", (given,));
@@ -200,6 +212,12 @@ pub(crate) fn hint(owner: &Bound<'_, PyAny>, which: &str, name: &Bound<'_, PyAny
     let class = owner.get_type();
     let error = owner.py().import("stepper._hints")?.call_method1(which, (class, name))?;
     Ok(PyErr::from_value(error))
+}
+
+/// Error for the name of a field that is none of those `known` to a call and `listed` in its help, with similar names (`stepper._hints`).
+pub(crate) fn unknown_field(py: Python<'_>, call: &str, name: &str, known: Vec<&str>, listed: &str) -> PyResult<PyErr> {
+    let text: String = py.import("stepper._hints")?.call_method1("unknown_field", (call, name, known, listed))?.extract()?;
+    Ok(ModelError::new_err(text))
 }
 
 /// "'five' (str)", for messages about values of the wrong type.

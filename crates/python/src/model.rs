@@ -14,7 +14,7 @@ use stepper_core::analysis::overlaps;
 use stepper_core::model::{Description, Field, HeightField, Keyframe, Mesh, Model as Core, Overlap, REPLACEABLE, Sensor};
 use stepper_core::{Integrator, Options, Precision};
 
-use crate::array::{array, assign_attribute, check_shape, hint, read_only, readonly, shape_text, whole};
+use crate::array::{array, assign_attribute, check_shape, check_shape_of, hint, read_only, readonly, unknown_field, whole};
 use crate::configurations;
 use crate::elements::{self, Kind};
 use crate::error::{ModelError, to_py, value_error};
@@ -192,15 +192,17 @@ impl Model {
         let mut values = Vec::new();
         for (name, given) in fields.into_iter().flatten() {
             let name: String = name.extract()?;
-            let given = readonly(&given, &name)?;
-            if let Some((shape, _)) = self.core.field(&name) {
-                let scalar = shape.is_empty() && given.shape() == [1];
-                if given.shape() != shape && !scalar {
-                    let (found, must) = (shape_text(given.shape()), shape_text(&shape));
-                    return Err(PyValueError::new_err(format!("{name} has shape {found}, must be {must}")));
-                }
+            let Some((shape, _)) = self.core.field(&name) else {
+                let known = REPLACEABLE.iter().map(|field| field.name).collect();
+                return Err(unknown_field(given.py(), "Model.replace", &name, known, "help(stepper.Model)")?);
+            };
+            let numbers = readonly(&given, &name)?;
+            // The conversion gives a scalar an axis.
+            let scalar = shape.is_empty() && numbers.shape() == [1];
+            if !scalar {
+                check_shape_of(&given, &name, numbers.shape(), &[&shape])?;
             }
-            values.push((name, given.as_slice()?.to_vec()));
+            values.push((name, numbers.as_slice()?.to_vec()));
         }
         // Together, because fields need only fit each other in the end.
         let values: Vec<(&str, &[f64])> = values.iter().map(|(name, x)| (name.as_str(), x.as_slice())).collect();
@@ -217,7 +219,7 @@ impl Model {
         Self::of(overlaps::exclude(&self.core))
     }
 
-    /// Pairs of geoms that can collide and overlap by more than 0.1 mm at the reference pose, the deepest first.
+    /// Pairs of geoms that can collide and overlap by more than 0.01 mm at the reference pose, the deepest first.
     ///
     /// Returns:
     ///     (name of one geom, name of the other, depth in m); "#3 of body arm" where a geom has no name.

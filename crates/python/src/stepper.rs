@@ -26,7 +26,7 @@ use pyo3::prelude::*;
 use stepper_core::{Precision, Simulation};
 
 use crate::arguments::{Env, Whole};
-use crate::array::{assign_attribute, check_shape, described, hint, read_only, readonly, whole};
+use crate::array::{assign_attribute, check_shape, check_shape_of, described, hint, read_only, readonly, whole};
 use crate::derived_arrays::DerivedArrays;
 use crate::device_models::{drives, transfers};
 use crate::error::value_error;
@@ -114,15 +114,11 @@ impl Stepper {
 
     /// Rows of a (num_envs, width) or (width,) array, one per environment.
     fn rows<'py>(&self, given: &Bound<'py, PyAny>, name: &str, width: usize) -> PyResult<PyReadonlyArrayDyn<'py, f64>> {
-        let given = readonly(given, name)?;
-        self.check_rows(given.shape(), name, width)?;
-        Ok(given)
-    }
-
-    fn check_rows(&self, found: &[usize], name: &str, width: usize) -> PyResult<()> {
+        let numbers = readonly(given, name)?;
         let full = [self.n(), width];
         // A single environment has no axis of environments.
-        check_shape(name, found, &[&full[..], &[width]][usize::from(!self.batched)..])
+        check_shape_of(given, name, numbers.shape(), &[&full[..], &[width]][usize::from(!self.batched)..])?;
+        Ok(numbers)
     }
 }
 

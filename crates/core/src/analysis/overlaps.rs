@@ -14,10 +14,11 @@ use crate::model::{Description, JointKind, Model, Overlap, Shape, WideHull, weld
 use crate::probe::NoProbe;
 use crate::stages::s03_detect::detect;
 
-/// Overlap or limit violation above which the report has a line, m or rad. Files give lengths with that many digits.
+/// Limit violation above which the report has a line, m or rad. Files give lengths with that many digits.
 const WORTH_A_LINE: f64 = 1e-4;
 
-/// Overlap above which a pair is excluded, m: the default of [`Options::slop`](crate::Options), which position correction leaves.
+/// Overlap above which a pair is listed and excluded, m: the default of [`Options::slop`](crate::Options), which position correction
+/// leaves.
 const NOT_CORRECTED: f64 = 1e-5;
 
 /// Number of lines that the report shows of each kind.
@@ -32,9 +33,35 @@ pub struct OutOfRange {
     pub by: f64,
 }
 
-/// Pairs of geoms that overlap by more than 0.1 mm at the reference pose, the deepest first.
+/// Pairs of geoms that overlap by more than 0.01 mm at the reference pose, the deepest first: those that [`exclude`] takes, and those with
+/// the ground.
 pub fn overlaps(model: &Model) -> Vec<Overlap> {
-    deeper_than(model, WORTH_A_LINE)
+    let compiled: CompiledModel<f64> = CompiledModel::new(model);
+    let lanes: LaneModel<f64> = LaneModel::new(&compiled);
+    let (mut kinematics, mut poses) = (Kinematics::new(&compiled), GeomPoses::new(&lanes));
+    for m in &compiled.mocap {
+        kinematics.pos[m.frame] = m.pos;
+        kinematics.mat[m.frame] = quat_to_mat(quat_normalize(m.quat));
+    }
+    kinematics.update(&lanes, &model.qpos0);
+    poses.update_static_poses(&lanes);
+    poses.begin();
+    let mut contacts = Contacts::new(compiled.contact_points);
+    let rest = vec![0.0; compiled.nv];
+    let alive = <f64 as Real>::Mask::splat(true);
+    detect(&lanes, &kinematics, [&rest, &rest], [model.timestep, 0.0], alive, &mut poses, &mut contacts, NoProbe);
+    let mut found: Vec<Overlap> = Vec::new();
+    for k in 0..contacts.count[0] {
+        let depth = -contacts.data[k].point.distance;
+        let geoms = compiled.pair_geoms(contacts.ids[k][0].pair()).expect("made from this compiled").map(|g| compiled.geoms[g].index);
+        match found.iter_mut().find(|o| o.geoms == geoms) {
+            Some(known) => known.depth = known.depth.max(depth),
+            None => found.push(Overlap { geoms, depth }),
+        }
+    }
+    found.retain(|o| o.depth > NOT_CORRECTED);
+    found.sort_by(|a, b| b.depth.total_cmp(&a.depth).then(a.geoms.cmp(&b.geoms)));
+    found
 }
 
 /// Copy of a model without contact between bodies that overlap at the reference pose (`qpos0`). Keyframes do not count.
@@ -48,7 +75,7 @@ pub fn exclude(model: &Model) -> Model {
     let mut model = model.clone();
     loop {
         let ground = Ground::of(&model);
-        let found: Vec<Overlap> = deeper_than(&model, NOT_CORRECTED).into_iter().filter(|o| !ground.is_in(o, &model)).collect();
+        let found: Vec<Overlap> = overlaps(&model).into_iter().filter(|o| !ground.is_in(o, &model)).collect();
         if found.is_empty() {
             return model;
         }
@@ -81,35 +108,6 @@ impl Ground {
         let [a, b] = geoms.map(|g| g.body);
         endless || (self.fixed[a] && self.free[b]) || (self.fixed[b] && self.free[a])
     }
-}
-
-fn deeper_than(model: &Model, least: f64) -> Vec<Overlap> {
-    let compiled: CompiledModel<f64> = CompiledModel::new(model);
-    let lanes: LaneModel<f64> = LaneModel::new(&compiled);
-    let (mut kinematics, mut poses) = (Kinematics::new(&compiled), GeomPoses::new(&lanes));
-    for m in &compiled.mocap {
-        kinematics.pos[m.frame] = m.pos;
-        kinematics.mat[m.frame] = quat_to_mat(quat_normalize(m.quat));
-    }
-    kinematics.update(&lanes, &model.qpos0);
-    poses.update_static_poses(&lanes);
-    poses.begin();
-    let mut contacts = Contacts::new(compiled.contact_points);
-    let rest = vec![0.0; compiled.nv];
-    let alive = <f64 as Real>::Mask::splat(true);
-    detect(&lanes, &kinematics, [&rest, &rest], [model.timestep, 0.0], alive, &mut poses, &mut contacts, NoProbe);
-    let mut found: Vec<Overlap> = Vec::new();
-    for k in 0..contacts.count[0] {
-        let depth = -contacts.data[k].point.distance;
-        let geoms = compiled.pair_geoms(contacts.ids[k][0].pair()).expect("made from this compiled").map(|g| compiled.geoms[g].index);
-        match found.iter_mut().find(|o| o.geoms == geoms) {
-            Some(known) => known.depth = known.depth.max(depth),
-            None => found.push(Overlap { geoms, depth }),
-        }
-    }
-    found.retain(|o| o.depth > least);
-    found.sort_by(|a, b| b.depth.total_cmp(&a.depth).then(a.geoms.cmp(&b.geoms)));
-    found
 }
 
 /// Hinges and slides that are outside their range by more than 1e-4 rad or m at the reference pose, the farthest first.

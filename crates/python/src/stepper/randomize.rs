@@ -6,9 +6,9 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use stepper_core::{ActuatorNumbers, Parameter, Precision};
 
-use crate::array::{array, check_shape, read_only_of_environments, readonly};
+use crate::array::{array, check_shape_of, read_only_of_environments, readonly, unknown_field};
 use crate::device_models::drives;
-use crate::error::{to_py, value_error};
+use crate::error::value_error;
 use crate::stepper::recording::{notify, recorder_of};
 use crate::stepper::{Reading, Stepper, borrow};
 
@@ -19,7 +19,7 @@ impl Stepper {
     /// Assigns fields, (num_envs, ...) each, and `actuators` to some environments; None is the model's own numbers, and what drives were
     /// made with, and so is every field when none is named.
     pub(super) fn assign_parameters(&mut self, fields: Option<&Bound<'_, PyDict>>, envs: &[usize]) -> PyResult<()> {
-        let mut given: Vec<(String, Option<Vec<f64>>)> = Vec::new();
+        let mut given: Vec<(Parameter, Option<Vec<f64>>)> = Vec::new();
         let mut specs = None;
         for (name, value) in fields.into_iter().flatten() {
             let name: String = name.extract()?;
@@ -27,21 +27,23 @@ impl Stepper {
                 specs = Some(if value.is_none() { None } else { Some(drives(&value, &self.model, self.n(), Some(envs))?) });
                 continue;
             }
+            let Ok(parameter) = name.parse::<Parameter>() else {
+                let known = Parameter::ALL.into_iter().map(Parameter::name).chain([ACTUATORS]).collect();
+                return Err(unknown_field(value.py(), "Stepper.randomize", &name, known, "help(stepper.Stepper.randomize)")?);
+            };
             if value.is_none() {
-                given.push((name, None));
+                given.push((parameter, None));
                 continue;
             }
-            let value = readonly(&value, &name)?;
-            if let Some((tail, _)) = self.simulation.model().field(&name) {
-                check_shape(&name, value.shape(), &[&self.shape(&tail)])?;
-            }
-            given.push((name, Some(value.as_slice()?.to_vec())));
+            let numbers = readonly(&value, &name)?;
+            let (tail, _) = self.simulation.model().field(&name).expect("a field of the model");
+            check_shape_of(&value, &name, numbers.shape(), &[&self.shape(&tail)])?;
+            given.push((parameter, Some(numbers.as_slice()?.to_vec())));
         }
         if given.is_empty() && specs.is_none() {
             return self.simulation.reset_parameters(envs).map_err(value_error);
         }
-        let assigned = given.iter().map(|(name, values)| Ok((name.parse()?, values.as_deref())));
-        let assigned: Vec<(Parameter, Option<&[f64]>)> = assigned.collect::<Result<_, _>>().map_err(to_py)?;
+        let assigned: Vec<(Parameter, Option<&[f64]>)> = given.iter().map(|(parameter, values)| (*parameter, values.as_deref())).collect();
         let actuators = match &specs {
             None => ActuatorNumbers::Kept,
             Some(None) => ActuatorNumbers::Original,
@@ -77,8 +79,9 @@ impl Stepper {
     /// randomized before. What no environment has of its own costs neither time nor memory.
     ///
     /// Contacts of an explicit pair use pair_friction and pair_restitution and ignore those of the geoms. A new geom_friction for a geom
-    /// of a pair is therefore an error, unless pair_friction is given too, here or before: new values, or the model's to keep these
-    /// contacts as they are. Likewise geom_restitution and pair_restitution.
+    /// of a pair is therefore an error, unless pair_friction is given too, in this call or an earlier one: new values, or the model's to
+    /// keep these contacts as they are. An earlier call counts for all environments, also for those outside its mask, whose pairs keep the
+    /// model's values. Likewise geom_restitution and pair_restitution.
     ///
     /// Args:
     ///     mask: (num_envs,) bool: the environments that change; None is all. Rows of the others are not read.

@@ -37,7 +37,7 @@ HINGE = '<mujoco{option}><worldbody><body><joint name="j" type="hinge"/><geom si
 
 @pytest.mark.parametrize(("call", "message"), [
     (lambda m: stepper.Stepper(m, options=stepper.Options(integrator="discrete")), 'rk4 with contact="hard"'),
-    (lambda m: stepper.Stepper(m, 1).randomize(timestep=np.ones(1)), r"or make a Stepper of model\.replace\(timestep=\.\.\.\)"),
+    (lambda m: stepper.Stepper(m, 1).randomize(timestep=np.ones(1)), r"make a stepper.Stepper of model\.replace\(timestep=\.\.\.\)"),
     (
         lambda m: stepper.Stepper(m, 1).randomize(jnt_stiffness=np.ones((1, 1))),
         r"with model\.replace\(jnt_stiffness=\.\.\.\), and make the Stepper of that",

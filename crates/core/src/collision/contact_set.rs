@@ -1,5 +1,6 @@
 //! The contacts of one step, packed per lane: slot k of lane l is that lane's k-th contact, whichever geoms it joins.
 
+use stepper_geometry::pairs::ContactPoint;
 use stepper_real::{Mask, Real, Scalar};
 
 use crate::math::lanes::MAX_LANES;
@@ -40,17 +41,6 @@ impl ContactId {
     const fn feature(self) -> u32 {
         self.0 as u32
     }
-}
-
-/// Geometry of one contact: what a narrow-phase function finds.
-#[derive(Clone, Copy, Debug)]
-pub struct ContactPoint<R> {
-    /// Signed distance, negative where the geoms overlap, m.
-    pub distance: R,
-    /// Halfway between the surfaces, m.
-    pub pos: V3<R>,
-    /// Unit normal from the first geom to the second.
-    pub normal: V3<R>,
 }
 
 /// One slot: a contact in each lane that has so many.

@@ -2,16 +2,16 @@
 
 use std::borrow::Cow;
 
+use stepper_geometry::pairs::{
+    ContactPoint, Cuboid, Cylinder, Ellipsoid, Segment, capsule_box, cylinder_rims, plane_box, plane_ellipsoid, plane_point, plane_sphere,
+    segments, sphere_box, sphere_cylinder, sphere_ellipsoid,
+};
+use stepper_geometry::{Approach, BoundingBox, Pose, Reach, SeparatingPlane, SeparatingPlanes, Solid, Surface};
 use stepper_real::{Mask, Real, Scalar};
 
-use crate::collision::contact_set::{ContactId, ContactPoint, Contacts};
+use crate::collision::contact_set::{ContactId, Contacts};
 use crate::collision::detection::{Scene, Search};
-use crate::collision::pairs::{
-    Cuboid, Cylinder, Ellipsoid, Segment, capsule_box, cylinder_rims, plane_box, plane_ellipsoid, plane_point, plane_sphere, segments,
-    sphere_box, sphere_cylinder, sphere_ellipsoid,
-};
 use crate::compile::{CompiledPair, Kernel};
-use crate::geometry::{Approach, BoundingBox, Pose, Reach, SeparatingPlane, SeparatingPlanes, Solid, Surface};
 use crate::math::lanes::each_of;
 use crate::math::spatial::*;
 

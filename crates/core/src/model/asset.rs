@@ -2,8 +2,8 @@
 
 use nalgebra::{Matrix3, Vector3};
 use serde::{Deserialize, Serialize};
+use stepper_geometry::{Hull, HullError};
 
-use crate::geometry::{Hull, HullError};
 use crate::model::MassProperties;
 
 /// A triangle mesh, in the frame of the geoms that use it.

@@ -3,7 +3,8 @@
 use std::ops::Deref;
 use std::sync::Arc;
 
-use crate::geometry::Hull;
+use stepper_geometry::Hull;
+
 use crate::model::description::Description;
 use crate::model::hulls::Hulls;
 use crate::model::shape::Shape;

@@ -7,7 +7,8 @@
 
 use std::collections::BTreeMap;
 
-use crate::geometry::Hull;
+use stepper_geometry::Hull;
+
 use crate::model::{Mesh, Model, Shape, weld_groups};
 
 /// Points along each axis. A share of one half is then known to some 2 % (about 2000 of 4096 points are in a hull).

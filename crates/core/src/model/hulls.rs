@@ -2,7 +2,8 @@
 
 use std::sync::Arc;
 
-use crate::geometry::{Hull, HullError};
+use stepper_geometry::{Hull, HullError};
+
 use crate::model::asset::Mesh;
 use crate::model::description::Description;
 use crate::model::shape::Shape;

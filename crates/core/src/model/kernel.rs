@@ -38,8 +38,8 @@ impl Kernel {
             Self::PlaneSphere | Self::PlaneEllipsoid | Self::SphereBox | Self::SphereCylinder | Self::SphereEllipsoid => 1,
             Self::PlaneCapsule | Self::CapsuleBox | Self::Segments => 2,
             Self::PlaneBox | Self::PlaneCylinder => 8,
-            Self::Surface => crate::geometry::MAX_SURFACE_POINTS,
-            Self::Convex => crate::geometry::MAX_POINTS,
+            Self::Surface => stepper_geometry::MAX_SURFACE_POINTS,
+            Self::Convex => stepper_geometry::MAX_POINTS,
         }
     }
 

@@ -1,6 +1,7 @@
 //! Meshes and height fields.
 
-use crate::geometry::HullError;
+use stepper_geometry::HullError;
+
 use crate::model::finish::element::{Checked, Element};
 use crate::model::hulls::{Hulls, Source};
 use crate::model::{Description, HeightField, Mesh, ModelError, Shape};

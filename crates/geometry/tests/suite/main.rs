@@ -3,6 +3,7 @@
 mod convex;
 mod hulls;
 mod pairs;
+mod parry;
 mod sampling;
 mod shapes;
 mod surfaces;

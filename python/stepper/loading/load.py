@@ -23,7 +23,7 @@ _MUJOCO = "4"
 """Major version of MuJoCo whose models are understood."""
 
 _SAVED = b"stepper\xff"
-"""First bytes of every saved model (crates/core/src/model/file.rs)."""
+"""First bytes of every saved model (crates/model/src/file.rs)."""
 
 _INSTALL = 'pip install "stepper-sim[mjcf]"'
 

@@ -1,4 +1,4 @@
-"""MuJoCo's words for types of sensors, and what the Rust crate calls them (crates/core/src/model/sensor.rs)."""
+"""MuJoCo's words for types of sensors, and what the Rust crate calls them (crates/model/src/sensor.rs)."""
 
 JOINTS = {
     "jointpos": "JointPos",

@@ -6,7 +6,7 @@ use crate::actuation::affine_force::{ActuatorDynamics, within};
 use crate::actuation::memory::Memory;
 use crate::compile::{CompiledActuator, ModelStructure};
 use crate::math::lanes::DelayLine;
-use crate::model::actuator_spec::{ActuatorSpec, any};
+use crate::model::actuator_spec::ActuatorSpec;
 
 /// Number of a pipeline that may differ between environments, in the order of the table.
 #[derive(Clone, Copy)]
@@ -88,7 +88,7 @@ impl<S: Scalar> ActuatorPipelines<S> {
                 Some(_) => Servo::Sampled,
             };
             let line = if longest > 0 { longest + 2 } else { 0 };
-            let (memory, table, lagged) = (all.memory, all.pipelines.len() * NUMBERS, any(&spec.lag));
+            let (memory, table, lagged) = (all.memory, all.pipelines.len() * NUMBERS, any_nonzero(&spec.lag));
             let pipeline = ActuatorPipeline { actuator, servo, lagged, line, delay: None, memory, cursor: all.lines, table };
             all.memory += line + 2 * usize::from(lagged) + [0, 1, 3][servo as usize];
             all.lines += usize::from(line > 0);
@@ -255,6 +255,11 @@ impl<S: Scalar> ActuatorPipelines<S> {
             },
         )
     }
+}
+
+/// Whether any number is not 0.
+pub(crate) fn any_nonzero(numbers: &[f64]) -> bool {
+    numbers.iter().any(|&x| x != 0.0)
 }
 
 /// A delay in steps as whole ones and the rest; a staircase has no values in between.

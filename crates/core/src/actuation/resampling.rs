@@ -2,7 +2,8 @@
 //!
 //! What stages a spec has, and how long its delay line is, is compiled; the numbers of what is there are not.
 
-use crate::model::actuator_spec::{ActuatorSpec, any};
+use crate::actuation::pipeline::any_nonzero;
+use crate::model::actuator_spec::ActuatorSpec;
 use crate::model::{ActuatorError, DeviceError, Model, label};
 
 /// The actuator dynamics of a simulation.
@@ -99,8 +100,22 @@ impl ActuatorModels {
     }
 }
 
-impl ActuatorSpec {
-    /// All numbers that environments may have of their own, in an order that depends on the spec's stages alone.
+/// Numbers of a spec that environments may have of their own.
+trait OwnNumbers: Sized {
+    /// All these numbers, in an order that depends on the spec's stages alone.
+    fn numbers(&mut self) -> Vec<&mut Vec<f64>>;
+
+    /// Spec of some environments.
+    fn of(&self, envs: &[usize]) -> Self;
+
+    /// Takes over the numbers of a spec with the same stages, whose lists have one for all of `envs` or one for each.
+    fn assign(&mut self, given: &mut Self, envs: &[usize], num_envs: usize);
+
+    /// Checks that a spec that was `made` for `num_envs` environments can have these numbers in `n` of them.
+    fn fits(&self, made: &Self, n: usize, num_envs: usize, h: f64) -> Result<(), DeviceError>;
+}
+
+impl OwnNumbers for ActuatorSpec {
     fn numbers(&mut self) -> Vec<&mut Vec<f64>> {
         let mut all = vec![&mut self.delay, &mut self.delay_steps, &mut self.lag, &mut self.low, &mut self.high, &mut self.friction];
         if let Some(s) = &mut self.servo {
@@ -112,7 +127,6 @@ impl ActuatorSpec {
         all
     }
 
-    /// The numbers of some environments.
     fn of(&self, envs: &[usize]) -> Self {
         let mut own = self.clone();
         for x in own.numbers().into_iter().filter(|x| x.len() > 1) {
@@ -121,7 +135,6 @@ impl ActuatorSpec {
         own
     }
 
-    /// Takes over the numbers of a spec with the same stages, whose lists have one for all of `envs` or one for each.
     fn assign(&mut self, given: &mut Self, envs: &[usize], num_envs: usize) {
         for (own, given) in self.numbers().into_iter().zip(given.numbers()) {
             if given.is_empty() || (given.len() == 1 && *own == *given) {
@@ -138,7 +151,6 @@ impl ActuatorSpec {
         }
     }
 
-    /// Whether a spec that was `made` for `num_envs` environments can have these numbers in `n` of them.
     fn fits(&self, made: &Self, n: usize, num_envs: usize, h: f64) -> Result<(), DeviceError> {
         let sampled = |t: &Self| t.servo.as_ref().is_some_and(|s| !s.period.is_empty());
         for (name, here, there) in [
@@ -165,9 +177,9 @@ impl ActuatorSpec {
                 }
             }
         }
-        let friction = if any(&self.friction) { "friction" } else { "efficiency" };
+        let friction = if any_nonzero(&self.friction) { "friction" } else { "efficiency" };
         for (name, here, there) in [
-            ("lag", any(&self.lag), any(&made.lag)),
+            ("lag", any_nonzero(&self.lag), any_nonzero(&made.lag)),
             ("limits", self.is_limited(), made.is_limited()),
             (friction, self.loses(), made.loses()),
         ] {

@@ -15,25 +15,23 @@ pub struct EquivalentSpring {
     pub damping: [f64; 2],
 }
 
-impl Model {
-    /// The springs and dampers that solref and solimp of every listed pair of geoms amount to at the model's time step: where nothing
-    /// accelerates, R f = a_ref is f = -(d k / R) r - (b / R) v, with R = (1 - d) / d times the inverse weight of both bodies (MuJoCo's
-    /// documentation, computation chapter). While a contact accelerates, R is an inertia 1 / R besides, which no spring has.
-    pub fn equivalent_springs(&self) -> Vec<EquivalentSpring> {
-        let mut compiled = CompiledModel::<f64>::new(self);
-        let weights = self.soft.inverse_weights.clone().unwrap_or_else(|| inverse_weights(self));
-        compiled.soften(self, &weights, self.timestep, false);
-        let structure = compiled.structure;
-        let laws = structure.softness.expect("it was just added").pairs;
-        let spring = |(pair, law): (&CompiledPair<f64>, &SoftContactLaw<f64>)| {
-            let [start, most] = [0.0, f64::MAX].map(|depth: f64| law.normal.impedance(depth));
-            let per = |impedance: f64| SoftLaw::<f64>::regularisation(impedance, law.normal.weight).recip();
-            EquivalentSpring {
-                geoms: pair.geoms.map(|g| structure.geoms[g].index),
-                stiffness: [start, most].map(|d| law.normal.stiffness * d * per(d)),
-                damping: [start, most].map(|d| law.normal.damping * per(d)),
-            }
-        };
-        structure.pairs.iter().zip(&laws).map(spring).collect()
-    }
+/// Springs and dampers that solref and solimp of every listed pair of geoms amount to at the model's time step: where nothing
+/// accelerates, R f = a_ref is f = -(d k / R) r - (b / R) v, with R = (1 - d) / d times the inverse weight of both bodies (MuJoCo's
+/// documentation, computation chapter). While a contact accelerates, R is an inertia 1 / R besides, which no spring has.
+pub fn equivalent_springs(model: &Model) -> Vec<EquivalentSpring> {
+    let mut compiled = CompiledModel::<f64>::new(model);
+    let weights = model.soft.inverse_weights.clone().unwrap_or_else(|| inverse_weights(model));
+    compiled.soften(model, &weights, model.timestep, false);
+    let structure = compiled.structure;
+    let laws = structure.softness.expect("it was just added").pairs;
+    let spring = |(pair, law): (&CompiledPair<f64>, &SoftContactLaw<f64>)| {
+        let [start, most] = [0.0, f64::MAX].map(|depth: f64| law.normal.impedance(depth));
+        let per = |impedance: f64| SoftLaw::<f64>::regularisation(impedance, law.normal.weight).recip();
+        EquivalentSpring {
+            geoms: pair.geoms.map(|g| structure.geoms[g].index),
+            stiffness: [start, most].map(|d| law.normal.stiffness * d * per(d)),
+            damping: [start, most].map(|d| law.normal.damping * per(d)),
+        }
+    };
+    structure.pairs.iter().zip(&laws).map(spring).collect()
 }

@@ -80,7 +80,7 @@ pub fn exclude(model: &Model) -> Model {
             return model;
         }
         // Detection finds a limited number of contacts, so that another round may find more.
-        model.trusted_mut().excluded_overlaps.extend(found);
+        model.exclude_overlaps(found);
     }
 }
 

@@ -1,5 +1,6 @@
 //! The contacts of one step, packed per lane: slot k of lane l is that lane's k-th contact, whichever geoms it joins.
 
+use stepper_geometry::pairs::{ContactPoint, DISTANCE_ROUNDINGS};
 use stepper_real::{Mask, Real, Scalar};
 
 use crate::math::lanes::MAX_LANES;
@@ -10,10 +11,6 @@ const TANGENT_JUMP: f64 = 1e-2;
 
 /// Relative rounding above which a scalar has single precision.
 const SINGLE: f64 = 1e-10;
-
-/// Rounding error of a distance, in units in the last place of the coordinates of its contact point. With 2, the weight of an ant that lies
-/// errs by 4 % in single precision, with 4 by 0.01 %.
-const DISTANCE_ROUNDINGS: f64 = 4.0;
 
 /// Share of the weight above which an error of a normal force matters.
 const FORCE_ERROR: f64 = 0.01;
@@ -40,26 +37,6 @@ impl ContactId {
     #[cfg(test)]
     const fn feature(self) -> u32 {
         self.0 as u32
-    }
-}
-
-/// Geometry of one contact: what a narrow-phase function finds.
-#[derive(Clone, Copy, Debug)]
-pub struct ContactPoint<R> {
-    /// Signed distance, negative where the geoms overlap, m.
-    pub distance: R,
-    /// Halfway between the surfaces, m.
-    pub pos: V3<R>,
-    /// Unit normal from the first geom to the second.
-    pub normal: V3<R>,
-}
-
-impl<R: Real> ContactPoint<R> {
-    /// Rounding error of the distance, m.
-    #[inline(always)]
-    pub(crate) fn rounding(&self) -> R {
-        let [x, y, z] = self.pos;
-        R::of(DISTANCE_ROUNDINGS) * R::splat(R::Scalar::EPSILON) * (x.abs() + y.abs() + z.abs())
     }
 }
 

@@ -2,16 +2,16 @@
 
 use std::ops::Range;
 
+use stepper_geometry::Narrow;
+use stepper_geometry::pairs::segments;
 use stepper_real::{Mask, Real, Scalar};
 
 use crate::collision::broad_phase::Broad;
 use crate::collision::contact_set::Contacts;
-use crate::collision::pairs::segments;
 use crate::collision::patch_reduction::PatchReduction;
 use crate::collision::separation_cache::SeparationCache;
 use crate::compile::{CompiledPair, Kernel, LaneModel, ModelStructure};
 use crate::dynamics::kinematics::Kinematics;
-use crate::geometry::Narrow;
 use crate::math::spatial::*;
 
 /// Where the colliding geoms are, which of them are near one another, and the search for their contacts.

@@ -1,11 +1,9 @@
-//! Collision detection: broad phase, narrow phase (kernels for pairs of simple shapes, `geometry` for all others), and the contacts of a
-//! step.
+//! Collision detection: broad phase, narrow phase (with the kernels of stepper-geometry), and the contacts of a step.
 
 pub mod broad_phase;
 pub mod contact_set;
 pub mod detection;
 pub mod narrow_phase;
-pub mod pairs;
 pub(crate) mod patch_reduction;
 pub mod separation_cache;
 pub mod surface_velocity;

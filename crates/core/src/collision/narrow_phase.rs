@@ -2,16 +2,16 @@
 
 use std::borrow::Cow;
 
+use stepper_geometry::pairs::{
+    ContactPoint, Cuboid, Cylinder, Ellipsoid, Segment, capsule_box, cylinder_rims, plane_box, plane_ellipsoid, plane_point, plane_sphere,
+    segments, sphere_box, sphere_cylinder, sphere_ellipsoid,
+};
+use stepper_geometry::{Approach, BoundingBox, Pose, Reach, SeparatingPlane, SeparatingPlanes, Solid, Surface};
 use stepper_real::{Mask, Real, Scalar};
 
-use crate::collision::contact_set::{ContactId, ContactPoint, Contacts};
+use crate::collision::contact_set::{ContactId, Contacts};
 use crate::collision::detection::{Scene, Search};
-use crate::collision::pairs::{
-    Cuboid, Cylinder, Ellipsoid, Segment, capsule_box, cylinder_rims, plane_box, plane_ellipsoid, plane_point, plane_sphere, segments,
-    sphere_box, sphere_cylinder, sphere_ellipsoid,
-};
 use crate::compile::{CompiledPair, Kernel};
-use crate::geometry::{Approach, BoundingBox, Pose, Reach, SeparatingPlane, SeparatingPlanes, Solid, Surface};
 use crate::math::lanes::each_of;
 use crate::math::spatial::*;
 
@@ -180,6 +180,7 @@ impl<R: Real> Scene<'_, R> {
             let (first, second) = (self.solid_in(a, lane), self.solid_in(b, lane));
             let Search { narrow, known, found } = &mut *search;
             let mut reach = Reach::from(reach.lane(lane).to_f64());
+            reach.epsilon = R::Scalar::EPSILON.to_f64();
             reach.known = known.of(lane, index).map(SeparatingPlane::known);
             if let Some(moving) = &approach {
                 reach.approach = Some(moving.lane(lane));

@@ -1,14 +1,14 @@
 //! What one step leaves to the next about hulls that are near one another: a normal, where the next search begins, and what parts them for
 //! a while.
 //!
-//! It saves time and changes no contact, see [`Reach::known`](crate::geometry::Reach::known) and
+//! It saves time and changes no contact, see [`Reach::known`](stepper_geometry::Reach::known) and
 //! [`SeparatingPlane`]. Still it is state, so that a step is a function of its state whatever rounding does.
 
 use serde::{Deserialize, Serialize};
+use stepper_geometry::{SeparatingPlane, Solid};
 use stepper_real::Scalar;
 
 use crate::compile::{Kernel, ModelStructure};
-use crate::geometry::{SeparatingPlane, Solid};
 use crate::math::lanes::{Target, each_of};
 
 /// Pairs of one environment of which something is kept, at most: the first that a step comes to.

@@ -7,9 +7,10 @@
 //! Its tangent at a pose is a lower bound, and the sign of its slope tells on which side the minimum lies. Rotation within a step adds
 //! terms of second order.
 
+use stepper_geometry::pairs::ContactPoint;
 use stepper_real::{Mask, Real};
 
-use crate::collision::contact_set::{ContactPoint, Contacts};
+use crate::collision::contact_set::Contacts;
 use crate::collision::detection::{Placed, Scene, Search};
 use crate::compile::{CompiledPair, LaneModel};
 use crate::dynamics::kinematics::Kinematics;

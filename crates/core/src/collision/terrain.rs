@@ -11,11 +11,11 @@
 //! Nothing moves along n by turning about a point on the line of n: of a ball only the centre's speed counts, of a capsule that of its
 //! segment.
 
+use stepper_geometry::{ConvexShape, Grid, Solid};
 use stepper_real::{Mask, Real, Scalar};
 
 use crate::collision::detection::Scene;
 use crate::compile::CompiledPair;
-use crate::geometry::{ConvexShape, Grid, Solid};
 use crate::math::lanes::each_of;
 use crate::math::spatial::*;
 

@@ -2,12 +2,12 @@
 
 use std::borrow::Cow;
 
+use stepper_geometry::{Narrow, Pose, Solid, SolidMotion};
 use stepper_real::{Mask, Real, Scalar};
 
 use crate::collision::detection::{GeomPoses, Placed, Scene};
 use crate::compile::{CompiledJoint, CompiledPair, Kernel, LaneModel};
 use crate::dynamics::kinematics::Kinematics;
-use crate::geometry::{Narrow, Pose, Solid, SolidMotion};
 use crate::math::lanes::each_of;
 use crate::math::spatial::*;
 use crate::model::JointKind;
@@ -28,7 +28,7 @@ pub struct TakenStep<'a, R: Real> {
 /// Lanes in which a geom may have passed through a thin one in the solved motion.
 ///
 /// A pair may pass if its relative displacement exceeds its thickness and if its path passes
-/// ([`Narrow::may_pass`](crate::geometry::Narrow::may_pass)). Contact rows stop the collisions that stage 3 finds. An impulse may make a
+/// ([`Narrow::may_pass`](stepper_geometry::Narrow::may_pass)). Contact rows stop the collisions that stage 3 finds. An impulse may make a
 /// body faster than [`detect`](crate::stages::s03_detect::detect) assumed, or deflect it, and a curved path may lead around a row.
 #[inline(always)]
 pub fn may_have_passed<R: Real>(

@@ -5,12 +5,12 @@ use std::collections::BTreeMap;
 use std::marker::PhantomData;
 use std::sync::Arc;
 
+use stepper_geometry::{ConvexShape, Grid, MeshSurface, Solid, Surface};
 use stepper_real::{Real, Scalar};
 
 use crate::compile::equality::Spring;
 use crate::compile::merging::{Merged, matrix, quaternion, vector};
 use crate::compile::parameters::{ContactParams, Params};
-use crate::geometry::{ConvexShape, Grid, MeshSurface, Solid, Surface};
 use crate::model::{ContactSpring, Filter, Geom, GeomPair, HeightField, Kernel, Mesh, Model, Shape};
 
 /// A geom that takes part in collision.

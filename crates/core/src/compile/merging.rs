@@ -3,9 +3,8 @@
 use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
 use stepper_real::Scalar;
 
-use crate::compile::simple_bodies::simple_bodies;
 use crate::compile::tree::{CompiledBody, CompiledJoint, CompiledMocap, Descendant, Dof, Link, scalars};
-use crate::model::{JointKind, Model};
+use crate::model::{JointKind, Model, simple_bodies};
 
 /// Which frame every body is fixed to, and where in it.
 #[derive(Clone, Debug)]

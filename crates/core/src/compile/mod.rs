@@ -14,7 +14,6 @@ mod parameters;
 mod passive;
 mod ray_surfaces;
 pub mod sensing;
-mod simple_bodies;
 mod soften;
 mod softness;
 mod tree;

@@ -3,7 +3,8 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use crate::geometry::{Grid, RaySurface};
+use stepper_geometry::{Grid, RaySurface};
+
 use crate::model::{HeightField, Model, Shape};
 
 /// Surfaces by the name of the mesh or height field that they are made of.

@@ -3,13 +3,13 @@
 use std::cell::RefCell;
 use std::sync::Arc;
 
+use stepper_geometry::RaySurface;
 use stepper_real::Scalar;
 
 use crate::compile::equality::CompiledTendon;
 use crate::compile::merging::{Merged, matrix, quaternion, wxyz};
 use crate::compile::ray_surfaces::RaySurfaces;
 use crate::compile::tree::scalars;
-use crate::geometry::RaySurface;
 use crate::model::{
     ContactField, ContactReduction, ContactSide, FrameReading, Model, Object, ProximityReading, Quantity, RayField, Sensor, SensorKind,
     Shape, Transmission,

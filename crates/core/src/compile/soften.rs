@@ -8,7 +8,7 @@ use crate::compile::compiled_model::{CompiledModel, ModelStructure};
 use crate::compile::limits::is_scalar;
 use crate::compile::softness::{CompiledSoftness, LawMaker};
 use crate::compile::tree::CompiledFriction;
-use crate::model::{Equality, EqualityKind, Filter, InverseWeights, Joint, JointKind, MIN_VALUE, Model, SoftSettings};
+use crate::model::{Cone, Equality, EqualityKind, Filter, InverseWeights, Joint, JointKind, MIN_VALUE, Model, SoftSettings};
 
 impl<S: Scalar> CompiledModel<S> {
     /// Adds what MuJoCo's contact law needs for steps of `timestep` seconds, `discrete` ones where constraints are taken at the end of the
@@ -44,7 +44,10 @@ impl<S: Scalar> CompiledModel<S> {
             maker.contact(&pair, geom_weights[a] + geom_weights[b])
         });
         let softness = CompiledSoftness {
-            cone,
+            cone: match cone {
+                Cone::Pyramidal => stepper_solve::soft::Cone::Pyramidal,
+                Cone::Elliptic => stepper_solve::soft::Cone::Elliptic,
+            },
             impratio: S::from_f64(impratio.max(MIN_VALUE)),
             noslip: (noslip.iterations > 0).then_some(effort),
             pairs: pairs.collect(),

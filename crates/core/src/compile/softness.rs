@@ -1,10 +1,10 @@
 //! Softness of constraints, compiled: what MuJoCo's contact law makes of solref, solimp and the inverse weights of a model.
 
 use stepper_real::{Real, Scalar};
-use stepper_solve::soft::SlipEffort;
+use stepper_solve::soft::{Cone, SlipEffort};
 
 use crate::compile::tree::scalars;
-use crate::model::{Cone, ContactSpring, GeomPair, MIN_VALUE, Softness};
+use crate::model::{ContactSpring, GeomPair, MIN_VALUE, Softness};
 
 /// Least and greatest impedance (`mjMINIMP`, `mjMAXIMP`).
 const IMPEDANCE: [f64; 2] = [1e-4, 0.9999];

@@ -1,8 +1,8 @@
 //! Closest points of two shapes: a plane and anything simple, balls and capsules among themselves.
 
+use stepper_geometry::pairs::{Segment, segments};
 use stepper_real::{Mask, Real};
 
-use crate::collision::pairs::{Segment, segments};
 use crate::compile::LaneModel;
 use crate::compile::sensing::{Form, Pair, Solid};
 use crate::dynamics::kinematics::Kinematics;

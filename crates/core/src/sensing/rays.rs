@@ -4,12 +4,12 @@
 //! are on their piece and not behind the ray's beginning, the nearest counts. A ray that begins inside hits where it leaves. Meshes and
 //! height fields are met lane by lane.
 
+use stepper_geometry::{Pose, RaySurface};
 use stepper_real::{Mask, Real, Scalar};
 
 use crate::compile::LaneModel;
 use crate::compile::sensing::{Form, SensorFrame, Solid, Target, TargetForm};
 use crate::dynamics::kinematics::Kinematics;
-use crate::geometry::{Pose, RaySurface};
 use crate::math::lanes::each_of;
 use crate::math::spatial::*;
 use crate::model::RayField;

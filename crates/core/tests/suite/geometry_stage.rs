@@ -4,10 +4,10 @@ use std::sync::Arc;
 
 use crate::shapes::{cases, turn, vector};
 use proptest::prelude::*;
-use stepper_core::internals::collision::pairs::{Cuboid, Segment, capsule_box, segments, sphere_box};
-use stepper_core::internals::math::spatial::*;
 use stepper_core::model::{BodyBuilder, GeomBuilder, JointBuilder, Model, WORLD};
 use stepper_core::{Field, Level, Options, Precision, Simulation, Solver, Status, StepInputs};
+use stepper_geometry::linear_algebra::*;
+use stepper_geometry::pairs::{Cuboid, Segment, capsule_box, segments, sphere_box};
 
 /// So many bodies that their pairs are not listed: 79 would do.
 const CROWD: usize = 90;

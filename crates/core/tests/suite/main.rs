@@ -3,20 +3,16 @@
 
 mod common;
 mod containment;
-mod convex;
 mod determinism;
 mod examples;
-mod geometry;
-mod geometry_pairs;
 mod geometry_stage;
 mod going_on;
-mod hulls;
 mod inputs;
 #[cfg(feature = "nalgebra")]
 mod matrices;
 mod parameters;
 mod public_face;
 mod scratch;
+#[path = "../../../geometry/tests/suite/shapes.rs"]
 mod shapes;
-mod surfaces;
 mod terrain;

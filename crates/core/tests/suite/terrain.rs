@@ -8,12 +8,12 @@ use proptest::prelude::*;
 use stepper_core::internals::collision::contact_set::Contacts;
 use stepper_core::internals::collision::detection::GeomPoses;
 use stepper_core::internals::dynamics::kinematics::Kinematics;
-use stepper_core::internals::geometry::{ConvexShape, Grid, Manifold, Pose, Room, Surface, collide_surface};
-use stepper_core::internals::math::spatial::*;
 use stepper_core::internals::probe::NoProbe;
 use stepper_core::internals::stages::s03_detect::detect;
 use stepper_core::model::{BodyBuilder, GeomBuilder, HeightField, JointBuilder, Model, WORLD};
 use stepper_core::{Field, Integrator, Level, Options, Precision, Simulation, Solver};
+use stepper_geometry::linear_algebra::*;
+use stepper_geometry::{ConvexShape, Grid, Manifold, Pose, Room, Surface, collide_surface};
 
 const STEP: f64 = 0.01;
 const POINTS: usize = 9;

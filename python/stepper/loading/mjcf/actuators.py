@@ -1,4 +1,4 @@
-"""Actuators of a compiled `mujoco.MjModel`, as the Rust crate describes them (crates/core/src/model/mod.rs)."""
+"""Actuators of a compiled `mujoco.MjModel`, as the Rust crate describes them (crates/model/src/description.rs)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A compiled `mujoco.MjModel` as a plain description: the fields of the Rust crate's `Description` (crates/core/src/model/mod.rs).
+"""A compiled `mujoco.MjModel` as a plain description: the fields of the Rust crate's `Description` (crates/model/src/description.rs).
 
 One function for each kind of element. What cannot be described is listed by `stepper.loading.mjcf.omissions`, where a table says of every
 field of MjModel whether it is used, has no effect on the motion, or is left out.

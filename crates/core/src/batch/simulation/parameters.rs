@@ -115,10 +115,8 @@ impl Simulation {
             return self.randomization.differences(&self.model, self.lane_model(), None, assigned, envs);
         };
         let actuator_models = |variant: &Model| {
-            let mut variant = variant.clone();
             // The dynamics have taken over the delays already.
-            variant.trusted_mut().actuators.iter_mut().for_each(|a| a.delay = 0.0);
-            let folded = ActuatorSpec::fold(&variant, specs, self.num_envs, self.timestep());
+            let folded = ActuatorSpec::fold(&variant.without_actuator_delays(), specs, self.num_envs, self.timestep());
             folded.expect("actuator dynamics were checked with the model, and a variant has its structure").0
         };
         self.randomization.differences(&self.model, self.lane_model(), Some(&actuator_models), assigned, envs)

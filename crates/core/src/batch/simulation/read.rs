@@ -8,7 +8,7 @@ use crate::batch::simulation::{Error, Simulation};
 use crate::batch::state::StoredContact;
 use crate::batch::worst_row::WorstRow;
 use crate::math::spatial::contact_frame;
-use crate::model::file::write_whole;
+use crate::model::write_whole;
 use crate::stages::s10_record::Status;
 
 /// A contact of the last step, in the world frame.

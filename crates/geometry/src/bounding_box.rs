@@ -1,0 +1,118 @@
+//! Boxes about solids, over lanes: a face of either may show that two solids are too far from each other to touch, before anything is
+//! asked about the solids themselves.
+
+use stepper_real::Real;
+
+use crate::approach::HAIR;
+use crate::linear_algebra::*;
+use crate::shape::ConvexShape;
+use crate::solid::Solid;
+
+/// Box about a solid along the axes of its frame.
+#[derive(Clone, Copy, Debug)]
+pub struct BoundingBox<R> {
+    /// Its centre, m.
+    centre: V3<R>,
+    /// Half sizes, m.
+    half: V3<R>,
+}
+
+impl<R: Real> BoundingBox<R> {
+    /// The box about a solid of this size in every lane (radius, half length; half axes or half sizes; m); none of what has no bounds, or
+    /// is better asked otherwise.
+    #[inline(always)]
+    pub fn new(solid: &Solid, size: V3<R>) -> Option<Self> {
+        let [radius, half_length, _] = size;
+        let Solid::Convex(shape) = solid else { return None };
+        let (centre, half) = match shape {
+            ConvexShape::Sphere { .. } => (zero(), [radius; 3]),
+            ConvexShape::Capsule { .. } => (zero(), [radius, radius, radius + half_length]),
+            ConvexShape::Cylinder { .. } => (zero(), [radius, radius, half_length]),
+            ConvexShape::Ellipsoid { .. } | ConvexShape::Box { .. } => (zero(), size),
+            ConvexShape::Hull(hull) => {
+                let [least, most] = hull.extent();
+                let of = |x: [f64; 3]| [R::of(x[0]), R::of(x[1]), R::of(x[2])];
+                (of(scale(add(most, least), 0.5)), of(scale(sub(most, least), 0.5)))
+            }
+            ConvexShape::Triangle(_) => return None,
+        };
+        Some(Self { centre, half })
+    }
+
+    /// Lanes in which a face of either box shows that the two are further than `reach` (m) from each other: `apart` leads from the frame of
+    /// this one to that of the other, `mats` are the axes of both frames. (Gottschalk, Lin & Manocha 1996; the nine axes across two edges
+    /// are left out.)
+    #[inline(always)]
+    pub fn is_beyond(&self, other: &Self, apart: V3<R>, mats: [&M3<R>; 2], reach: R) -> R::Mask {
+        let d = sub(rotate_back(mats[0], add(apart, rotate(mats[1], other.centre))), self.centre);
+        let (mut gap, mut length) = (-reach, R::zero());
+        let mut across = self.half;
+        let mut axes = [[R::zero(); 3]; 3];
+        for j in 0..3 {
+            axes[j] = rotate_back(mats[0], column(mats[1], j));
+            let width = axes[j][0].abs() * self.half[0] + axes[j][1].abs() * self.half[1] + axes[j][2].abs() * self.half[2];
+            gap = gap.max(dot(d, axes[j]).abs() - (width + other.half[j]));
+            for i in 0..3 {
+                across[i] += axes[j][i].abs() * other.half[j];
+            }
+        }
+        for i in 0..3 {
+            gap = gap.max(d[i].abs() - across[i]);
+            length += d[i].abs() + across[i];
+        }
+        gap.gt(reach + R::of(HAIR) * length)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::hull::Hull;
+    use crate::narrow::Narrow;
+    use crate::reach::Reach;
+    use crate::vectors::Pose;
+    use proptest::prelude::*;
+
+    fn solid() -> impl Strategy<Value = Solid> {
+        let size = || prop::array::uniform3(0.02..0.3f64);
+        prop_oneof![
+            size().prop_map(|[radius, half_length, _]| ConvexShape::Capsule { radius, half_length }),
+            size().prop_map(|[radius, half_length, _]| ConvexShape::Cylinder { radius, half_length }),
+            size().prop_map(|radii| ConvexShape::Ellipsoid { radii }),
+            size().prop_map(|half| ConvexShape::Box { half }),
+            prop::collection::vec(prop::array::uniform3(-0.3..0.3f64), 6..12)
+                .prop_filter_map("flat", |points| Hull::new(&points).ok().map(|hull| ConvexShape::Hull(hull.into()))),
+        ]
+        .prop_map(Solid::Convex)
+    }
+
+    fn size_of(solid: &Solid) -> [f64; 3] {
+        match solid {
+            Solid::Convex(ConvexShape::Capsule { radius, half_length } | ConvexShape::Cylinder { radius, half_length }) => {
+                [*radius, *half_length, 0.0]
+            }
+            Solid::Convex(ConvexShape::Ellipsoid { radii: size } | ConvexShape::Box { half: size }) => *size,
+            _ => [0.0; 3],
+        }
+    }
+
+    fn pose() -> impl Strategy<Value = Pose> {
+        (prop::array::uniform3(-0.6..0.6f64), prop::array::uniform4(-1.0..1.0f64)).prop_filter_map("no rotation", |(pos, quat)| {
+            let length = quat.iter().map(|x| x * x).sum::<f64>().sqrt();
+            (length > 0.1).then(|| Pose { pos, mat: quat_to_mat(quat.map(|x| x / length)) })
+        })
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(2000))]
+
+        #[test]
+        fn what_is_beyond_has_no_contact((a, b) in (solid(), solid()), (at, bt) in (pose(), pose()), reach in 0.0..0.1f64) {
+            let boxes = [&a, &b].map(|solid| BoundingBox::<f64>::new(solid, size_of(solid)).unwrap());
+            let beyond = boxes[0].is_beyond(&boxes[1], sub(bt.pos, at.pos), [&at.mat, &bt.mat], reach);
+            let mut narrow = Narrow::default();
+            let (points, _) = narrow.collide([&a, &b], [at, bt], Reach::from(reach));
+            prop_assert!(!beyond || points.is_empty());
+        }
+    }
+}

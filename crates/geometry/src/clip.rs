@@ -1,0 +1,216 @@
+//! Flat features laid on one another: where both are, with the height of each.
+
+use crate::patch::{Corner, EDGES, Kind, Patch};
+
+/// A place that both features cover.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Shared {
+    pub(super) x: f64,
+    pub(super) y: f64,
+    /// Height of the reference feature, of the other.
+    pub(super) h: [f64; 2],
+    pub(super) id: u32,
+}
+
+/// Name of the crossing of two edges; edges of the reference are counted from [`EDGES`].
+fn crossing(a: u32, b: u32) -> u32 {
+    1 << 31 | a.min(b) << 15 | a.max(b)
+}
+
+/// Edges of the reference, a triangle whose edges are named 0 to 2, that meet at a place which [`overlay`] has named; `None` of a corner of
+/// the other.
+pub(super) fn edges_of_triangle(other: &Patch, id: u32) -> Option<[usize; 2]> {
+    let disc = other.kind == Kind::Disc;
+    if id >> 31 == 0 {
+        // Of a polygon and a disc the corners are named as they are.
+        return (disc && id & REFERENCE == 0).then(|| [id as usize, (id as usize + 2) % 3]);
+    }
+    let [a, b] = [id >> 15 & 0xffff, id & 0x7fff];
+    let own = |name: u32| (name >= EDGES).then(|| (name - EDGES) as usize);
+    // Crossings with a rim name the triangle's edge first, those with a line count it from [`EDGES`].
+    if disc { Some([a as usize; 2]) } else { own(b).map(|edge| [own(a).unwrap_or(edge), edge]) }
+}
+
+/// Adds corners of `other` that are behind the reference, a triangle, and beside it by no more than their depth times `rises` of each edge.
+pub(super) fn behind(reference: &Patch, other: &Patch, rises: &[f64; 3], out: &mut Vec<Shared>) {
+    for c in &other.corners {
+        let depth = reference.height(c.x, c.y) - c.h;
+        if depth > 0.0 && half_planes(reference).zip(rises).all(|((outside, _), rise)| outside(c.x, c.y) <= rise * depth) {
+            let id = if other.kind == Kind::Disc { c.id | REFERENCE } else { c.id };
+            out.push(Shared { id, ..on_both(reference, c) });
+        }
+    }
+}
+
+/// A corner of the reference, distinct from those of the other.
+const REFERENCE: u32 = 1 << 30;
+
+/// Room for polygons on the way.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Work {
+    polygon: Vec<Corner>,
+    next: Vec<Corner>,
+}
+
+impl Work {
+    pub(super) fn reserve(&mut self, corners: usize) {
+        self.polygon.reserve(corners);
+        self.next.reserve(corners);
+    }
+}
+
+/// All places at corners of the part that `reference` (a polygon or disc) and `other` share. Within `tolerance` outside is inside.
+pub(super) fn overlay(reference: &Patch, other: &Patch, tolerance: f64, work: &mut Work, out: &mut Vec<Shared>) {
+    out.clear();
+    match (reference.kind, other.kind) {
+        (Kind::Polygon, Kind::Polygon | Kind::Segment) => clip(reference, other, tolerance, work, out),
+        (Kind::Disc, Kind::Disc) => discs(reference, other, tolerance, out),
+        (Kind::Polygon, Kind::Disc) => polygon_disc(reference, other, tolerance, false, out),
+        (Kind::Disc, Kind::Polygon) => polygon_disc(other, reference, tolerance, true, out),
+        (Kind::Disc, Kind::Segment) => chord(reference, other, tolerance, out),
+        (_, _) => {
+            let inside = |c: &&Corner| {
+                if reference.kind == Kind::Disc { in_disc(reference, c, tolerance) } else { in_polygon(reference, c, tolerance) }
+            };
+            out.extend(other.corners.iter().filter(inside).map(|c| on_both(reference, c)));
+        }
+    }
+}
+
+fn on_both(reference: &Patch, c: &Corner) -> Shared {
+    Shared { x: c.x, y: c.y, h: [reference.height(c.x, c.y), c.h], id: c.id }
+}
+
+/// Twice the area, positive counter-clockwise.
+fn area(corners: &[Corner]) -> f64 {
+    let n = corners.len();
+    let o = corners[0];
+    (1..n - 1).map(|k| (corners[k].x - o.x) * (corners[k + 1].y - o.y) - (corners[k].y - o.y) * (corners[k + 1].x - o.x)).sum()
+}
+
+/// The half planes of a polygon's edges: distance outside, name of the edge.
+fn half_planes(polygon: &Patch) -> impl Iterator<Item = (impl Fn(f64, f64) -> f64, u32)> + '_ {
+    let c = &polygon.corners;
+    let turn = if area(c) < 0.0 { -1.0 } else { 1.0 };
+    (0..c.len()).map(move |k| {
+        let (p, q) = (c[k], c[(k + 1) % c.len()]);
+        let (dx, dy) = (q.x - p.x, q.y - p.y);
+        let length = (dx * dx + dy * dy).sqrt();
+        let k = if length > 0.0 { turn / length } else { 0.0 };
+        let (nx, ny) = (dy * k, -dx * k);
+        (move |x: f64, y: f64| (x - p.x) * nx + (y - p.y) * ny, p.edge)
+    })
+}
+
+fn in_polygon(polygon: &Patch, c: &Corner, tolerance: f64) -> bool {
+    half_planes(polygon).all(|(outside, _)| outside(c.x, c.y) <= tolerance)
+}
+
+fn in_disc(disc: &Patch, c: &Corner, tolerance: f64) -> bool {
+    let (x, y) = (c.x - disc.centre[0], c.y - disc.centre[1]);
+    let reach = disc.radius + tolerance;
+    x * x + y * y <= reach * reach
+}
+
+/// Sutherland & Hodgman 1974: what of a polygon or segment is over the reference.
+fn clip(reference: &Patch, other: &Patch, tolerance: f64, work: &mut Work, out: &mut Vec<Shared>) {
+    let closed = other.kind == Kind::Polygon;
+    work.polygon.clear();
+    work.polygon.extend(&other.corners);
+    for (outside, name) in half_planes(reference) {
+        let name = EDGES + name;
+        work.next.clear();
+        let n = work.polygon.len();
+        for k in 0..n {
+            let p = work.polygon[k];
+            let op = outside(p.x, p.y);
+            if op <= tolerance {
+                work.next.push(p);
+            }
+            if !closed && k + 1 == n {
+                break;
+            }
+            let q = work.polygon[(k + 1) % n];
+            let oq = outside(q.x, q.y);
+            if (op <= tolerance) != (oq <= tolerance) {
+                // Within the tolerance an end is on the line.
+                let t = (op / (op - oq)).clamp(0.0, 1.0);
+                let at = |a: f64, b: f64| a + (b - a) * t;
+                // The clipped polygon goes on along the reference's edge where it leaves, along its own where it comes in.
+                let edge = if op <= tolerance { name } else { p.edge };
+                work.next.push(Corner { x: at(p.x, q.x), y: at(p.y, q.y), h: at(p.h, q.h), id: crossing(p.edge, name), edge });
+            }
+        }
+        std::mem::swap(&mut work.polygon, &mut work.next);
+        if work.polygon.is_empty() {
+            return;
+        }
+    }
+    out.extend(work.polygon.iter().map(|c| on_both(reference, c)));
+}
+
+/// Corners of a polygon in a disc, points of the rim in the polygon, and where they cross. `swapped`: the disc is the reference.
+fn polygon_disc(polygon: &Patch, disc: &Patch, tolerance: f64, swapped: bool, out: &mut Vec<Shared>) {
+    let order = |on_polygon: f64, on_disc: f64| if swapped { [on_disc, on_polygon] } else { [on_polygon, on_disc] };
+    for c in disc.corners.iter().filter(|c| in_polygon(polygon, c, tolerance)) {
+        out.push(Shared { x: c.x, y: c.y, h: order(polygon.height(c.x, c.y), c.h), id: c.id | REFERENCE });
+    }
+    for c in polygon.corners.iter().filter(|c| in_disc(disc, c, -tolerance)) {
+        out.push(Shared { x: c.x, y: c.y, h: order(c.h, disc.height(c.x, c.y)), id: c.id });
+    }
+    let n = polygon.corners.len();
+    for k in 0..n {
+        let (p, q) = (polygon.corners[k], polygon.corners[(k + 1) % n]);
+        for (end, t) in crossings(&p, &q, disc).into_iter().enumerate() {
+            if t > 0.0 && t < 1.0 {
+                let at = |a: f64, b: f64| a + (b - a) * t;
+                let (x, y) = (at(p.x, q.x), at(p.y, q.y));
+                out.push(Shared { x, y, h: order(at(p.h, q.h), disc.height(x, y)), id: crossing(p.edge, EDGES + end as u32) });
+            }
+        }
+    }
+}
+
+/// Where the line through two points enters and leaves a disc, as shares of the way; NaN where it does not.
+fn crossings(p: &Corner, q: &Corner, disc: &Patch) -> [f64; 2] {
+    let (dx, dy) = (q.x - p.x, q.y - p.y);
+    let (x, y) = (p.x - disc.centre[0], p.y - disc.centre[1]);
+    let (a, b, c) = (dx * dx + dy * dy, x * dx + y * dy, x * x + y * y - disc.radius * disc.radius);
+    let root = (b * b - a * c).sqrt();
+    [(-b - root) / a, (-b + root) / a]
+}
+
+/// What of a segment is over a disc.
+fn chord(disc: &Patch, segment: &Patch, tolerance: f64, out: &mut Vec<Shared>) {
+    let [p, q] = [segment.corners[0], segment.corners[1]];
+    out.extend(segment.corners.iter().filter(|c| in_disc(disc, c, tolerance)).map(|c| on_both(disc, c)));
+    for (end, t) in crossings(&p, &q, disc).into_iter().enumerate() {
+        if t > 0.0 && t < 1.0 {
+            let at = |a: f64, b: f64| a + (b - a) * t;
+            let c = Corner { x: at(p.x, q.x), y: at(p.y, q.y), h: at(p.h, q.h), id: crossing(p.edge, EDGES + end as u32), edge: 0 };
+            out.push(on_both(disc, &c));
+        }
+    }
+}
+
+/// Two discs: rim points of each in the other, the two crossings of the rims, and the ends of the lens across them.
+fn discs(reference: &Patch, other: &Patch, tolerance: f64, out: &mut Vec<Shared>) {
+    let mut add = |x: f64, y: f64, id: u32| out.push(Shared { x, y, h: [reference.height(x, y), other.height(x, y)], id });
+    let d = [other.centre[0] - reference.centre[0], other.centre[1] - reference.centre[1]];
+    let apart = (d[0] * d[0] + d[1] * d[1]).sqrt();
+    let (r, s) = (reference.radius, other.radius);
+    if apart <= (r - s).abs() + tolerance {
+        // One within the other: the smaller's rim.
+        let (inner, flag) = if s <= r { (other, 0) } else { (reference, REFERENCE) };
+        inner.corners.iter().for_each(|c| add(c.x, c.y, c.id | flag));
+    } else if apart < r + s {
+        let (ux, uy) = (d[0] / apart, d[1] / apart);
+        let along = (apart * apart + r * r - s * s) / (2.0 * apart);
+        let across = (r * r - along * along).max(0.0).sqrt();
+        let [cx, cy] = reference.centre;
+        add(cx + along * ux - across * uy, cy + along * uy + across * ux, crossing(EDGES, 0));
+        add(cx + along * ux + across * uy, cy + along * uy - across * ux, crossing(EDGES, 1));
+        add(cx + r * ux, cy + r * uy, crossing(EDGES, 2));
+        add(cx + (apart - s) * ux, cy + (apart - s) * uy, crossing(EDGES, 3));
+    }
+}

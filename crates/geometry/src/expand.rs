@@ -1,0 +1,124 @@
+//! Depth of overlapping polytopes: the facet of their difference that is nearest to the origin.
+//!
+//! The expanding polytope algorithm (van den Bergen 2001): a polytope inside the difference grows at its nearest face until that face is
+//! one of the difference. All its other faces are then further away, so no way out is shorter.
+
+use crate::facing::Separation;
+use crate::linear_algebra::*;
+use crate::pair::{Pair, Vertex};
+use crate::vectors::V;
+
+/// Times that it may grow.
+const GROWTHS: usize = 160;
+/// What it may still gain is rounding below this share of the pair's size.
+const ENOUGH: f64 = 1e-13;
+
+#[derive(Clone, Copy, Debug)]
+struct Face {
+    corners: [u16; 3],
+    /// Outward, unit.
+    normal: V,
+    /// From the origin, m; infinite where the face has no area.
+    distance: f64,
+}
+
+/// Room for a polytope.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Polytope {
+    vertices: Vec<Vertex>,
+    faces: Vec<Face>,
+    horizon: Vec<[u16; 2]>,
+}
+
+impl Polytope {
+    /// Room for the largest that there can be.
+    pub(super) fn reserve(&mut self) {
+        // Euler: a polytope of v corners has 2 v - 4 triangles, and 3 v - 6 edges.
+        let v = GROWTHS + 4;
+        self.vertices.reserve(v);
+        self.faces.reserve(2 * v);
+        self.horizon.reserve(3 * v);
+    }
+
+    /// The separation along the nearest facet of A - B; `start` is a tetrahedron that holds the origin. `None` where it is none, or where
+    /// rounding hides the facet.
+    pub(super) fn nearest_facet(&mut self, pair: &Pair<'_>, start: &[Vertex]) -> Option<Separation> {
+        if start.len() < 4 {
+            return None;
+        }
+        self.vertices.clear();
+        self.vertices.extend(start);
+        self.faces.clear();
+        let at = |i: usize| start[i].w;
+        let inside_out = dot(sub(at(3), at(0)), cross(sub(at(1), at(0)), sub(at(2), at(0)))) > 0.0;
+        for [i, j, k] in [[0, 1, 2], [0, 3, 1], [1, 3, 2], [2, 3, 0]] {
+            self.add(if inside_out { [i, k, j] } else { [i, j, k] });
+        }
+        for _ in 0..GROWTHS {
+            let nearest = *self.faces.iter().min_by(|f, g| f.distance.total_cmp(&g.distance))?;
+            let vertex = pair.support(nearest.normal, [0.0; 3]);
+            let gain = dot(nearest.normal, vertex.w) - nearest.distance;
+            if gain.is_nan() {
+                return None;
+            }
+            if gain <= ENOUGH * pair.size || self.vertices.iter().any(|v| v.names == vertex.names) {
+                return Some(self.separation(&nearest, vertex));
+            }
+            self.grow(vertex, 1e-3 * ENOUGH * pair.size);
+        }
+        None
+    }
+
+    /// What the normal of a facet separates, `furthest` being the furthest corner that way, and where the normal through the origin meets
+    /// it.
+    fn separation(&self, facet: &Face, furthest: Vertex) -> Separation {
+        let corners = facet.corners.map(|c| &self.vertices[c as usize]);
+        let [a, b, c] = corners.map(|c| c.w);
+        let n = facet.normal;
+        let share = [dot(n, cross(b, c)), dot(n, cross(c, a)), dot(n, cross(a, b))];
+        let sum = share[0] + share[1] + share[2];
+        let mix = |get: fn(&Vertex) -> V| (0..3).fold([0.0; 3], |p, k| add_scaled(p, get(corners[k]), share[k] / sum));
+        Separation { normal: n, separation: -dot(n, furthest.w), points: [mix(|c| c.x), mix(|c| c.y)] }
+    }
+
+    /// Takes up a corner outside: what it sees makes way for faces between it and the horizon.
+    fn grow(&mut self, vertex: Vertex, rounding: f64) {
+        let new = self.vertices.len() as u16;
+        self.vertices.push(vertex);
+        self.horizon.clear();
+        let mut k = 0;
+        while k < self.faces.len() {
+            let face = self.faces[k];
+            if dot(face.normal, vertex.w) - face.distance <= rounding {
+                k += 1;
+                continue;
+            }
+            self.faces.swap_remove(k);
+            let [a, b, c] = face.corners;
+            for [i, j] in [[a, b], [b, c], [c, a]] {
+                // An edge between two faces that go is no horizon.
+                match self.horizon.iter().position(|e| *e == [j, i]) {
+                    Some(known) => drop(self.horizon.swap_remove(known)),
+                    None => self.horizon.push([i, j]),
+                }
+            }
+        }
+        for e in 0..self.horizon.len() {
+            let [i, j] = self.horizon[e];
+            self.add([i, j, new]);
+        }
+    }
+
+    fn add(&mut self, corners: [u16; 3]) {
+        let [a, b, c] = corners.map(|i| self.vertices[i as usize].w);
+        let area = cross(sub(b, a), sub(c, a));
+        let twice = norm(area);
+        let face = if twice > 0.0 {
+            let normal = scale(area, 1.0 / twice);
+            Face { corners, normal, distance: dot(normal, a) }
+        } else {
+            Face { corners, normal: [0.0; 3], distance: f64::INFINITY }
+        };
+        self.faces.push(face);
+    }
+}

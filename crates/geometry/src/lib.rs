@@ -1,0 +1,123 @@
+//! Collision geometry: contact points, distances, convex hulls and rays. It knows no bodies and no models.
+//!
+//! ```
+//! use std::sync::Arc;
+//! use stepper_geometry::{ConvexShape, Hull, Narrow, Pose, Solid};
+//!
+//! let upright = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0];
+//! let corners: Vec<[f64; 3]> = (0..8).map(|k| [0, 1, 2].map(|axis| if k >> axis & 1 == 1 { 0.1 } else { -0.1 })).collect();
+//! let cube = Solid::Convex(ConvexShape::Hull(Arc::new(Hull::new(&corners)?)));
+//! let table = Solid::Convex(ConvexShape::Box { half: [1.0, 1.0, 0.5] });
+//!
+//! // The cube floats 1 mm above the table; contacts are wanted up to 1 cm.
+//! let poses = [[0.0; 3], [0.2, 0.0, 0.601]].map(|pos| Pose { pos, mat: upright });
+//! let mut narrow = Narrow::default();
+//! let (points, _) = narrow.collide([&table, &cube], poses, 0.01.into());
+//!
+//! assert_eq!(points.len(), 4); // the corners of the lower face
+//! for point in points {
+//!     assert_eq!(point.normal, [0.0, 0.0, 1.0]); // from the first solid to the second
+//!     assert!((point.distance - 0.001).abs() < 1e-15); // m
+//! }
+//! # Ok::<(), stepper_geometry::HullError>(())
+//! ```
+//!
+//! | to do | see |
+//! |---|---|
+//! | contact points of two solids | [`Narrow::collide`], [`collide`], [`collide_plane`], [`collide_surface`] |
+//! | distance and normal of two convex shapes | [`distance`] |
+//! | contacts of two simple shapes in every lane of a SIMD type | [`pairs`] |
+//! | tests over lanes that two solids are too far apart to touch | [`BoundingBox`], [`SeparatingPlanes`] |
+//! | convex hull of points | [`Hull`] |
+//! | distance along a ray to a mesh or a height field | [`RaySurface`] |
+//! | test whether two moving solids pass through each other | [`Narrow::may_pass`] |
+//!
+//! # Lanes
+//!
+//! [`pairs`], [`BoundingBox`] and [`SeparatingPlanes`] are written once over [`Real`](stepper_real::Real): `f64`, or a SIMD type with one
+//! environment in each lane. A search with a number of steps of its own, like GJK, does not fit lanes. The rest of the crate therefore
+//! takes one pair at a time in f64, and the tests over lanes spare most pairs the search.
+//!
+//! ```
+//! use stepper_geometry::pairs::{Segment, segments};
+//!
+//! let capsule = |z: f64, axis| Segment { centre: [0.0, 0.0, z], axis, half_length: 0.5, radius: 0.1 };
+//! let (points, two) = segments(&capsule(0.0, [1.0, 0.0, 0.0]), &capsule(0.25, [0.0, 1.0, 0.0]));
+//! assert!((points[0].distance - 0.05).abs() < 1e-15 && !two); // crossed capsules touch at one point
+//! ```
+//!
+//! # Parts of parry
+//!
+//! The crate takes parry's tree of bounding boxes (`Bvh`), which finds the triangles of a mesh near a box or along a ray. The rest is its
+//! own, for three reasons:
+//!
+//! - A step must have the same bits whatever ran before. parry's contact manifolds start from those of the step before; here the poses
+//!   alone decide, and what is remembered only saves time.
+//! - Finite differences and small gaps need distances and normals to rounding. Distances of cylinders by parry's search are off by up to
+//!   1e-5 m. The module `parry` of the tests compares distances, normals, nearest points and depths of every pair of shapes.
+//! - Pairs of simple shapes are computed over lanes, with one instruction stream for all environments.
+//!
+//! # Method
+//!
+//! Every shape is a *core* thickened by a radius (a ball is a thick point, a capsule a thick segment; the others have radius 0). The
+//! contact normal is the direction of the largest separation of the cores,
+//!
+//! ```text
+//! s(n) = min over B of n . y - max over A of n . x,        n* = argmax s(n) over unit vectors,
+//! ```
+//!
+//! which is the distance where the cores are apart and minus the least translation that parts them where they overlap (`separation.rs`).
+//! Any unit vector gives a bound from below, so overlapping shapes always have a contact. The features that face each other along n* are
+//! then laid on one another (`manifold.rs`).
+//!
+//! All is computed in the frame of the first shape: what a scene's place in the world changes is rounding. Nothing is remembered from call
+//! to call: the same poses give the same contacts, whether a normal from before is known (`recall.rs`), or what parts the two
+//! (`separating_plane.rs`), or not.
+
+mod approach;
+mod blocks;
+mod bounding_box;
+mod boxes;
+mod clip;
+mod distance;
+mod expand;
+mod facing;
+mod gjk;
+mod hull;
+mod known;
+pub mod linear_algebra;
+mod manifold;
+mod narrow;
+mod pair;
+pub mod pairs;
+mod passing;
+mod patch;
+mod proof;
+mod quickhull;
+mod ray;
+mod reach;
+mod recall;
+mod room;
+mod separating_plane;
+mod separation;
+mod shape;
+mod solid;
+mod surface;
+mod vectors;
+
+pub use approach::Approach;
+pub use bounding_box::BoundingBox;
+pub use distance::distance;
+pub use hull::{Face, Hull, HullError};
+pub use known::Known;
+pub use manifold::{MAX_POINTS, Manifold, Point};
+pub use narrow::{Narrow, collide, collide_plane};
+pub use passing::SolidMotion;
+pub use ray::RaySurface;
+pub use reach::Reach;
+pub use room::Room;
+pub use separating_plane::{SeparatingPlane, SeparatingPlanes};
+pub use shape::ConvexShape;
+pub use solid::Solid;
+pub use surface::{Grid, MAX_SURFACE_POINTS, MeshSurface, Surface, Under, collide_surface};
+pub use vectors::Pose;

@@ -1,0 +1,394 @@
+//! Contact points from a normal: the facing features are laid on one another, and few points keep their area and depth.
+
+use crate::clip::{Shared, Work, behind, edges_of_triangle, overlay};
+use crate::facing::Facing;
+use crate::linear_algebra::*;
+use crate::pair::Pair;
+use crate::patch::{Kind, Patch, View, edge};
+use crate::separating_plane::SeparatingPlane;
+use crate::shape::ConvexShape;
+use crate::vectors::{Pose, V};
+
+/// Points that two convex shapes can have: four, and the lowest of a rim.
+pub const MAX_POINTS: usize = 5;
+
+/// Points kept of two polygons.
+const KEPT: usize = 4;
+
+/// A contact point.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Point {
+    /// Halfway between the surfaces, m.
+    pub pos: V,
+    /// Unit, from the first shape to the second.
+    pub normal: V,
+    /// Signed distance along the normal, m.
+    pub distance: f64,
+    /// Which vertices, edges and faces meet: the same from step to step.
+    pub feature: u32,
+}
+
+/// The contact points of two shapes.
+#[derive(Clone, Debug, Default)]
+pub struct Manifold {
+    /// Ascending by feature.
+    pub points: Vec<Point>,
+    /// What two hulls know of one another: the normal, or that of a plane that parts those that are further apart.
+    pub separating_plane: Option<SeparatingPlane>,
+}
+
+impl Manifold {
+    /// Forgets all points.
+    pub fn clear(&mut self) {
+        self.points.clear();
+        self.separating_plane = None;
+    }
+
+    /// The least distance, m; infinite where there is no point.
+    pub fn deepest(&self) -> f64 {
+        self.points.iter().map(|p| p.distance).fold(f64::INFINITY, f64::min)
+    }
+
+    /// Whether there is a single point that no feature named.
+    pub(super) fn is_lone(&self) -> bool {
+        self.points.len() == 1 && self.points[0].feature == LONE
+    }
+
+    /// As seen from the other shape.
+    pub(super) fn turn(&mut self) {
+        self.points.iter_mut().for_each(|p| p.normal = p.normal.map(|x| -x));
+    }
+
+    /// From the frame of the first shape to the world.
+    pub(super) fn place(&mut self, pose: &Pose) {
+        for p in &mut self.points {
+            p.pos = add(pose.pos, rotate(&pose.mat, p.pos));
+            p.normal = rotate(&pose.mat, p.normal);
+        }
+    }
+}
+
+/// Room to work.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Clipper {
+    patches: [Patch; 2],
+    shared: Vec<Shared>,
+    work: Work,
+}
+
+/// A face whose normal is the contact's: 1 - cos of what rounding leaves.
+const FLAT: f64 = 1e-12;
+/// A face that is level, see [`ALONG`]: 1 - cos of its normal to the contact's.
+const LEVEL: f64 = 0.5 * ALONG * ALONG;
+/// Edges are at right angles to the normal below this cosine, and parallel below this sine.
+const ALONG: f64 = 1e-2;
+/// The feature of a lone point between edges, corners or curved surfaces.
+const LONE: u32 = 0x7fff_ffff;
+const IDENTITY: M3<f64> = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0];
+
+impl Clipper {
+    /// Room for features of so many corners.
+    pub(super) fn reserve(&mut self, corners: usize) {
+        self.patches.iter_mut().for_each(|p| p.corners.reserve(corners));
+        // Two polygons clipped, or a polygon and a rim: its corners and two crossings on each edge.
+        self.shared.reserve(4 * corners);
+        self.work.reserve(2 * corners);
+    }
+
+    /// The points of two cores along a normal, in the frame of the first, those beyond `prediction` dropped. At least one if the shapes are
+    /// within it.
+    pub(super) fn manifold(&mut self, pair: &Pair<'_>, facing: &Facing, prediction: f64, out: &mut Manifold) {
+        let Facing { found, corners, .. } = *facing;
+        let n = found.normal;
+        let axes = contact_frame(n);
+        let views = views(pair, &axes);
+        let distance = found.separation - pair.thickness();
+        let tilts = pair.flats(n, corners).map(|m| m.map_or(f64::INFINITY, |m| 1.0 - dot(m, n)));
+        if tilts.iter().any(|t| *t <= FLAT) {
+            self.fill(pair, &views, corners);
+            self.faces(pair, &axes, usize::from(tilts[0] > FLAT), prediction, out);
+        } else if !self.level_faces(pair, &axes, tilts, facing, prediction, out) {
+            self.lines(pair, &views, &axes, corners, prediction, out);
+        }
+        if out.points.is_empty() && distance <= prediction {
+            // Beside the nearest points, at the height halfway between the surfaces.
+            let [x, y] = found.points;
+            let middle = scale(add(x, y), 0.5);
+            let pos = add_scaled(middle, n, dot(n, pair.a.support_at(corners[0], n)) + pair.a.radius() + 0.5 * distance - dot(n, middle));
+            out.points.push(Point { pos, normal: n, distance, feature: LONE });
+        }
+    }
+
+    /// The points of the patches that were taken up, of which the reference is nearly level, at their distances along the normal.
+    fn faces(&mut self, pair: &Pair<'_>, axes: &[V; 3], reference: usize, prediction: f64, out: &mut Manifold) {
+        let (r, o) = (&self.patches[reference], &self.patches[1 - reference]);
+        overlay(r, o, pair.tolerance, &mut self.work, &mut self.shared);
+        if reference == 1 {
+            self.shared.iter_mut().for_each(|s| s.h.swap(0, 1));
+        }
+        self.emit(pair, axes, prediction, out);
+    }
+
+    /// The points where two edges cross and a face beside them is nearly level: the faces are as near at more places than the crossing, or
+    /// will be soon. Whether there are any; beside a triangle of a surface its neighbours have them.
+    fn level_faces(
+        &mut self,
+        pair: &Pair<'_>,
+        axes: &[V; 3],
+        tilts: [f64; 2],
+        facing: &Facing,
+        prediction: f64,
+        out: &mut Manifold,
+    ) -> bool {
+        let Some(reference) = tilts.iter().position(|t| *t <= LEVEL) else { return false };
+        if matches!(pair.a, ConvexShape::Triangle(_)) {
+            return false;
+        }
+        self.fill(pair, &views(pair, axes), facing.corners);
+        let [r, o] = [reference, 1 - reference].map(|k| &self.patches[k]);
+        if !matches!(r.kind, Kind::Polygon | Kind::Disc) || o.corners.len() == 1 || !o.is_level(ALONG) {
+            return false;
+        }
+        self.faces(pair, axes, reference, prediction, out);
+        // The nearest points are among them, unless an edge is beside a face that is not its own.
+        if out.deepest() > facing.found.separation - pair.thickness() + 1e-9 * pair.size {
+            out.points.clear();
+        }
+        !out.points.is_empty()
+    }
+
+    /// Takes up the patches that face each other around the furthest corners.
+    fn fill(&mut self, pair: &Pair<'_>, views: &[View<'_>; 2], corners: [u32; 2]) {
+        self.patches[0].fill(pair.a, &views[0], corners[0]);
+        self.patches[1].fill(pair.b, &views[1], corners[1]);
+    }
+
+    /// The points over a triangle of a surface, the first shape, whose normal is given: none where the second is beside it.
+    ///
+    /// Corners of the second count where they are over it, and behind a valley where they are over neither of the two there (`rises` of
+    /// every edge is the tangent of its angle). Where edges of the two cross, only what an edge that bulges carries counts, and of
+    /// something that lies flat on it: else a corner of the second is deeper, or another triangle is nearer.
+    pub(super) fn over_facet(
+        &mut self,
+        pair: &Pair<'_>,
+        face: &Facing,
+        bulges: &[bool; 3],
+        rises: &[f64; 3],
+        prediction: f64,
+        out: &mut Manifold,
+    ) {
+        let axes = contact_frame(face.found.normal);
+        let views = views(pair, &axes);
+        self.fill(pair, &views, face.corners);
+        let [facet, other] = &self.patches;
+        overlay(facet, other, pair.tolerance, &mut self.work, &mut self.shared);
+        let is_level = other.is_level(ALONG);
+        self.shared.retain(|s| edges_of_triangle(other, s.id).is_none_or(|edges| is_level && edges.into_iter().any(|k| bulges[k])));
+        if rises.iter().any(|&x| x > 0.0) {
+            behind(facet, other, rises, &mut self.shared);
+        }
+        self.emit(pair, &axes, prediction, out);
+    }
+
+    /// The points of the second shape over a half space whose normal is the first's z axis.
+    pub(super) fn half_space(&mut self, pair: &Pair<'_>, prediction: f64, out: &mut Manifold) {
+        let axes = contact_frame([0.0, 0.0, 1.0]);
+        let view = views(pair, &axes)[1];
+        let patch = &mut self.patches[1];
+        let corner = pair.b.corner(view.towards()).1;
+        patch.fill(pair.b, &view, corner);
+        patch.add_neighbours(pair.b, &view, corner);
+        self.shared.clear();
+        self.shared.extend(patch.corners.iter().map(|c| Shared { x: c.x, y: c.y, h: [0.0, c.h], id: c.id }));
+        self.emit(pair, &axes, prediction, out);
+    }
+
+    /// The lowest of some points over a half space, as [`Clipper::half_space`].
+    pub(super) fn cloud(&mut self, pair: &Pair<'_>, points: &[V], prediction: f64, out: &mut Manifold) {
+        let axes = contact_frame([0.0, 0.0, 1.0]);
+        let view = views(pair, &axes)[1];
+        self.patches[1].corners.clear();
+        self.shared.clear();
+        let seen = points.iter().map(|p| view.see(*p)).enumerate();
+        let shared = seen.map(|(i, [x, y, h])| Shared { x, y, h: [0.0, h], id: i as u32 });
+        self.shared.extend(shared.filter(|s| s.h[1] <= prediction));
+        self.emit(pair, &axes, prediction, out);
+    }
+
+    /// Both ends of what two parallel lines share.
+    fn lines(&mut self, pair: &Pair<'_>, views: &[View<'_>; 2], axes: &[V; 3], corners: [u32; 2], prediction: f64, out: &mut Manifold) {
+        let edges = [edge(pair.a, views[0].towards(), corners[0], ALONG), edge(pair.b, views[1].towards(), corners[1], ALONG)];
+        let [Some(p), Some(q)] = edges else { return };
+        let (u, v) = (sub(p[1], p[0]), rotate(views[1].mat, sub(q[1], q[0])));
+        let sine = norm(cross(u, v));
+        if sine > ALONG * norm(u) * norm(v) {
+            return;
+        }
+        let [p, q] = [p.map(|x| views[0].see(x)), q.map(|x| views[1].see(x))];
+        let (u, v) = ([p[1][0] - p[0][0], p[1][1] - p[0][1]], [q[1][0] - q[0][0], q[1][1] - q[0][1]]);
+        let (uu, vv) = (u[0] * u[0] + u[1] * u[1], v[0] * v[0] + v[1] * v[1]);
+        if uu == 0.0 || vv == 0.0 {
+            return;
+        }
+        // Along the first line, in shares of it: the ends of the second.
+        let share = |e: [f64; 3]| ((e[0] - p[0][0]) * u[0] + (e[1] - p[0][1]) * u[1]) / uu;
+        let (s, t) = (share(q[0]), share(q[1]));
+        if s == t || s.max(t) <= 0.0 || s.min(t) >= 1.0 {
+            return;
+        }
+        self.shared.clear();
+        // Each end is named by whose end it is.
+        let ends = [(0.0, 0), (1.0, 1), (s, 2), (t, 3)];
+        for (x, id) in ends {
+            let within = if id < 2 { (x - s) * (x - t) <= 0.0 } else { x > 0.0 && x < 1.0 };
+            if within {
+                let y = (x - s) / (t - s);
+                let at = |e: &[[f64; 3]; 2], w: f64, k: usize| e[0][k] + (e[1][k] - e[0][k]) * w;
+                let (a, b) = (std::array::from_fn::<f64, 3, _>(|k| at(&p, x, k)), std::array::from_fn::<f64, 3, _>(|k| at(&q, y, k)));
+                self.shared.push(Shared { x: 0.5 * (a[0] + b[0]), y: 0.5 * (a[1] + b[1]), h: [a[2], b[2]], id });
+            }
+        }
+        self.emit(pair, axes, prediction, out);
+    }
+
+    /// Takes up what is within the prediction, at most [`KEPT`] points and the lowest of a rim.
+    fn emit(&mut self, pair: &Pair<'_>, axes: &[V; 3], prediction: f64, out: &mut Manifold) {
+        let (ra, rb) = (pair.a.radius(), pair.b.radius());
+        let distance = |s: &Shared| (s.h[1] - rb) - (s.h[0] + ra);
+        self.shared.retain(|s| distance(s) <= prediction);
+        self.shared.sort_unstable_by_key(|s| s.id);
+        self.shared.dedup_by_key(|s| s.id);
+        let rim = self.patches.iter().any(|p| p.kind == Kind::Disc);
+        if self.shared.len() > KEPT + usize::from(rim) {
+            reduce(&mut self.shared, ra, rb, pair.size);
+        }
+        for s in &self.shared {
+            let h = 0.5 * (s.h[0] + ra + s.h[1] - rb);
+            let pos = add_scaled(add_scaled(scale(axes[0], h), axes[1], s.x), axes[2], s.y);
+            out.points.push(Point { pos, normal: axes[0], distance: distance(s), feature: s.id });
+        }
+    }
+}
+
+fn views<'a>(pair: &'a Pair<'_>, axes: &'a [V; 3]) -> [View<'a>; 2] {
+    [View { pos: [0.0; 3], mat: &IDENTITY, axes, side: 1.0 }, View { pos: pair.pos, mat: &pair.mat, axes, side: -1.0 }]
+}
+
+/// Names of single vertices are below this.
+pub(super) const VERTICES: u32 = 1 << 30;
+
+/// A name for a feature of a part of a shape.
+pub(super) fn mix(part: u32, feature: u32) -> u32 {
+    1 << 31 | (part.wrapping_mul(0x9E37_79B1) ^ feature.wrapping_mul(0x85EB_CA6B)) >> 1
+}
+
+/// Joins the points of many parts: those at one place with one normal are one, those with one normal are reduced to four, and at most
+/// `most` are kept, the deepest.
+pub(super) fn reduce_points(all: &mut Vec<Point>, size: f64, most: usize, out: &mut Manifold) {
+    let alike = |a: &Point, b: &Point| dot(a.normal, b.normal) > 1.0 - 1e-6;
+    all.sort_unstable_by(|a, b| a.feature.cmp(&b.feature).then(a.distance.total_cmp(&b.distance)));
+    while let Some(&first) = all.first() {
+        let start = out.points.len();
+        let axes = contact_frame(first.normal);
+        // A normal that is no unit vector is not even like itself: the first goes whatever it is, so that the list ends.
+        let mut is_first = true;
+        all.retain(|p| {
+            let same = std::mem::take(&mut is_first) || alike(&first, p);
+            let known = |q: &Point| norm(sub(p.pos, q.pos)) < 1e-6 * size;
+            if same && !out.points[start..].iter().any(known) {
+                out.points.push(*p);
+            }
+            !same
+        });
+        if out.points.len() > start + 2 {
+            let group = &mut out.points[start..];
+            let see = |p: &Point| Shared { x: dot(p.pos, axes[1]), y: dot(p.pos, axes[2]), h: [0.0, p.distance], id: p.feature };
+            let (kept, count) = spanning(&|k| see(&group[k]), group.len(), size);
+            for (k, &i) in kept[..count].iter().enumerate() {
+                group[k] = group[i];
+            }
+            out.points.truncate(start + count);
+        }
+    }
+    if out.points.len() > most {
+        out.points.sort_unstable_by(|a, b| a.distance.total_cmp(&b.distance).then(a.feature.cmp(&b.feature)));
+        out.points.truncate(most);
+    }
+    out.points.sort_unstable_by(|a, b| a.feature.cmp(&b.feature).then(a.distance.total_cmp(&b.distance)));
+    // One vertex may touch several triangles.
+    for k in 1..out.points.len() {
+        if out.points[k].feature == out.points[k - 1].feature {
+            out.points[k].feature = mix(k as u32, out.points[k].feature);
+        }
+    }
+    out.points.sort_unstable_by_key(|p| p.feature);
+}
+
+/// Keeps at most four points, see [`spanning`].
+fn reduce(points: &mut Vec<Shared>, ra: f64, rb: f64, size: f64) {
+    // The height of the first does not matter here, only how far the second is from it.
+    let see = |s: &Shared| Shared { h: [0.0, (s.h[1] - rb) - (s.h[0] + ra)], ..*s };
+    let (kept, count) = spanning(&|k| see(&points[k]), points.len(), size);
+    for (k, &i) in kept[..count].iter().enumerate() {
+        points[k] = points[i];
+    }
+    points.truncate(count);
+}
+
+/// The indices, ascending, and the number of points that span nearly the area of all: the deepest of `count` points (the least h[1]), the
+/// furthest from it, and the two that add most area on either side, where they add any. Of points that are equal up to rounding the first
+/// is kept, so the choice does not change from step to step.
+fn spanning(point: &dyn Fn(usize) -> Shared, count: usize, size: f64) -> ([usize; KEPT], usize) {
+    let (tie, tie_area) = (1e-6 * size, 1e-6 * size * size);
+    let mut kept = [0; KEPT];
+    kept[0] = pick(point, count, &[], tie, |p| -p.h[1]);
+    let a = point(kept[0]);
+    kept[1] = pick(point, count, &kept[..1], tie_area, |p| (p.x - a.x) * (p.x - a.x) + (p.y - a.y) * (p.y - a.y));
+    let b = point(kept[1]);
+    let side = |p: &Shared| (b.x - a.x) * (p.y - a.y) - (b.y - a.y) * (p.x - a.x);
+    kept[2] = pick(point, count, &kept[..2], tie_area, |p| side(p).abs());
+    let c = point(kept[2]);
+    let sign = if side(&c) < 0.0 { 1.0 } else { -1.0 };
+    // Outside of the triangle: by how much the area grows.
+    let beyond = |p: &Shared| {
+        let across = |u: &Shared, v: &Shared| ((v.x - u.x) * (p.y - u.y) - (v.y - u.y) * (p.x - u.x)) * sign;
+        across(&a, &b).max(across(&b, &c)).max(across(&c, &a))
+    };
+    let mut number = 2;
+    if side(&c).abs() > tie_area {
+        number = 3;
+        if count > 3 {
+            kept[3] = pick(point, count, &kept[..3], tie_area, beyond);
+            number += usize::from(beyond(&point(kept[3])) > tie_area);
+        }
+    }
+    kept[..number].sort_unstable();
+    (kept, number)
+}
+
+/// The first of the points with the largest value, up to `tie`.
+fn pick(point: &dyn Fn(usize) -> Shared, count: usize, but: &[usize], tie: f64, value: impl Fn(&Shared) -> f64) -> usize {
+    let (mut best, mut most) = (usize::MAX, f64::NEG_INFINITY);
+    for i in (0..count).filter(|i| !but.contains(i)) {
+        let x = value(&point(i));
+        if best == usize::MAX || x > most + tie {
+            (best, most) = (i, x);
+        }
+    }
+    best
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn points_without_a_normal_are_thinned_too() {
+        let point = |normal: V, feature: u32| Point { normal, feature, ..Point::default() };
+        let mut all = vec![point([f64::NAN; 3], 0), point([0.0; 3], 1), point([0.0, 0.0, 1.0], 2), point([f64::INFINITY, 0.0, 0.0], 3)];
+        let mut out = Manifold::default();
+        reduce_points(&mut all, 1.0, 16, &mut out);
+        assert!(all.is_empty());
+        assert_eq!(out.points.len(), 4);
+    }
+}

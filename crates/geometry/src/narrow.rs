@@ -1,0 +1,106 @@
+//! Contact points of two solids.
+
+use crate::boxes;
+use crate::facing::Facing;
+use crate::known::Known;
+use crate::manifold::{Manifold, Point};
+use crate::pair::Pair;
+use crate::reach::Reach;
+use crate::room::Room;
+use crate::separating_plane::SeparatingPlane;
+use crate::separation;
+use crate::shape::ConvexShape;
+use crate::solid::Solid;
+use crate::surface::{self, collide_surface};
+use crate::vectors::{Pose, unit_or};
+
+/// Room to work, and what was found.
+#[derive(Clone, Debug, Default)]
+pub struct Narrow {
+    pub(super) room: Room,
+    pub(super) found: Manifold,
+}
+
+impl Narrow {
+    /// Room for these solids, so that nothing grows later. Only surfaces of triangles still may, when a shape first lies on very many.
+    pub fn for_solids<'a>(solids: impl Iterator<Item = &'a Solid>) -> Self {
+        let corners = solids.map(|s| if let Solid::Convex(shape) = s { shape.corners() } else { 0 }).max().unwrap_or(0);
+        let mut narrow = Self::default();
+        if corners > 0 {
+            narrow.room.clipper.reserve(corners);
+            narrow.room.polytope.reserve();
+            narrow.room.triangles.reserve(256);
+            narrow.room.all.reserve(256);
+            narrow.found.points.reserve(256);
+        }
+        narrow
+    }
+
+    /// The contact points of two solids within reach of each other, and [`Manifold::separating_plane`]; a half space comes first.
+    pub fn collide(&mut self, solids: [&Solid; 2], poses: [Pose; 2], reach: Reach) -> (&[Point], Option<SeparatingPlane>) {
+        let Self { room, found } = self;
+        let prediction = reach.prediction;
+        match solids {
+            [Solid::Convex(a), Solid::Convex(b)] => collide(a, &poses[0], b, &poses[1], reach, found, room),
+            [Solid::HalfSpace, Solid::Convex(b)] => collide_plane(&poses[0], b, &poses[1], prediction, found, room),
+            [Solid::Surface(a), Solid::Convex(b)] => collide_surface(a, &poses[0], b, &poses[1], prediction, found, room),
+            [Solid::Convex(a), Solid::Surface(b)] => {
+                collide_surface(b, &poses[1], a, &poses[0], prediction, found, room);
+                found.turn();
+            }
+            [Solid::HalfSpace, Solid::Surface(b)] => surface::collide_plane_surface(&poses[0], b, &poses[1], prediction, found, room),
+            [_, Solid::Surface(_)] => unreachable!("a surface meets convex shapes"),
+            [_, Solid::HalfSpace] => unreachable!("a half space comes first, and two never meet"),
+        }
+        (&found.points, found.separating_plane)
+    }
+}
+
+/// Finds the contact points of two convex shapes that are within reach (m) of each other: at most
+/// [`MAX_POINTS`](crate::MAX_POINTS), in the world, normals from the first to the second, ascending by feature.
+///
+/// `out` is empty exactly if the shapes are further apart than that.
+pub fn collide(
+    a: &ConvexShape,
+    pose_a: &Pose,
+    b: &ConvexShape,
+    pose_b: &Pose,
+    reach: impl Into<Reach>,
+    out: &mut Manifold,
+    room: &mut Room,
+) {
+    let mut reach = reach.into();
+    let prediction = reach.prediction;
+    out.clear();
+    let pair = Pair::new(a, pose_a, b, pose_b).rounded(reach.epsilon, pose_a, pose_b);
+    if !pair.is_near(prediction) {
+        return;
+    }
+    if let (ConvexShape::Box { half: ha }, ConvexShape::Box { half: hb }) = (a, b) {
+        let Some(by_axes) = boxes::separation(&pair, *ha, *hb, prediction) else { return };
+        if let Some(found) = by_axes {
+            room.clipper.manifold(&pair, &Facing::new(&pair, found), prediction, out);
+            // A face gives the distance where something is above it.
+            if found.separation <= 0.0 || (!out.is_lone() && out.deepest() <= found.separation + 1e-9 * pair.size) {
+                out.place(pose_a);
+                return;
+            }
+            out.clear();
+        }
+    }
+    reach.known = reach.known.map(|known| Known { normal: unit_or(known.normal, [0.0, 0.0, 1.0]), ..known });
+    let facing = separation::nearest(&pair, &reach, &mut room.polytope);
+    if !reach.is_left_out(&pair, &facing.found) {
+        room.clipper.manifold(&pair, &facing, prediction, out);
+        out.place(pose_a);
+    }
+    out.separating_plane = (a.is_hull() && b.is_hull()).then(|| reach.separating_plane(&pair, &facing));
+}
+
+/// The half space below the xy plane of `plane` and a convex shape, as [`collide`].
+pub fn collide_plane(plane: &Pose, shape: &ConvexShape, pose: &Pose, prediction: f64, out: &mut Manifold, room: &mut Room) {
+    out.clear();
+    let pair = Pair::new(&ConvexShape::Sphere { radius: 0.0 }, plane, shape, pose);
+    room.clipper.half_space(&pair, prediction, out);
+    out.place(plane);
+}

@@ -1,0 +1,141 @@
+//! Two shapes in the frame of the first.
+
+use crate::linear_algebra::*;
+use crate::shape::ConvexShape;
+use crate::vectors::{Pose, V, neg};
+
+/// Distance below which two features are equal in double precision, as a fraction of the size of a pair.
+const EQUAL: f64 = 1e-9;
+
+/// Rounding error of a relative pose, in units in the last place of the coordinates of both shapes. A tower of ten boxes keeps the order
+/// of its contacts, at the origin and 3 m away from it.
+const POSE_ROUNDINGS: f64 = 8.0;
+
+/// Two shapes; everything of the second is in the frame of the first.
+pub(super) struct Pair<'a> {
+    pub(super) a: &'a ConvexShape,
+    pub(super) b: &'a ConvexShape,
+    /// Origin of the second, m.
+    pub(super) pos: V,
+    /// Axes of the second.
+    pub(super) mat: M3<f64>,
+    /// From the first's centre to the second's, m.
+    pub(super) apart: V,
+    /// Sum of the bounding radii, m.
+    pub(super) size: f64,
+    /// Least extent of the two, m.
+    pub(super) least: f64,
+    /// Distance below which two features are equal, m: rounding does not exchange the contact points of bodies at rest.
+    pub(super) tolerance: f64,
+}
+
+/// A vertex of the difference of the cores: x - y with x in the first and y in the second.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Vertex {
+    pub(super) w: V,
+    pub(super) x: V,
+    pub(super) y: V,
+    /// Which corners they are.
+    pub(super) names: [u32; 2],
+}
+
+impl<'a> Pair<'a> {
+    pub(super) fn new(a: &'a ConvexShape, pose_a: &Pose, b: &'a ConvexShape, pose_b: &Pose) -> Self {
+        let pos = rotate_back(&pose_a.mat, sub(pose_b.pos, pose_a.pos));
+        let m: [V; 3] = std::array::from_fn(|k| rotate_back(&pose_a.mat, column(&pose_b.mat, k)));
+        let mat = [m[0][0], m[1][0], m[2][0], m[0][1], m[1][1], m[2][1], m[0][2], m[1][2], m[2][2]];
+        Self::between(a, b, pos, mat)
+    }
+
+    /// The second's pose in the first's frame is known.
+    pub(super) fn between(a: &'a ConvexShape, b: &'a ConvexShape, pos: V, mat: M3<f64>) -> Self {
+        let apart = sub(add(pos, rotate(&mat, b.centre())), a.centre());
+        let least = match (a.least(), b.least()) {
+            (0.0, x) | (x, 0.0) => x,
+            (x, y) => x.min(y),
+        };
+        Self { a, b, pos, mat, apart, size: a.bound() + b.bound(), least, tolerance: EQUAL * (a.bound() + b.bound()) }
+    }
+
+    /// The same pair with poses that have the relative rounding error `epsilon`.
+    pub(super) fn rounded(mut self, epsilon: f64, pose_a: &Pose, pose_b: &Pose) -> Self {
+        let coordinates: f64 = pose_a.pos.iter().chain(&pose_b.pos).map(|x| x.abs()).sum();
+        self.tolerance = self.tolerance.max(POSE_ROUNDINGS * epsilon * (coordinates + self.size));
+        self
+    }
+
+    /// Whether the bounding balls are within `prediction`; false where a pose is not finite.
+    pub(super) fn is_near(&self, prediction: f64) -> bool {
+        let reach = self.size + prediction;
+        reach >= 0.0 && dot(self.apart, self.apart) <= reach * reach && self.is_finite()
+    }
+
+    pub(super) fn is_finite(&self) -> bool {
+        self.pos.iter().chain(&self.mat).all(|x| x.is_finite())
+    }
+
+    /// Whether both cores are hulls of their corners.
+    pub(super) fn is_polytope(&self) -> bool {
+        self.a.is_polytope() && self.b.is_polytope()
+    }
+
+    /// Sum of what the cores are thickened by, m.
+    pub(super) fn thickness(&self) -> f64 {
+        self.a.radius() + self.b.radius()
+    }
+
+    /// The second's point furthest along `d`, both in the first's frame.
+    pub(super) fn support_b(&self, d: V) -> V {
+        add(self.pos, rotate(&self.mat, self.b.support(rotate_back(&self.mat, d))))
+    }
+
+    /// The vertex of A - (B + shift) furthest along `d`.
+    pub(super) fn support(&self, d: V, shift: V) -> Vertex {
+        let (x, i) = self.a.corner(d);
+        let (y, j) = self.b.corner(rotate_back(&self.mat, neg(d)));
+        let y = add(add(self.pos, rotate(&self.mat, y)), shift);
+        Vertex { w: sub(x, y), x, y, names: [i, j] }
+    }
+
+    /// The vertex of the difference that two corners of hulls make, `shift` being added to the second.
+    pub(super) fn vertex(&self, names: [u32; 2], shift: V) -> Vertex {
+        let (x, y) = (self.a.support_at(names[0], shift), self.place(self.b.support_at(names[1], shift)));
+        let y = add(y, shift);
+        Vertex { w: sub(x, y), x, y, names }
+    }
+
+    /// Separation of the cores along the unit vector `n`, m.
+    pub(super) fn separation(&self, n: V) -> f64 {
+        dot(n, self.support_b(neg(n))) - dot(n, self.a.support(n))
+    }
+
+    /// The same, and the corners that are furthest, where they are near known ones.
+    pub(super) fn separation_near(&self, n: V, [i, j]: [u32; 2]) -> (f64, [u32; 2]) {
+        let ((x, i), (y, j)) = (self.a.climb(i, n), self.b.climb(j, rotate_back(&self.mat, neg(n))));
+        (dot(n, self.place(y)) - dot(n, x), [i, j])
+    }
+
+    /// A point of the second in the frame of the first.
+    pub(super) fn place(&self, p: V) -> V {
+        add(self.pos, rotate(&self.mat, p))
+    }
+
+    /// The corners that are furthest along `n` and against it; 0 of what is no hull, where nobody asks.
+    pub(super) fn corners(&self, n: V) -> [u32; 2] {
+        let first = if self.a.is_hull() { self.a.corner(n).1 } else { 0 };
+        [first, if self.b.is_hull() { self.b.corner(rotate_back(&self.mat, neg(n))).1 } else { 0 }]
+    }
+
+    /// How far two corners are apart along `n`, m; of what is no hull the furthest.
+    pub(super) fn apart_at(&self, n: V, [i, j]: [u32; 2]) -> f64 {
+        let y = self.place(self.b.support_at(j, rotate_back(&self.mat, neg(n))));
+        dot(n, sub(y, self.a.support_at(i, n)))
+    }
+
+    /// The outward normals nearest to facing the other along `n`, of the faces around `corners`: of the first (along n) and the second
+    /// (against n, turned along n).
+    pub(super) fn flats(&self, n: V, corners: [u32; 2]) -> [Option<V>; 2] {
+        let b = self.b.flat(rotate_back(&self.mat, neg(n)), corners[1]);
+        [self.a.flat(n, corners[0]), b.map(|m| neg(rotate(&self.mat, m)))]
+    }
+}

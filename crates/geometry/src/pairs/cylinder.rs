@@ -1,0 +1,87 @@
+//! Cylinders against a half space and a ball.
+
+use stepper_real::Real;
+
+use crate::linear_algebra::*;
+use crate::pairs::ContactPoint;
+use crate::pairs::plane_sphere;
+
+/// A cylinder about its z axis.
+#[derive(Clone, Copy, Debug)]
+pub struct Cylinder<R> {
+    /// m
+    pub centre: V3<R>,
+    /// Its axes are the columns.
+    pub mat: M3<R>,
+    /// m
+    pub radius: R,
+    /// m
+    pub half_length: R,
+}
+
+/// The points of a cylinder's rims that can touch a half space with outward normal `normal`: on each cap the lowest, and those at right
+/// angles to it and opposite. Lying, it touches with the lowest of both caps; standing, with all four of one. MuJoCo's `mjc_PlaneCylinder`
+/// has the lowest two and a triangle.
+///
+/// `tip` is how the normal turns as seen from the cylinder within the step, n x omega h. Where that is more than the cylinder leans, the
+/// lowest point is the one that it tips to: so it tips over its rim, and not over a chord.
+///
+/// Point k is at `k % 4` quarter turns from the lowest, on the cap at +z for k < 4.
+#[inline(always)]
+pub fn cylinder_rims<R: Real>(normal: V3<R>, tip: V3<R>, cylinder: &Cylinder<R>) -> [V3<R>; 8] {
+    let axis = column(&cylinder.mat, 2);
+    let (leans, tips) = (sub(scale(axis, dot(normal, axis)), normal), sub(scale(axis, dot(tip, axis)), tip));
+    let down = select(dot(leans, leans).lt(dot(tips, tips)), add(leans, tips), leans);
+    let length = norm(down);
+    // Standing to a millionth: any direction is as low, and one fixed to the body keeps the points where they are.
+    let some = length.gt(R::of(1e-6));
+    let lowest = select(some, scale(down, R::one() / R::select(some, length, R::one())), column(&cylinder.mat, 0));
+    let (lowest, side) = (scale(lowest, cylinder.radius), scale(cross(axis, lowest), cylinder.radius));
+    array_of(
+        #[inline(always)]
+        |k| {
+            let cap = add_scaled(cylinder.centre, axis, if k < 4 { cylinder.half_length } else { -cylinder.half_length });
+            match k % 4 {
+                0 => add(cap, lowest),
+                1 => add(cap, side),
+                2 => sub(cap, lowest),
+                _ => sub(cap, side),
+            }
+        },
+    )
+}
+
+/// The half space below `origin` and a point of a cylinder's rim.
+#[inline(always)]
+pub fn plane_point<R: Real>(origin: V3<R>, normal: V3<R>, point: V3<R>) -> ContactPoint<R> {
+    plane_sphere(origin, normal, point, R::zero())
+}
+
+/// A ball and a cylinder.
+///
+/// In the half plane through the axis and the ball's centre the cylinder is a rectangle; outside, the nearest point is the centre clamped
+/// to it, inside, the nearer of side and cap.
+#[inline(always)]
+pub fn sphere_cylinder<R: Real>(centre: V3<R>, radius: R, cylinder: &Cylinder<R>) -> ContactPoint<R> {
+    let x = rotate_back(&cylinder.mat, sub(centre, cylinder.centre));
+    let rho = (x[0] * x[0] + x[1] * x[1]).sqrt();
+    let off_axis = rho.gt(R::zero());
+    let inv = R::one() / R::select(off_axis, rho, R::one());
+    let radial = [R::select(off_axis, x[0] * inv, R::one()), R::select(off_axis, x[1] * inv, R::zero())];
+    let (side, cap) = (rho - cylinder.radius, x[2].abs() - cylinder.half_length);
+    let up = R::one().copysign(x[2]);
+
+    let (out_side, out_cap) = (side.max(R::zero()), cap.max(R::zero()));
+    let length = (out_side * out_side + out_cap * out_cap).sqrt();
+    let outside = length.gt(R::zero());
+    let by_side = side.ge(cap);
+    let inv = R::one() / R::select(outside, length, R::one());
+    let a = R::select(outside, out_side * inv, R::select(by_side, R::one(), R::zero()));
+    let b = R::select(outside, out_cap * inv, R::select(by_side, R::zero(), R::one())) * up;
+    let gap = R::select(outside, length, side.max(cap));
+
+    let u = rotate(&cylinder.mat, [radial[0] * a, radial[1] * a, b]);
+    let distance = gap - radius;
+    let pos = add_scaled(centre, u, -(radius + distance * R::of(0.5)));
+    ContactPoint { distance, pos, normal: scale(u, -R::one()) }
+}

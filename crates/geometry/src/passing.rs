@@ -1,0 +1,288 @@
+//! Test whether two moving solids pass through each other. Each solid has a constant twist in a frame that moves along a straight line.
+//!
+//! Two convex shapes pass if they are apart at both ends of the path and collide in between. If they overlap at an end, they pass if the
+//! direction between them reverses: contact forces would then push them on instead of back. They collide if they overlap by an eighth of
+//! their thickness, because resting contacts overlap by rounding and slop.
+//!
+//! The search is conservative advancement (Mirtich 1996). With a bound c on the relative speed of their points, the distance falls by at
+//! most c t in a time t. A step of distance / c therefore misses no collision. Steps are at least a quarter of the thickness long.
+//!
+//! A shape passes a triangle surface if a point inside the shape enters it and leaves it again. A shape that ends behind the surface does
+//! not pass if the next step pushes it back. A height field always does, since it is solid down to its base. A mesh does if the normal of
+//! its deepest contact opposes the displacement.
+
+use crate::expand::Polytope;
+use crate::linear_algebra::*;
+use crate::manifold::Manifold;
+use crate::narrow::Narrow;
+use crate::pair::Pair;
+use crate::ray::crossings;
+use crate::room::Room;
+use crate::separation;
+use crate::shape::ConvexShape;
+use crate::solid::Solid;
+use crate::surface::{Surface, collide_surface};
+use crate::vectors::{Pose, V};
+
+/// Smallest advance of the collision search, relative to the thickness.
+const MIN_ADVANCE: f64 = 0.25;
+
+/// Largest number of advances; beyond it the test reports a collision. Four advances per thickness cover a path of 250 thicknesses.
+const MAX_ADVANCES: usize = 1000;
+
+/// Overlap above which two shapes collide, relative to their thickness.
+const COLLISION_OVERLAP: f64 = 0.125;
+
+/// Largest rotation along a part of a path that counts as straight, rad. The chord of 0.5 rad deviates by 1/32 of the radius.
+const MAX_PART_ANGLE: f64 = 0.5;
+
+/// Largest number of parts of a path.
+const MAX_PARTS: usize = 64;
+
+/// Path length, relative to the thickness, above which points at half the depth of the shape are tested too. The path of a ball at half its
+/// radius above a point crosses its surface over a chord of 2 sqrt(1 - 1/4) radii. That is twice the thickness.
+const PASS_THROUGH_RATIO: f64 = 3.0;
+
+/// Motion of a solid: its pose at time 0 and its constant twist in a frame that moves along a straight line.
+#[derive(Clone, Copy, Debug)]
+pub struct SolidMotion {
+    /// Pose at time 0.
+    pub pose: Pose,
+    /// Angular velocity, rad/s.
+    pub angular: V,
+    /// Velocity of the frame, m/s: that of the root of a floating tree.
+    pub root_velocity: V,
+    /// Velocity of the origin of the solid in that frame at time 0, m/s. It rotates with the solid.
+    pub linear: V,
+}
+
+impl SolidMotion {
+    /// Pose at time `t`, s: the exponential of the twist in the moving frame.
+    fn at(&self, t: f64) -> Pose {
+        let Self { pose, angular: w, root_velocity, linear: v } = self;
+        let (speed, start) = (norm(*w), add_scaled(pose.pos, *root_velocity, t));
+        if speed * t.abs() < 1e-9 {
+            return Pose { pos: add_scaled(start, *v, t), mat: pose.mat };
+        }
+        let (sin, cos) = (speed * t).sin_cos();
+        let (first, second) = ((1.0 - cos) / (speed * speed), (t - sin / speed) / (speed * speed));
+        let turned = |x: V| {
+            let (once, twice) = (cross(*w, x), cross(*w, cross(*w, x)));
+            add_scaled(add_scaled(x, once, sin / speed), twice, first)
+        };
+        let (once, twice) = (cross(*w, *v), cross(*w, cross(*w, *v)));
+        let pos = add_scaled(add_scaled(add_scaled(start, *v, t), once, first), twice, second);
+        let axes = [0, 1, 2].map(|k| turned(column(&pose.mat, k)));
+        let mat = std::array::from_fn(|i| axes[i % 3][i / 3]);
+        Pose { pos, mat }
+    }
+
+    /// Velocity of the origin of the solid at time 0, m/s.
+    fn velocity(&self) -> V {
+        add(self.root_velocity, self.linear)
+    }
+}
+
+impl Narrow {
+    /// Whether two solids may pass through each other between the times `from` and `to`, s.
+    ///
+    /// `thickness` is the relative displacement below which neither can pass the other, m. Nothing passes a half space.
+    pub fn may_pass(&mut self, solids: [&Solid; 2], motions: [SolidMotion; 2], [from, to]: [f64; 2], thickness: f64) -> bool {
+        match solids {
+            [Solid::Convex(a), Solid::Convex(b)] => convex_pass([a, b], &motions, [from, to], thickness, &mut self.room.polytope),
+            [Solid::Surface(surface), Solid::Convex(shape)] => self.may_pass_surface(surface, shape, &motions, [from, to], thickness),
+            [Solid::Convex(shape), Solid::Surface(surface)] => {
+                self.may_pass_surface(surface, shape, &[motions[1], motions[0]], [from, to], thickness)
+            }
+            _ => false,
+        }
+    }
+}
+
+/// Whether two convex shapes pass through each other.
+fn convex_pass(
+    [a, b]: [&ConvexShape; 2],
+    motions: &[SolidMotion; 2],
+    [from, to]: [f64; 2],
+    thickness: f64,
+    polytope: &mut Polytope,
+) -> bool {
+    let mut separation_at = |t: f64| {
+        let [first, second] = [motions[0].at(t), motions[1].at(t)];
+        let pair = Pair::new(a, &first, b, &second);
+        if !pair.is_finite() {
+            return (f64::NAN, [0.0; 3]);
+        }
+        let found = separation::nearest(&pair, &f64::INFINITY.into(), polytope).found;
+        let normal = rotate(&first.mat, found.normal);
+        // Normal in the frame of the larger shape.
+        let normal = rotate_back(if a.bound() > b.bound() { &first.mat } else { &second.mat }, normal);
+        (found.separation - pair.thickness(), normal)
+    };
+    let ((mut distance, start), (last, end)) = (separation_at(from), separation_at(to));
+    if distance.is_nan() || last.is_nan() {
+        return false;
+    }
+    let threshold = -COLLISION_OVERLAP * thickness;
+    if distance <= threshold || last <= threshold {
+        return dot(start, end) < 0.0;
+    }
+    let spin = norm(sub(motions[1].angular, motions[0].angular));
+    let speed = norm(relative_velocity(motions)) + spin * b.bound();
+    // Both shapes rotate during the motion, so that the relative velocity changes.
+    let displacement = (to - from) * motions.iter().map(|s| norm(s.root_velocity) + norm(s.linear)).sum::<f64>();
+    let speed = speed + 2.0 * displacement * (norm(motions[0].angular) + norm(motions[1].angular));
+    let mut t = from;
+    for _ in 0..MAX_ADVANCES {
+        t += (distance - threshold).max(MIN_ADVANCE * thickness) / speed;
+        // NaN if nothing moves.
+        if t >= to || t.is_nan() {
+            return false;
+        }
+        distance = separation_at(t).0;
+        if distance <= threshold {
+            return true;
+        }
+    }
+    true
+}
+
+/// Velocity of the origin of the second solid in the rotating frame of the first, m/s.
+fn relative_velocity([a, b]: &[SolidMotion; 2]) -> V {
+    sub(b.velocity(), add(a.velocity(), cross(a.angular, sub(b.pose.pos, a.pose.pos))))
+}
+
+/// Crossing of a surface by the path of a point.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Crossing {
+    /// Path that stays on one side.
+    None,
+    /// Path that ends behind the surface.
+    Enters,
+    /// Path that enters and leaves.
+    PassesThrough,
+}
+
+/// Path of a shape in the frame of a surface, cut into straight parts.
+struct RelativePath {
+    poses: [Pose; MAX_PARTS + 1],
+    parts: usize,
+}
+
+impl RelativePath {
+    fn new(motions: &[SolidMotion; 2], [from, to]: [f64; 2], angle: f64) -> Self {
+        let parts = ((angle / MAX_PART_ANGLE).ceil().max(1.0) as usize).min(MAX_PARTS);
+        let mut poses = [motions[1].pose; MAX_PARTS + 1];
+        for (k, pose) in poses[..=parts].iter_mut().enumerate() {
+            let t = from + (to - from) * k as f64 / parts as f64;
+            let [ground, body] = [motions[0].at(t), motions[1].at(t)];
+            let axes = [0, 1, 2].map(|k| rotate_back(&ground.mat, column(&body.mat, k)));
+            let mat = std::array::from_fn(|i| axes[i % 3][i / 3]);
+            *pose = Pose { pos: rotate_back(&ground.mat, sub(body.pos, ground.pos)), mat };
+        }
+        Self { poses, parts }
+    }
+
+    /// Crossing of the surface by the point `p` of the shape, and the displacement of the point in the frame of the surface, m.
+    fn crossing(&self, surface: &Surface, p: V) -> (Crossing, V) {
+        let place = |k: usize| add(self.poses[k].pos, rotate(&self.poses[k].mat, p));
+        let start = place(0);
+        if let Surface::Grid(grid) = surface
+            && grid.is_inside(start)
+        {
+            // The height field pushes a point that starts inside out.
+            return (Crossing::None, [0.0; 3]);
+        }
+        let (mut here, mut count) = (start, 0);
+        for k in 1..=self.parts {
+            let next = place(k);
+            count += crossings(surface, here, next);
+            here = next;
+        }
+        let crossing = match count {
+            0 => Crossing::None,
+            1 => Crossing::Enters,
+            _ => Crossing::PassesThrough,
+        };
+        (crossing, sub(here, start))
+    }
+}
+
+impl Narrow {
+    /// Whether a convex shape passes a surface. The motion of the surface comes first.
+    fn may_pass_surface(
+        &mut self,
+        surface: &Surface,
+        shape: &ConvexShape,
+        motions: &[SolidMotion; 2],
+        [from, to]: [f64; 2],
+        thickness: f64,
+    ) -> bool {
+        let angle = (norm(motions[0].angular) + norm(motions[1].angular)) * (to - from);
+        let length = norm(relative_velocity(motions)) * (to - from) + angle * shape.bound();
+        let offset_points = if length > PASS_THROUGH_RATIO * thickness { 6 } else { 0 };
+        let path = RelativePath::new(motions, [from, to], angle);
+        let (inner_points, number) = inner_points(shape);
+        for &point in &inner_points[..number] {
+            match path.crossing(surface, point) {
+                (Crossing::PassesThrough, _) => return true,
+                (Crossing::Enters, displacement) if matches!(surface, Surface::Mesh(_)) => {
+                    let Self { room, found } = self;
+                    if !is_pushed_back(surface, shape, motions.map(|s| s.at(to)), displacement, found, room) {
+                        return true;
+                    }
+                }
+                _ => {}
+            }
+            for k in 0..offset_points {
+                let mut p = point;
+                p[k / 2] += if k % 2 == 0 { thickness } else { -thickness };
+                if path.crossing(surface, p).0 == Crossing::PassesThrough {
+                    return true;
+                }
+            }
+        }
+        false
+    }
+}
+
+/// Whether the deepest contact with a mesh opposes the `displacement` of a shape, given in the frame of the mesh.
+fn is_pushed_back(
+    surface: &Surface,
+    shape: &ConvexShape,
+    [ground, body]: [Pose; 2],
+    displacement: V,
+    out: &mut Manifold,
+    room: &mut Room,
+) -> bool {
+    collide_surface(surface, &ground, shape, &body, 0.0, out, room);
+    let displacement = rotate(&ground.mat, displacement);
+    let deepest = out.points.iter().min_by(|p, q| p.distance.total_cmp(&q.distance));
+    deepest.is_some_and(|p| dot(p.normal, displacement) < 0.0)
+}
+
+/// Points deep inside a shape, in its frame, and their number: along the axis of a long shape, halfway to the corners of a box.
+fn inner_points(shape: &ConvexShape) -> ([V; 9], usize) {
+    let mut points = [[0.0; 3]; 9];
+    let along = |points: &mut [V; 9], half: f64| {
+        for (k, point) in points.iter_mut().take(5).enumerate() {
+            point[2] = half * (k as f64 * 0.5 - 1.0);
+        }
+        5
+    };
+    let number = match *shape {
+        ConvexShape::Capsule { half_length, .. } => along(&mut points, half_length),
+        ConvexShape::Cylinder { radius, half_length } if half_length > radius => along(&mut points, half_length - radius),
+        ConvexShape::Box { half } => {
+            for (k, point) in points[1..].iter_mut().enumerate() {
+                *point = std::array::from_fn(|i| half[i] * if k >> i & 1 == 0 { 0.5 } else { -0.5 });
+            }
+            9
+        }
+        _ => {
+            points[0] = shape.centre();
+            1
+        }
+    };
+    (points, number)
+}

@@ -1,0 +1,237 @@
+//! The part of a shape's surface that faces the other shape, seen along the contact normal.
+//!
+//! Coordinates are (x, y) across the normal and the height h along it. A corner carries the identity of its vertex and of the edge that
+//! leaves it: these name contacts from step to step.
+
+use crate::linear_algebra::*;
+use crate::shape::ConvexShape;
+use crate::vectors::widest;
+use crate::vectors::{V, furthest};
+
+/// A corner of a patch.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Corner {
+    pub(super) x: f64,
+    pub(super) y: f64,
+    /// Height along the normal, m.
+    pub(super) h: f64,
+    /// Name of the vertex.
+    pub(super) id: u32,
+    /// Name of the edge to the next corner, below [`EDGES`].
+    pub(super) edge: u32,
+}
+
+/// Names of edges are below this.
+pub(super) const EDGES: u32 = 1 << 14;
+
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) enum Kind {
+    /// Single points.
+    #[default]
+    Points,
+    /// Two corners.
+    Segment,
+    /// Corners in order around a flat face.
+    Polygon,
+    /// A cap of a cylinder; its corners are points of the rim.
+    Disc,
+}
+
+/// A part of a surface.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Patch {
+    pub(super) kind: Kind,
+    pub(super) corners: Vec<Corner>,
+    /// Of the plane of a face or cap: h = plane . (1, x, y).
+    pub(super) plane: V,
+    /// Middle of a cap.
+    pub(super) centre: [f64; 2],
+    /// Of a cap, m.
+    pub(super) radius: f64,
+}
+
+/// Where a shape is, and how the contact is looked at.
+#[derive(Clone, Copy)]
+pub(super) struct View<'a> {
+    pub(super) pos: V,
+    pub(super) mat: &'a M3<f64>,
+    /// The normal and two axes across it.
+    pub(super) axes: &'a [V; 3],
+    /// From the shape to the other: 1 along the normal, -1 against it.
+    pub(super) side: f64,
+}
+
+impl View<'_> {
+    pub(super) fn see(&self, local: V) -> [f64; 3] {
+        let p = add(self.pos, rotate(self.mat, local));
+        [dot(p, self.axes[1]), dot(p, self.axes[2]), dot(p, self.axes[0])]
+    }
+
+    pub(super) fn towards(&self) -> V {
+        rotate_back(self.mat, scale(self.axes[0], self.side))
+    }
+}
+
+/// Beyond this sine of its tilt a cap is taken point by point.
+const TILTED: f64 = 1e-3;
+/// Below this sine a cap has no lowest point.
+const LEVEL: f64 = 1e-6;
+/// A cap faces the other shape, rather than the side, above this cosine.
+const UPRIGHT: f64 = 0.7;
+
+impl Patch {
+    /// The patch of `shape` that faces the other, around its furthest corner. Faces are taken whole even where only an edge of them
+    /// touches: each point has its own height.
+    pub(super) fn fill(&mut self, shape: &ConvexShape, view: &View<'_>, corner: u32) {
+        let d = view.towards();
+        self.corners.clear();
+        self.kind = Kind::Points;
+        match shape {
+            ConvexShape::Sphere { .. } => self.push(view, [0.0; 3], 0, 0),
+            ConvexShape::Ellipsoid { .. } => self.push(view, shape.support(d), 0, 0),
+            ConvexShape::Capsule { half_length, .. } => {
+                self.kind = Kind::Segment;
+                self.push(view, [0.0, 0.0, -half_length], 0, 0);
+                self.push(view, [0.0, 0.0, *half_length], 1, 0);
+            }
+            ConvexShape::Cylinder { radius, half_length } => self.cylinder(view, d, *radius, *half_length),
+            ConvexShape::Box { half } => self.cuboid(view, d, *half),
+            ConvexShape::Hull(hull) => {
+                let face = hull.face(hull.facing_at(corner as usize, d));
+                let n = face.vertices.len();
+                for (k, &v) in face.vertices.iter().enumerate() {
+                    let next = face.vertices[(k + 1) % n];
+                    let edge = (v.min(next).wrapping_mul(131)).wrapping_add(v.max(next)) % EDGES;
+                    self.push(view, hull.points()[v as usize], v, edge);
+                }
+                self.flat(view, face.normal);
+            }
+            ConvexShape::Triangle(p) => {
+                (0..3).for_each(|k| self.push(view, p[k], k as u32, k as u32));
+                self.flat(view, crate::shape::triangle_normal(p));
+            }
+        }
+    }
+
+    /// For a half space: also the vertices around the faces beside the lowest vertex of a hull.
+    pub(super) fn add_neighbours(&mut self, shape: &ConvexShape, view: &View<'_>, corner: u32) {
+        if let ConvexShape::Hull(hull) = shape {
+            let faces = hull.faces_around(corner as usize);
+            for v in faces.iter().flat_map(|&f| &hull.face(f as usize).vertices) {
+                if self.corners.iter().all(|c| c.id != *v) {
+                    self.push(view, hull.points()[*v as usize], *v, 0);
+                }
+            }
+        }
+    }
+
+    fn push(&mut self, view: &View<'_>, local: V, id: u32, edge: u32) {
+        let [x, y, h] = view.see(local);
+        self.corners.push(Corner { x, y, h, id, edge });
+    }
+
+    /// The corners lie on a plane with this normal (in the shape's frame).
+    fn flat(&mut self, view: &View<'_>, normal: V) {
+        self.kind = Kind::Polygon;
+        self.set_plane(view, normal);
+    }
+
+    fn set_plane(&mut self, view: &View<'_>, normal: V) {
+        let m = rotate(view.mat, normal);
+        let [up, mx, my] = view.axes.map(|axis| dot(m, axis));
+        let c = self.corners[0];
+        // A face seen edge-on has no height of its own; nothing asks for it.
+        let k = if up.abs() > 1e-3 { -1.0 / up } else { 0.0 };
+        self.plane = [c.h - k * (mx * c.x + my * c.y), k * mx, k * my];
+    }
+
+    /// Whether all corners are at one height, up to `slope` times how far they are apart.
+    pub(super) fn is_level(&self, slope: f64) -> bool {
+        let Some(o) = self.corners.first() else { return true };
+        self.corners.iter().all(|c| {
+            let (x, y, h) = (c.x - o.x, c.y - o.y, c.h - o.h);
+            h * h <= slope * slope * (x * x + y * y)
+        })
+    }
+
+    pub(super) fn height(&self, x: f64, y: f64) -> f64 {
+        self.plane[0] + self.plane[1] * x + self.plane[2] * y
+    }
+
+    fn cuboid(&mut self, view: &View<'_>, d: V, half: V) {
+        let k = widest(d);
+        let (i, j) = ((k + 1) % 3, (k + 2) % 3);
+        let top = u32::from(d[k] > 0.0) << k;
+        // Around the face; edge e leaves corner e along axis i or j.
+        for (e, (si, sj)) in [(0, 0), (1, 0), (1, 1), (0, 1)].into_iter().enumerate() {
+            let id = top | si << i | sj << j;
+            let along = if e % 2 == 0 { i } else { j };
+            // The lower of the edge's two vertices names it, with its axis.
+            let next: u32 = [1 << i, 1 << j, 1 << i, 1 << j][e];
+            let edge = (id & !next) | (along as u32) << 3;
+            let p = std::array::from_fn(|a| if id >> a & 1 == 1 { half[a] } else { -half[a] });
+            self.push(view, p, id, edge);
+        }
+        let mut n = [0.0; 3];
+        n[k] = 1f64.copysign(d[k]);
+        self.flat(view, n);
+    }
+
+    fn cylinder(&mut self, view: &View<'_>, d: V, radius: f64, half_length: f64) {
+        let cap = half_length.copysign(d[2]);
+        let across = (d[0] * d[0] + d[1] * d[1]).sqrt();
+        let top = u32::from(cap > 0.0) << 4;
+        let lowest = |z: f64| [radius * d[0] / across, radius * d[1] / across, z];
+        if d[2].abs() <= UPRIGHT {
+            self.kind = Kind::Segment;
+            self.push(view, lowest(-half_length), 5, 0);
+            self.push(view, lowest(half_length), 5 | 1 << 4, 0);
+            return;
+        }
+        // Four points of the rim that stay where they are on the body, and the lowest: it tips over its rim, in any direction.
+        for (k, (x, y)) in [(radius, 0.0), (0.0, radius), (-radius, 0.0), (0.0, -radius)].into_iter().enumerate() {
+            self.push(view, [x, y, cap], top | k as u32, 0);
+        }
+        if across > LEVEL {
+            self.push(view, lowest(cap), top | 4, 0);
+        }
+        if across <= TILTED {
+            self.kind = Kind::Disc;
+            self.radius = radius;
+            let [x, y, _] = view.see([0.0, 0.0, cap]);
+            self.centre = [x, y];
+            self.set_plane(view, [0.0, 0.0, 1f64.copysign(d[2])]);
+        }
+    }
+}
+
+/// The straight line of the shape's surface that is furthest along `d` (unit, its own frame), where `corner` is: an edge, or the side of a
+/// round body.
+pub(super) fn edge(shape: &ConvexShape, d: V, corner: u32, tolerance: f64) -> Option<[V; 2]> {
+    match shape {
+        ConvexShape::Sphere { .. } | ConvexShape::Ellipsoid { .. } => None,
+        ConvexShape::Capsule { half_length: h, .. } => (d[2].abs() < tolerance).then_some([[0.0, 0.0, -h], [0.0, 0.0, *h]]),
+        ConvexShape::Cylinder { half_length: h, .. } => {
+            let [x, y, _] = shape.support(d);
+            (d[2].abs() < tolerance).then_some([[x, y, -h], [x, y, *h]])
+        }
+        ConvexShape::Box { half } => {
+            let k = (0..3).find(|&k| d[k].abs() < tolerance)?;
+            let mut ends = [shape.support(d); 2];
+            (ends[0][k], ends[1][k]) = (-half[k], half[k]);
+            Some(ends)
+        }
+        ConvexShape::Hull(hull) => {
+            let level = hull.level(corner as usize, d);
+            let [p, q] = [corner as usize, level].map(|v| hull.points()[v]);
+            (dot(d, sub(q, p)).abs() < tolerance * norm(sub(q, p))).then_some([p, q])
+        }
+        ConvexShape::Triangle(t) => {
+            let v = furthest(t, d);
+            let slope = |k: usize| dot(d, sub(t[k], t[v])).abs() / norm(sub(t[k], t[v]));
+            let (i, j) = ((v + 1) % 3, (v + 2) % 3);
+            let k = if slope(i) <= slope(j) { i } else { j };
+            (slope(k) < tolerance).then(|| [t[v], t[k]])
+        }
+    }
+}

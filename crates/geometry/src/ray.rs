@@ -1,0 +1,355 @@
+//! Rays against surfaces of triangles, meshes and height fields: one ray at a time, in f64.
+//!
+//! A mesh's triangles are in a tree of boxes, and each is met by the test of Woop, Benthin & Wald (2013): no ray passes between two
+//! triangles that share an edge, as tests that round each triangle's own way let it (parry's, MuJoCo's). Triangles have two sides here: a
+//! ray that begins inside hits where it leaves.
+//!
+//! A height field needs no triangles. Along a ray, the height over the ground is linear between the lines of the grid and the diagonals of
+//! its cells; where it changes its sign the ray meets the ground. The field is solid from there to its base.
+
+use parry3d_f64::bounding_volume::BoundingVolume;
+use parry3d_f64::math::Vector;
+use parry3d_f64::partitioning::{Bvh, BvhBuildStrategy};
+use parry3d_f64::query::Ray;
+
+use crate::hull::Hull;
+use crate::linear_algebra::*;
+use crate::surface::{Grid, MeshSurface, Surface, bounds};
+use crate::vectors::{Pose, V, widest};
+
+/// Boxes about triangles are wider by this share of the mesh's coordinates: what rounding does to a ray that touches one leaves none out.
+const MARGIN: f64 = 1e-12;
+
+/// What rays meet of a mesh or a height field, in its own frame, m.
+#[derive(Clone, Debug)]
+pub struct RaySurface {
+    form: Form,
+    /// Centre and radius of a ball that holds it.
+    ball: (V, f64),
+}
+
+#[derive(Clone, Debug)]
+enum Form {
+    /// Triangles, and the tree of their boxes.
+    Mesh(Vec<[V; 3]>, Bvh),
+    Field(Grid),
+}
+
+impl RaySurface {
+    /// The triangles of a mesh.
+    pub fn mesh(vertices: &[V], faces: &[[u32; 3]]) -> Self {
+        let triangles: Vec<[V; 3]> = faces.iter().map(|f| f.map(|v| vertices[v as usize])).collect();
+        let extent = vertices.iter().flatten().fold(0.0, |most: f64, x| most.max(x.abs()));
+        let boxes: Vec<_> = triangles.iter().map(|t| bounds(t).loosened(MARGIN * extent)).collect();
+        let ball = ball_about(triangles.as_flattened());
+        Self { form: Form::Mesh(triangles, Bvh::from_leaves(BvhBuildStrategy::Binned, &boxes)), ball }
+    }
+
+    /// The surface of a convex hull.
+    pub fn hull(hull: &Hull) -> Self {
+        Self::mesh(hull.points(), hull.triangles())
+    }
+
+    /// A height field, solid down to its base.
+    pub fn field(grid: Grid) -> Self {
+        let [x, y] = grid.half;
+        let ball = ball_about(&[[-x, -y, -grid.base], [x, y, grid.highest().max(-grid.base)]]);
+        Self { form: Form::Field(grid), ball }
+    }
+
+    /// Centre and radius of a ball that holds it, m.
+    #[inline]
+    pub fn ball(&self) -> (V, f64) {
+        self.ball
+    }
+
+    /// Distance from `origin` (m) along the unit vector `direction`, both in the world, for a surface that is at `pose`: m, infinite where
+    /// it is not met.
+    pub fn distance(&self, pose: &Pose, origin: V, direction: V) -> f64 {
+        let (o, d) = (rotate_back(&pose.mat, sub(origin, pose.pos)), rotate_back(&pose.mat, direction));
+        // What is not a number meets nothing.
+        if !o.iter().chain(&d).all(|x| x.is_finite()) {
+            return f64::INFINITY;
+        }
+        match &self.form {
+            Form::Mesh(triangles, tree) => through_triangles(triangles, tree, o, d),
+            Form::Field(grid) => over_field(grid, o, d),
+        }
+    }
+}
+
+/// How often the straight path from `p` to `q` crosses a surface, all in its frame: 2 for more than once. To leave a mesh once does not
+/// count.
+pub(super) fn crossings(surface: &Surface, p: V, q: V) -> usize {
+    let d = sub(q, p);
+    let length = norm(d);
+    if !(length > 0.0 && length.is_finite()) {
+        return 0;
+    }
+    match surface {
+        Surface::Grid(grid) => {
+            let high = grid.highest();
+            if p[2] > high && q[2] > high {
+                return 0;
+            }
+            match [grid.is_inside(p), grid.is_inside(q)] {
+                [false, false] if over_field(grid, p, scale(d, 1.0 / length)) <= length => 2,
+                [true, true] | [false, false] => 0,
+                _ => 1,
+            }
+        }
+        Surface::Mesh(mesh) => {
+            let Some((triangle, first)) = first_on_path(mesh, p, d) else { return 0 };
+            // From the other end the first is the last.
+            let back = first_on_path(mesh, q, scale(d, -1.0)).map_or(1.0 - first, |(_, part)| part);
+            let [a, b, c] = mesh.triangle(triangle);
+            let leaves = dot(cross(sub(b, a), sub(c, a)), d) > 0.0;
+            match first + back < 1.0 - 1e-9 {
+                true => 2,
+                // What was behind is pushed out.
+                false => usize::from(!leaves),
+            }
+        }
+    }
+}
+
+/// The triangle of a mesh that the path `d` from `from` meets first, and the part of the path before it, up to 1.
+fn first_on_path(mesh: &MeshSurface, from: V, d: V) -> Option<(u32, f64)> {
+    let sheared = Sheared::new(from, d)?;
+    let [o, along] = [from, d].map(|p| Vector::new(p[0], p[1], p[2]));
+    let meet = |t: u32, _| sheared.meet(&mesh.triangle(t)).filter(|&part| part <= 1.0);
+    mesh.tree().cast_ray(&Ray::new(o, along), 1.0, meet)
+}
+
+/// The ball about the box about points.
+fn ball_about(points: &[V]) -> (V, f64) {
+    let around = bounds(points);
+    let [low, high] = [around.mins, around.maxs].map(|p| [p.x, p.y, p.z]);
+    let centre = scale(add(low, high), 0.5);
+    (centre, norm(sub(high, centre)))
+}
+
+fn through_triangles(triangles: &[[V; 3]], tree: &Bvh, o: V, d: V) -> f64 {
+    let Some(sheared) = Sheared::new(o, d) else { return f64::INFINITY };
+    let [from, along] = [o, d].map(|p| Vector::new(p[0], p[1], p[2]));
+    let found = tree.cast_ray(&Ray::new(from, along), f64::MAX, |t, _| sheared.meet(&triangles[t as usize]));
+    found.map_or(f64::INFINITY, |(_, t)| t)
+}
+
+/// The frame in which a ray is the third axis: others are sheared along it.
+struct Sheared {
+    origin: V,
+    axes: [usize; 3],
+    slopes: [f64; 2],
+    scale: f64,
+}
+
+impl Sheared {
+    fn new(origin: V, d: V) -> Option<Self> {
+        let k = widest(d);
+        let axes = [(k + 1) % 3, (k + 2) % 3, k];
+        let scale = 1.0 / d[k];
+        scale.is_finite().then(|| Self { origin, axes, slopes: [d[axes[0]] / d[k], d[axes[1]] / d[k]], scale })
+    }
+
+    /// Distance to a triangle in lengths of the ray's direction.
+    fn meet(&self, corners: &[V; 3]) -> Option<f64> {
+        let [i, j, k] = self.axes;
+        let [a, b, c] = corners.map(|p| {
+            let q = sub(p, self.origin);
+            [q[i] - self.slopes[0] * q[k], q[j] - self.slopes[1] * q[k], self.scale * q[k]]
+        });
+        // Each is minus what the neighbour across the edge finds, to the bit.
+        let across = |p: V, q: V| p[0] * q[1] - p[1] * q[0];
+        let [u, v, w] = [across(b, c), across(c, a), across(a, b)];
+        if (u < 0.0 || v < 0.0 || w < 0.0) && (u > 0.0 || v > 0.0 || w > 0.0) {
+            return None;
+        }
+        let total = u + v + w;
+        let t = (u * a[2] + v * b[2] + w * c[2]) / total;
+        // A triangle that is seen along its own plane has no area: its neighbours are met.
+        (total != 0.0 && t >= 0.0).then_some(t)
+    }
+}
+
+fn over_field(grid: &Grid, o: V, d: V) -> f64 {
+    // The part of the ray within the box about the field.
+    let box_ends = [[-grid.half[0], grid.half[0]], [-grid.half[1], grid.half[1]], [-grid.base, grid.highest()]];
+    let (mut enter, mut leave) = (0.0, f64::INFINITY);
+    for (k, [low, high]) in box_ends.into_iter().enumerate() {
+        if d[k] == 0.0 {
+            if o[k] < low || o[k] > high {
+                return f64::INFINITY;
+            }
+            continue;
+        }
+        let (a, b) = ((low - o[k]) / d[k], (high - o[k]) / d[k]);
+        enter = f64::max(enter, a.min(b));
+        leave = f64::min(leave, a.max(b));
+    }
+    if enter > leave || !leave.is_finite() {
+        return f64::INFINITY;
+    }
+    // From there on, `s` being what is left of the way; across the grid in cells.
+    let start = add_scaled(o, d, enter);
+    let cells = [grid.shape[1] - 1, grid.shape[0] - 1].map(|n| n as f64);
+    let per_length = [0, 1].map(|k| cells[k] / (2.0 * grid.half[k]));
+    let first = [0, 1].map(|k| ((start[k] + grid.half[k]) * per_length[k]).clamp(0.0, cells[k]));
+    let rate = [0, 1].map(|k| d[k] * per_length[k]);
+    let above = |s: f64| {
+        let at = [0, 1].map(|k| (first[k] + rate[k] * s).clamp(0.0, cells[k]));
+        start[2] + d[2] * s - grid.height(at)
+    };
+    let mut height = above(0.0);
+    // Through a side of the field or its base.
+    if enter > 0.0 && height <= 0.0 {
+        return enter;
+    }
+    let length = leave - enter;
+    let [mut x, mut y] = [0, 1].map(|k| Lines::new(first[k], rate[k]));
+    let mut diagonal = Lines::new(first[0] - first[1], rate[0] - rate[1]);
+    let mut s = 0.0;
+    // Each turn crosses a line at least.
+    for _ in 0..2 * (grid.shape[0] + grid.shape[1]) + 4 {
+        let next = x.next.min(y.next).min(diagonal.next).max(s).min(length);
+        let there = above(next);
+        if (height > 0.0) != (there > 0.0) {
+            return enter + s + (next - s) * (height / (height - there));
+        }
+        if next >= length {
+            break;
+        }
+        (s, height) = (next, there);
+        [&mut x, &mut y, &mut diagonal].into_iter().for_each(|lines| lines.pass(s));
+    }
+    // What begins inside leaves through a side or the base.
+    if height <= 0.0 { leave } else { f64::INFINITY }
+}
+
+/// Where a ray crosses lines at whole numbers.
+struct Lines {
+    first: f64,
+    rate: f64,
+    line: f64,
+    next: f64,
+}
+
+impl Lines {
+    fn new(first: f64, rate: f64) -> Self {
+        let line = if rate > 0.0 { first.floor() + 1.0 } else { first.ceil() - 1.0 };
+        let mut lines = Self { first, rate, line, next: f64::INFINITY };
+        lines.place();
+        lines
+    }
+
+    fn place(&mut self) {
+        self.next = if self.rate == 0.0 { f64::INFINITY } else { (self.line - self.first) / self.rate };
+    }
+
+    /// Goes on to the first line behind the place `s`.
+    fn pass(&mut self, s: f64) {
+        if self.next <= s {
+            self.line += 1f64.copysign(self.rate);
+            self.place();
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const UPRIGHT: Pose = Pose { pos: [0.3, -0.2, 0.1], mat: [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0] };
+
+    /// Numbers in -1..1 without any other crate.
+    fn noise(seed: &mut u64) -> f64 {
+        *seed = seed.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+        (*seed >> 11) as f64 / (1u64 << 52) as f64 - 1.0
+    }
+
+    fn unit(d: V) -> V {
+        scale(d, 1.0 / norm(d))
+    }
+
+    fn tetrahedron() -> (Vec<V>, Vec<[u32; 3]>) {
+        let vertices = vec![[1.0, 0.1, -0.4], [-0.7, 0.9, -0.5], [-0.6, -0.8, -0.3], [0.1, 0.2, 1.1]];
+        (vertices, vec![[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]])
+    }
+
+    /// A ray from inside leaves, whichever way it goes: also through an edge or a corner, up to the rounding of its direction.
+    #[test]
+    fn no_ray_leaves_a_closed_mesh_between_its_triangles() {
+        let (vertices, faces) = tetrahedron();
+        let surface = RaySurface::mesh(&vertices, &faces);
+        let mut seed = 1;
+        for k in 0..30_000 {
+            let (a, b) = (vertices[k % 4], vertices[(k + 1 + k / 4 % 3) % 4]);
+            let share = 0.5 + 0.5 * noise(&mut seed);
+            let aim = add_scaled(scale(a, 1.0 - share), b, share);
+            let from = [0.02 * noise(&mut seed), 0.02 * noise(&mut seed), 0.02 * noise(&mut seed)];
+            let way = sub(aim, from);
+            let found = surface.distance(&UPRIGHT, add(UPRIGHT.pos, from), unit(way));
+            // On the edge, to the rounding of the direction over the tetrahedron's slopes.
+            assert!((found - norm(way)).abs() < 1e-12, "{found} {}", norm(way));
+            let back = surface.distance(&UPRIGHT, add(UPRIGHT.pos, add_scaled(from, way, 1.5)), unit(way));
+            assert_eq!(back, f64::INFINITY);
+        }
+    }
+
+    fn hills() -> Grid {
+        let mut seed = 7;
+        Grid::new([5, 8], [2.0, 0.9], (0..40).map(|_| 0.3 + 0.3 * noise(&mut seed)).collect(), 0.2)
+    }
+
+    /// The field's triangles, sides and base as a mesh meet the same rays.
+    #[test]
+    fn a_field_is_its_triangles() {
+        let grid = hills();
+        let [rows, columns] = grid.shape;
+        let top = |r: usize, c: usize| -> V {
+            let at = |k: usize, n: usize, half: f64| -half + 2.0 * half * k as f64 / (n - 1) as f64;
+            [at(c, columns, grid.half[0]), at(r, rows, grid.half[1]), grid.elevation[r * columns + c]]
+        };
+        let low = |p: V| [p[0], p[1], -grid.base];
+        let mut corners: Vec<[V; 3]> = vec![];
+        for r in 0..rows - 1 {
+            for c in 0..columns - 1 {
+                let [a, b, d, e] = [top(r, c), top(r, c + 1), top(r + 1, c + 1), top(r + 1, c)];
+                corners.extend([[a, b, d], [a, d, e], [low(a), low(b), low(d)], [low(a), low(d), low(e)]]);
+            }
+        }
+        let edge = |a: V, b: V| [[a, b, low(b)], [a, low(b), low(a)]];
+        (0..columns - 1).for_each(|c| [0, rows - 1].iter().for_each(|&r| corners.extend(edge(top(r, c), top(r, c + 1)))));
+        (0..rows - 1).for_each(|r| [0, columns - 1].iter().for_each(|&c| corners.extend(edge(top(r, c), top(r + 1, c)))));
+        let vertices: Vec<V> = corners.iter().flatten().copied().collect();
+        let faces: Vec<[u32; 3]> = (0..corners.len() as u32).map(|k| [3 * k, 3 * k + 1, 3 * k + 2]).collect();
+        let (field, mesh) = (RaySurface::field(grid), RaySurface::mesh(&vertices, &faces));
+        let (mut seed, mut met) = (3, 0);
+        for k in 0..40_000 {
+            let from = [3.0 * noise(&mut seed), 1.5 * noise(&mut seed), noise(&mut seed)];
+            let mut way = [noise(&mut seed), noise(&mut seed), 0.5 * noise(&mut seed)];
+            // Along the grid's axes, too.
+            if k % 5 < 3 {
+                way = [0.0; 3];
+                way[k % 5] = 1.0;
+            }
+            let [a, b] = [&field, &mesh].map(|surface| surface.distance(&UPRIGHT, add(UPRIGHT.pos, from), unit(way)));
+            met += usize::from(a.is_finite());
+            assert!(a == b || (a - b).abs() < 1e-11, "{from:?} {way:?}: {a} {b}");
+        }
+        assert!(met > 8_000, "{met}");
+    }
+
+    #[test]
+    fn what_is_not_a_number_meets_nothing() {
+        let (vertices, faces) = tetrahedron();
+        for surface in [RaySurface::mesh(&vertices, &faces), RaySurface::field(hills())] {
+            for bad in [f64::NAN, f64::INFINITY] {
+                assert_eq!(surface.distance(&UPRIGHT, [bad, 0.0, 2.0], [0.0, 0.0, -1.0]), f64::INFINITY);
+                assert_eq!(surface.distance(&UPRIGHT, [0.0, 0.0, 2.0], [0.0, 0.0, -bad]), f64::INFINITY);
+            }
+            // Nor what is so far away that its squares are none.
+            assert_eq!(surface.distance(&UPRIGHT, [1e300, 0.0, 2.0], [0.0, 0.6, -0.8]), f64::INFINITY);
+        }
+    }
+}

@@ -1,0 +1,170 @@
+//! The contact normal of two hulls, if it is one of few near what it was in the last step.
+//!
+//! The old edges, then along the old normal a face of one hull, or an edge of each, are tried as the facet of their difference that is
+//! nearest to the origin; then what a search for the nearest points that begins there ends at. A facet is taken only where that is certain,
+//! so what is found does not depend on what was known: without it, the search from scratch finds the same.
+//!
+//! With n the facet's normal, s its separation and the nearest point at least `room` within its outline, it is certain where the hulls are
+//! apart (two points at the distance s prove it), and where they overlap by d = -s and the ball of radius d about the origin lies in what
+//! is known of the difference, the facet's disc of radius `room` and the ball of radius r about the difference of the centres: with that
+//! centre H deep below the facet and L beside it, where 2 d < H and d (1 + 2 L / H) < min(room, r).
+
+use crate::facing::{Facing, GAP, Separation};
+use crate::gjk;
+use crate::hull::Hull;
+use crate::known::Known;
+use crate::linear_algebra::*;
+use crate::pair::Pair;
+use crate::reach::Reach;
+use crate::shape::ConvexShape;
+use crate::vectors::{V, neg};
+
+/// The part of what would be certain that is taken for it: the rest is for rounding.
+const SURE: f64 = 0.5;
+/// Nearer to the outline than this share of the size the nearest point is on it.
+const OUTLINE: f64 = 1e-9;
+/// Corners further than an edge by less than this share of the size are as far.
+const ROUNDING: f64 = 4e-15;
+/// Edges this parallel (sine) have no direction across both.
+const PARALLEL: f64 = 1e-3;
+/// Normals further than this from what is known (1 - cos) are not tried.
+const NEAR: f64 = 0.01;
+
+/// What may be the facet: a face of the first or the second, an edge of each.
+#[derive(Clone, Copy)]
+enum Facet {
+    First(usize),
+    Second(usize),
+    Across(Facing, f64),
+}
+
+/// The largest separation, if that is certain across the edges that are known, along the normal, or along the direction between the nearest
+/// points as searched from there; else, or for other shapes, `None`. Where it is beyond `reach`, a lower bound of it.
+pub(super) fn recall(pair: &Pair<'_>, known: &Known, reach: &Reach) -> Option<Facing> {
+    let (ConvexShape::Hull(a), ConvexShape::Hull(b)) = (pair.a, pair.b) else { return None };
+    let hulls: [&Hull; 2] = [a, b];
+    let exist = |e: &[[u32; 2]; 2]| (0..2).all(|k| e[k].iter().all(|&v| (v as usize) < hulls[k].points().len()));
+    let (n, edges) = (known.normal, known.edges.filter(exist));
+    let last = edges.and_then(|edges| across_edges(pair, hulls, edges, n));
+    if let Some(facing) = last.and_then(|(facing, room)| certain_across(pair, facing, room, reach)) {
+        return Some(facing);
+    }
+    let back = rotate_back(&pair.mat, neg(n));
+    let corners = edges.map_or_else(|| pair.corners(n), |[e, h]| [a.climb(e[0] as usize, n) as u32, b.climb(h[0] as usize, back) as u32]);
+    facet_along(pair, hulls, n, corners, reach).or_else(|| {
+        let [e, h] = edges.filter(|[e, h]| e[0] != e[1] && h[0] != h[1]).unwrap_or_else(|| {
+            let [i, j] = corners;
+            [[i, a.level(i as usize, n) as u32], [j, b.level(j as usize, back) as u32]]
+        });
+        let near = beside(pair, n, corners, [[e[0], h[0]], [e[1], h[0]], [e[0], h[1]]], reach)?;
+        facet_along(pair, hulls, near, pair.corners(near), reach)
+    })
+}
+
+/// The separation along a normal's facet, if that is certain to be the largest. Where it is beyond `reach`, a lower bound of it.
+pub(super) fn facet(pair: &Pair<'_>, normal: V, reach: &Reach) -> Option<Facing> {
+    let (ConvexShape::Hull(a), ConvexShape::Hull(b)) = (pair.a, pair.b) else { return None };
+    facet_along(pair, [a, b], normal, pair.corners(normal), reach)
+}
+
+/// The direction between the nearest points, or one along which the hulls are beyond `reach`, searched from the corners `start` of the
+/// difference. Hulls that overlap along the normal `known`, where `corners` are furthest, are taken a small gap apart.
+fn beside(pair: &Pair<'_>, known: V, corners: [u32; 2], start: [[u32; 2]; 3], reach: &Reach) -> Option<V> {
+    let pushed = (GAP * pair.least - pair.apart_at(known, corners)).max(0.0);
+    let shift = scale(known, pushed);
+    let start = start.map(|names| pair.vertex(names, shift));
+    let enough = |n: V, gap: f64| pushed == 0.0 && reach.is_parted(n, gap, pair.size);
+    gjk::nearest_from(pair, shift, start, enough).normal(0.0)
+}
+
+/// See [`facet`]; `corners` are the furthest along `known` and against it.
+fn facet_along(pair: &Pair<'_>, [a, b]: [&Hull; 2], known: V, corners: [u32; 2], reach: &Reach) -> Option<Facing> {
+    let [i, j] = corners.map(|c| c as usize);
+    let (x, y) = (a.points()[i], pair.place(b.points()[j]));
+    let along = Separation { normal: known, separation: dot(known, sub(y, x)), points: [x, y] };
+    if reach.is_beyond(pair, &along) {
+        return Some(Facing { found: along, corners, ends: corners });
+    }
+    let back = rotate_back(&pair.mat, neg(known));
+    let (f, g) = (a.facing_at(i, known), b.facing_at(j, back));
+    let level = [[corners[0], a.level(i, known) as u32], [corners[1], b.level(j, back) as u32]];
+    let across = across_edges(pair, [a, b], level, known);
+    let mut tries = [
+        (dot(a.face(f).normal, known), Facet::First(f)),
+        (dot(b.face(g).normal, back), Facet::Second(g)),
+        across.map_or((-1.0, Facet::First(f)), |(facing, room)| (dot(facing.found.normal, known), Facet::Across(facing, room))),
+    ];
+    tries.sort_unstable_by(|s, t| t.0.total_cmp(&s.0));
+    let near = tries.into_iter().take_while(|t| t.0 > 1.0 - NEAR);
+    near.map(|t| t.1).find_map(|facet| {
+        let (found, corners, room) = match facet {
+            Facet::First(f) => {
+                let n = a.face(f).normal;
+                let (separation, corners) = pair.separation_near(n, corners);
+                let y = pair.place(b.points()[corners[1] as usize]);
+                (Separation { normal: n, separation, points: [add_scaled(y, n, -separation), y] }, corners, a.room_over(f, y))
+            }
+            Facet::Second(g) => {
+                let n = neg(rotate(&pair.mat, b.face(g).normal));
+                let (separation, corners) = pair.separation_near(n, corners);
+                let x = a.points()[corners[0] as usize];
+                let local = rotate_back(&pair.mat, sub(x, pair.pos));
+                (Separation { normal: n, separation, points: [x, add_scaled(x, n, separation)] }, corners, b.room_over(g, local))
+            }
+            Facet::Across(facing, room) => return certain_across(pair, facing, room, reach),
+        };
+        (reach.is_beyond(pair, &found) || is_certain(pair, &found, room)).then_some(Facing { found, corners, ends: corners })
+    })
+}
+
+/// The separation across edges, `room` within their ends, if that is certain, or beyond `reach`.
+fn certain_across(pair: &Pair<'_>, facing: Facing, room: f64, reach: &Reach) -> Option<Facing> {
+    let Facing { found, corners, .. } = facing;
+    // The edges must be the furthest of all that way.
+    let furthest = pair.separation_near(found.normal, corners).0 >= found.separation - ROUNDING * pair.size;
+    (furthest && (reach.is_beyond(pair, &found) || is_certain(pair, &found, room))).then_some(facing)
+}
+
+/// The separation across two edges, to the side of what is known, and how far from the edges' ends it is.
+fn across_edges(pair: &Pair<'_>, [a, b]: [&Hull; 2], [e, h]: [[u32; 2]; 2], known: V) -> Option<(Facing, f64)> {
+    let sorted = |[v, w]: [u32; 2]| [v.min(w), v.max(w)];
+    let names = [sorted(e), sorted(h)];
+    let e = names[0].map(|v| a.points()[v as usize]);
+    let h = names[1].map(|v| pair.place(b.points()[v as usize]));
+    let (found, [s, t]) = edges(e, h, known)?;
+    let (u, v) = (sub(e[1], e[0]), sub(h[1], h[0]));
+    let area = norm(cross(u, v));
+    let room = (s.min(1.0 - s) * area / norm(v)).min(t.min(1.0 - t) * area / norm(u));
+    let [corners, ends] = [0, 1].map(|end| [names[0][end], names[1][end]]);
+    (room > 0.0).then_some((Facing { found, corners, ends }, room))
+}
+
+/// The separation across two edges whose lines are nearest within them, and where along them, in shares.
+fn edges([p, q]: [V; 2], [r, s]: [V; 2], towards: V) -> Option<(Separation, [f64; 2])> {
+    let (u, v, d) = (sub(q, p), sub(s, r), sub(r, p));
+    let n = cross(u, v);
+    let nn = dot(n, n);
+    if nn <= PARALLEL * PARALLEL * dot(u, u) * dot(v, v) {
+        return None;
+    }
+    let at = [dot(cross(d, v), n) / nn, dot(cross(d, u), n) / nn];
+    let normal = scale(n, 1f64.copysign(dot(n, towards)) / nn.sqrt());
+    let points = [add_scaled(p, u, at[0]), add_scaled(r, v, at[1])];
+    Some((Separation { normal, separation: dot(normal, d), points }, at))
+}
+
+/// Whether a facet is the nearest of all, see above.
+fn is_certain(pair: &Pair<'_>, facet: &Separation, room: f64) -> bool {
+    let depth = -facet.separation;
+    if room <= OUTLINE * pair.size {
+        return false;
+    }
+    if depth <= 0.0 {
+        return true;
+    }
+    let along = dot(facet.normal, pair.apart);
+    let below = along + depth;
+    let beside = norm(add_scaled(pair.apart, facet.normal, -along));
+    let ball = pair.a.least() + pair.b.least();
+    2.0 * depth < below && depth * (below + 2.0 * beside) < SURE * room.min(ball) * below
+}

@@ -1,0 +1,232 @@
+//! Convex shapes: support maps of their cores.
+
+use std::sync::Arc;
+
+use crate::hull::Hull;
+use crate::linear_algebra::*;
+use crate::vectors::{V, furthest, neg, unit_or, widest};
+
+/// A convex shape in its own frame; lengths in m.
+#[derive(Clone, Debug)]
+pub enum ConvexShape {
+    /// A ball.
+    Sphere {
+        /// m
+        radius: f64,
+    },
+    /// A segment along z, thickened.
+    Capsule {
+        /// m
+        radius: f64,
+        /// Half the length of the segment, m.
+        half_length: f64,
+    },
+    /// A solid cylinder along z.
+    Cylinder {
+        /// m
+        radius: f64,
+        /// m
+        half_length: f64,
+    },
+    /// An ellipsoid.
+    Ellipsoid {
+        /// Semi-axes, m.
+        radii: [f64; 3],
+    },
+    /// A box.
+    Box {
+        /// Half sizes, m.
+        half: [f64; 3],
+    },
+    /// The convex hull of points.
+    Hull(Arc<Hull>),
+    /// A triangle, counter-clockwise seen from outside.
+    Triangle([V; 3]),
+}
+
+impl ConvexShape {
+    /// What the core is thickened by, m.
+    #[inline]
+    pub fn radius(&self) -> f64 {
+        match *self {
+            Self::Sphere { radius } | Self::Capsule { radius, .. } => radius,
+            _ => 0.0,
+        }
+    }
+
+    /// The point of the core furthest along `d` (of any length). Where several are, one of them, the same whatever the length of `d`.
+    pub fn support(&self, d: V) -> V {
+        self.corner(d).0
+    }
+
+    /// The same, with the number of the corner that it is; 0 where the core has no corners.
+    #[inline]
+    pub(super) fn corner(&self, d: V) -> (V, u32) {
+        let round = |p: V| (p, 0);
+        match self {
+            Self::Sphere { .. } => round([0.0; 3]),
+            Self::Capsule { half_length, .. } => ([0.0, 0.0, half_length.copysign(d[2])], u32::from(d[2].is_sign_negative())),
+            Self::Cylinder { radius, half_length } => {
+                let across = d[0] * d[0] + d[1] * d[1];
+                let k = if across > 0.0 { radius / across.sqrt() } else { 0.0 };
+                round([d[0] * k, d[1] * k, half_length.copysign(d[2])])
+            }
+            Self::Ellipsoid { radii: r } => {
+                // x = R^2 d / |R d| maximises d . x over |R^-1 x| <= 1.
+                let rd = [r[0] * d[0], r[1] * d[1], r[2] * d[2]];
+                let u = unit_or(rd, [0.0; 3]);
+                round([r[0] * u[0], r[1] * u[1], r[2] * u[2]])
+            }
+            Self::Box { half } => {
+                let number = (0..3).fold(0, |bits, k| bits | u32::from(d[k].is_sign_negative()) << k);
+                (std::array::from_fn(|k| half[k].copysign(d[k])), number)
+            }
+            Self::Hull(hull) => {
+                let v = hull.support(d);
+                (hull.points()[v], v as u32)
+            }
+            Self::Triangle(p) => {
+                let k = furthest(p, d);
+                (p[k], k as u32)
+            }
+        }
+    }
+
+    /// The corner of the core furthest along `d`, from one that is nearly so.
+    #[inline]
+    pub(super) fn climb(&self, from: u32, d: V) -> (V, u32) {
+        match self {
+            Self::Hull(hull) => {
+                let v = hull.climb(from as usize, d);
+                (hull.points()[v], v as u32)
+            }
+            _ => self.corner(d),
+        }
+    }
+
+    /// The point of the core furthest along `d`, where the corner is known.
+    pub(super) fn support_at(&self, corner: u32, d: V) -> V {
+        match self {
+            Self::Hull(hull) => hull.points()[corner as usize],
+            _ => self.support(d),
+        }
+    }
+
+    /// Whether it is the hull of points.
+    pub(crate) fn is_hull(&self) -> bool {
+        matches!(self, Self::Hull(_))
+    }
+
+    /// Whether the core is the hull of its corners.
+    pub(super) fn is_polytope(&self) -> bool {
+        !matches!(self, Self::Cylinder { .. } | Self::Ellipsoid { .. })
+    }
+
+    /// No feature of it has more corners.
+    pub(super) fn corners(&self) -> usize {
+        match self {
+            Self::Hull(hull) => hull.points().len(),
+            _ => 8,
+        }
+    }
+
+    /// A point inside the core.
+    pub(super) fn centre(&self) -> V {
+        match self {
+            Self::Hull(hull) => hull.centre(),
+            Self::Triangle([a, b, c]) => scale(add(add(*a, *b), *c), 1.0 / 3.0),
+            _ => [0.0; 3],
+        }
+    }
+
+    /// Radius of a ball about the shape's centre that holds it, thickness included, m.
+    pub(super) fn bound(&self) -> f64 {
+        match self {
+            Self::Sphere { radius } => *radius,
+            Self::Capsule { radius, half_length } => radius + half_length,
+            Self::Cylinder { radius, half_length } => (radius * radius + half_length * half_length).sqrt(),
+            Self::Ellipsoid { radii } => radii[0].max(radii[1]).max(radii[2]),
+            Self::Box { half } => norm(*half),
+            Self::Hull(hull) => hull.bound(),
+            Self::Triangle(p) => {
+                let c = self.centre();
+                p.iter().map(|x| norm(sub(*x, c))).fold(0.0, f64::max)
+            }
+        }
+    }
+
+    /// Half its least extent or so, m: what counts as small against it.
+    pub(super) fn least(&self) -> f64 {
+        match self {
+            Self::Sphere { radius } | Self::Capsule { radius, .. } => *radius,
+            Self::Cylinder { radius, half_length } => radius.min(*half_length),
+            Self::Ellipsoid { radii: x } | Self::Box { half: x } => x[0].min(x[1]).min(x[2]),
+            Self::Hull(hull) => hull.least(),
+            Self::Triangle([a, b, c]) => {
+                let (u, v) = (sub(*b, *a), sub(*c, *a));
+                let longest = dot(u, u).max(dot(v, v)).max(dot(sub(v, u), sub(v, u))).sqrt();
+                0.25 * norm(cross(u, v)) / longest
+            }
+        }
+    }
+
+    /// The outward normal of the flat face around `corner`, the one furthest along `d`, that faces `d` most; `None` where there is no such
+    /// face.
+    pub(super) fn flat(&self, d: V, corner: u32) -> Option<V> {
+        match self {
+            Self::Sphere { .. } | Self::Capsule { .. } | Self::Ellipsoid { .. } => None,
+            Self::Cylinder { .. } => Some([0.0, 0.0, 1f64.copysign(d[2])]),
+            Self::Box { .. } => {
+                let k = widest(d);
+                let mut n = [0.0; 3];
+                n[k] = 1f64.copysign(d[k]);
+                Some(n)
+            }
+            Self::Hull(hull) => Some(hull.face(hull.facing_at(corner as usize, d)).normal),
+            Self::Triangle(p) => {
+                let n = triangle_normal(p);
+                Some(if dot(n, d) < 0.0 { neg(n) } else { n })
+            }
+        }
+    }
+
+    /// Directions in which the separation of overlapping shapes is worth trying, besides the line of centres; `towards` is the other's
+    /// centre.
+    pub(super) fn directions(&self, towards: V, mut visit: impl FnMut(V)) {
+        match self {
+            Self::Sphere { .. } => {}
+            Self::Capsule { .. } => visit(unit_or([towards[0], towards[1], 0.0], [1.0, 0.0, 0.0])),
+            Self::Cylinder { .. } => {
+                visit([0.0, 0.0, 1.0]);
+                visit([0.0, 0.0, -1.0]);
+                visit(unit_or([towards[0], towards[1], 0.0], [1.0, 0.0, 0.0]));
+            }
+            Self::Ellipsoid { radii } => {
+                let gradient = std::array::from_fn(|k| towards[k] / (radii[k] * radii[k]));
+                visit(unit_or(gradient, [0.0, 0.0, 1.0]));
+                axes(visit);
+            }
+            Self::Box { .. } => axes(visit),
+            Self::Hull(hull) => hull.directions(towards, visit),
+            Self::Triangle(p) => {
+                let n = triangle_normal(p);
+                visit(n);
+                visit(neg(n));
+            }
+        }
+    }
+}
+
+fn axes(mut visit: impl FnMut(V)) {
+    for k in 0..3 {
+        for sign in [1.0, -1.0] {
+            let mut n = [0.0; 3];
+            n[k] = sign;
+            visit(n);
+        }
+    }
+}
+
+pub(super) fn triangle_normal(p: &[V; 3]) -> V {
+    unit_or(cross(sub(p[1], p[0]), sub(p[2], p[0])), [0.0, 0.0, 1.0])
+}

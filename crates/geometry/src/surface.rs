@@ -1,0 +1,554 @@
+//! Surfaces of triangles: concave meshes and height fields.
+//!
+//! A surface is solid behind its triangles (below them, for a height field): a contact never pulls a shape through. What is nearest to a
+//! shape is found triangle by triangle, and the nearest point of one triangle is nearest of the surface around it only if no neighbour
+//! comes nearer: with d from the point p to the shape and u along any way on the surface that leaves p,
+//!
+//! ```text
+//! d . u <= 0.
+//! ```
+//!
+//! Inside a triangle d is its normal; at an edge these d are between the normals of the two triangles that share it, at a corner they are
+//! the cone of those around it (its Gauss image, and the shape is in its Voronoi region: Lin & Canny 1991). Where the surface does not
+//! bulge there are none. What is nearest in another direction is a matter of the neighbour's: taken for a contact, it would be a tilted
+//! plane that nothing is behind, and brakes what glides by. Of such a triangle only corners of the shape count that are over it, with its
+//! own normal. The outer edges of a surface are free on their open side.
+
+use std::ops::Range;
+
+use parry3d_f64::bounding_volume::Aabb;
+use parry3d_f64::math::Vector;
+use parry3d_f64::partitioning::{Bvh, BvhBuildStrategy};
+
+use crate::facing::{Facing, Separation};
+use crate::linear_algebra::*;
+use crate::manifold::{Manifold, Point, VERTICES, reduce_points};
+use crate::pair::Pair;
+use crate::room::Room;
+use crate::separation::{self};
+use crate::shape::ConvexShape;
+use crate::shape::triangle_normal;
+use crate::vectors::{Pose, V};
+use crate::vectors::{furthest, unit_or};
+
+/// Points that a convex shape and a surface can have.
+pub const MAX_SURFACE_POINTS: usize = 16;
+
+/// An edge bulges where the neighbour falls away by more than this share of its size: vertices of mesh files are in single precision.
+const FLAT: f64 = 1e-6;
+
+/// A direction is that of a triangle's normal: 1 - cos of what rounding leaves.
+const PARALLEL: f64 = 1e-12;
+
+/// Depth, in sizes of the pair, up to which a point belongs to the triangle that it is under. It saves the search for a nearer one:
+/// contacts at rest are 1e-4 deep at the most.
+const SHALLOW: f64 = 1e-3;
+
+/// Distance from another triangle, relative to the depth, below which a deep point is that one's. A peg that overlaps the wall of its hole
+/// by micrometres is centimetres under the face around the hole.
+const NEARER: f64 = 0.5;
+
+/// Cosines between the normals of two triangles of which one may take the other's points: they are not of one face, and not the two sides
+/// of a sheet.
+const TURNED: Range<f64> = -0.5..0.99;
+
+/// A surface of triangles in its own frame, m.
+#[derive(Clone, Debug)]
+pub enum Surface {
+    /// A mesh.
+    Mesh(MeshSurface),
+    /// A height field.
+    Grid(Grid),
+}
+
+/// The triangles of a mesh, and who is beside whom.
+#[derive(Clone, Debug)]
+pub struct MeshSurface {
+    vertices: Vec<V>,
+    faces: Vec<[u32; 3]>,
+    /// Across the edge that leaves corner k of a triangle: the neighbour's third vertex; of several neighbours that of the one that rises
+    /// most.
+    across: Vec<[Option<u32>; 3]>,
+    /// Vertices that share an edge with each: those of vertex v are in `around[first[v]..first[v + 1]]`.
+    around: Vec<u32>,
+    first: Vec<u32>,
+    tree: Bvh,
+}
+
+/// Heights over a regular grid.
+#[derive(Clone, Debug)]
+pub struct Grid {
+    /// Points along y and x.
+    pub shape: [usize; 2],
+    /// Half of the extent along x and y, m.
+    pub half: [f64; 2],
+    /// Row by row, x fastest, m.
+    pub elevation: Vec<f64>,
+    /// Shapes further below are not pushed up, m.
+    pub base: f64,
+    highest: f64,
+}
+
+/// Heights of a grid below a disc.
+#[derive(Clone, Copy, Debug)]
+pub struct Under {
+    /// Greatest height of the cells there, m; minus infinity off the grid.
+    pub highest: f64,
+    /// Whether they are level and no neighbour falls away: every contact is upright then.
+    pub level: bool,
+}
+
+/// A triangle, and what is beside it: entry k belongs to the edge that leaves corner k.
+struct Facet {
+    corners: [V; 3],
+    normal: V,
+    /// The neighbours' third corners.
+    across: [Option<V>; 3],
+    /// Where the surface bulges (it does at an outer edge).
+    bulges: [bool; 3],
+    /// Tangent of the angle by which a neighbour rises, at most 1: behind a valley, this share of its depth is over neither of the two.
+    rises: [f64; 3],
+}
+
+/// A part of a triangle.
+enum Outline {
+    Inside,
+    /// On the edge that leaves a corner.
+    Edge(usize),
+    Corner(usize),
+}
+
+impl MeshSurface {
+    /// Triangles without area are left out.
+    pub fn new(vertices: &[V], faces: &[[u32; 3]]) -> Self {
+        // Vertices at one place are one, whatever the file says.
+        let mut places = std::collections::BTreeMap::new();
+        let one: Vec<u32> = (0..).zip(vertices).map(|(v, p)| *places.entry(p.map(|x| (x + 0.0).to_bits())).or_insert(v)).collect();
+        let corners = |f: &[u32; 3]| f.map(|v| vertices[v as usize]);
+        let has_area = |f: &[u32; 3]| {
+            let [a, b, c] = corners(f);
+            norm(cross(sub(b, a), sub(c, a))) > 0.0
+        };
+        let faces: Vec<[u32; 3]> = faces.iter().map(|f| f.map(|v| one[v as usize])).filter(has_area).collect();
+        let mut thirds: std::collections::BTreeMap<[u32; 2], Vec<u32>> = std::collections::BTreeMap::new();
+        let mut beside = std::collections::BTreeSet::new();
+        for f in &faces {
+            for k in 0..3 {
+                let [a, b, c] = [f[k], f[(k + 1) % 3], f[(k + 2) % 3]];
+                thirds.entry([a, b]).or_default().push(c);
+                beside.extend([[a, b], [b, a]]);
+            }
+        }
+        let neighbour = |f: &[u32; 3], k: usize| {
+            let [a, b, c] = [f[k], f[(k + 1) % 3], f[(k + 2) % 3]];
+            let rise = |v: &u32| rise(&corners(&[a, b, c]), vertices[*v as usize]);
+            // The other side of a sheet is no neighbour.
+            let others = thirds.get(&[b, a]).into_iter().flatten().copied().filter(|&v| v != c);
+            others.max_by(|x, y| rise(x).total_cmp(&rise(y)))
+        };
+        let across = faces.iter().map(|f| std::array::from_fn(|k| neighbour(f, k))).collect();
+        let mut first = vec![0; vertices.len() + 1];
+        beside.iter().for_each(|&[v, _]| first[v as usize + 1] += 1);
+        (0..vertices.len()).for_each(|v| first[v + 1] += first[v]);
+        let around = beside.into_iter().map(|[_, w]| w).collect();
+        let boxes: Vec<Aabb> = faces.iter().map(|f| bounds(&corners(f))).collect();
+        let tree = Bvh::from_leaves(BvhBuildStrategy::Binned, &boxes);
+        Self { vertices: vertices.to_vec(), faces, across, around, first, tree }
+    }
+
+    /// Corners of triangle `t`.
+    pub(super) fn triangle(&self, t: u32) -> [V; 3] {
+        self.faces[t as usize].map(|v| self.vertices[v as usize])
+    }
+
+    /// Boxes about the triangles.
+    pub(super) fn tree(&self) -> &Bvh {
+        &self.tree
+    }
+}
+
+/// The angle by which a neighbour with the third corner `p` rises from a triangle across the edge that leaves its first corner.
+fn rise(corners: &[V; 3], p: V) -> f64 {
+    let [a, b, _] = *corners;
+    let n = triangle_normal(corners);
+    let d = sub(p, a);
+    dot(n, d).atan2(dot(unit_or(cross(sub(b, a), n), [0.0; 3]), d))
+}
+
+/// The box about points.
+pub(super) fn bounds(points: &[V]) -> Aabb {
+    let fold = |pick: fn(f64, f64) -> f64, k: usize| points.iter().map(|p| p[k]).reduce(pick).unwrap_or(0.0);
+    let corner = |pick: fn(f64, f64) -> f64| Vector::new(fold(pick, 0), fold(pick, 1), fold(pick, 2));
+    Aabb::new(corner(f64::min), corner(f64::max))
+}
+
+impl Grid {
+    /// Heights `elevation` (row by row, x fastest, m) of `shape` points along y and x, over a rectangle of the half sizes `half` along x
+    /// and y, m.
+    pub fn new(shape: [usize; 2], half: [f64; 2], elevation: Vec<f64>, base: f64) -> Self {
+        let highest = elevation.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        Self { shape, half, elevation, base, highest }
+    }
+
+    /// Greatest height, m.
+    #[inline]
+    pub fn highest(&self) -> f64 {
+        self.highest
+    }
+
+    fn vertex(&self, c: usize, r: usize) -> V {
+        let at = |k: usize, n: usize, half: f64| -half + 2.0 * half * k as f64 / (n - 1) as f64;
+        let [rows, columns] = self.shape;
+        [at(c, columns, self.half[0]), at(r, rows, self.half[1]), self.elevation[r * columns + c]]
+    }
+
+    fn near(&self, c: Option<usize>, r: Option<usize>) -> Option<V> {
+        let (c, r) = (c?, r?);
+        (c < self.shape[1] && r < self.shape[0]).then(|| self.vertex(c, r))
+    }
+
+    /// Triangle `t`: two in every cell, parted by the diagonal from its least corner, as in MuJoCo's `mjc_ConvexHField`.
+    fn facet(&self, t: usize) -> Facet {
+        let (cell, upper) = (t / 2, t % 2 == 1);
+        let (r, c) = (cell / (self.shape[1] - 1), cell % (self.shape[1] - 1));
+        let at = |dc: usize, dr: usize| self.vertex(c + dc, r + dr);
+        let (corners, third) = if upper {
+            let third = [Some(at(1, 0)), self.near(Some(c + 1), Some(r + 2)), self.near(c.checked_sub(1), Some(r))];
+            ([at(0, 0), at(1, 1), at(0, 1)], third)
+        } else {
+            let third = [self.near(Some(c), r.checked_sub(1)), self.near(Some(c + 2), Some(r + 1)), Some(at(0, 1))];
+            ([at(0, 0), at(1, 0), at(1, 1)], third)
+        };
+        Facet::new(corners, third)
+    }
+
+    /// The points that share an edge with corner `k` of triangle `t`.
+    fn around(&self, t: usize, k: usize) -> impl Iterator<Item = V> + '_ {
+        let cell = t / 2;
+        let (r, c) = (cell / (self.shape[1] - 1), cell % (self.shape[1] - 1));
+        let (dc, dr) = if t % 2 == 1 { [(0, 0), (1, 1), (0, 1)][k] } else { [(0, 0), (1, 0), (1, 1)][k] };
+        let (c, r) = (c + dc, r + dr);
+        let beside = [(-1, -1), (0, -1), (1, 0), (1, 1), (0, 1), (-1, 0)];
+        beside.into_iter().filter_map(move |(x, y)| self.near(c.checked_add_signed(x), r.checked_add_signed(y)))
+    }
+
+    /// Columns (k = 0) or rows (k = 1) of cells between two places along x or y.
+    fn cells(&self, k: usize, low: f64, high: f64) -> Range<usize> {
+        let n = self.shape[1 - k];
+        let cell = 2.0 * self.half[k] / (n - 1) as f64;
+        // Saturating: what is off the grid has an empty range.
+        let first = ((low + self.half[k]) / cell).floor().max(0.0) as usize;
+        let last = ((high + self.half[k]) / cell).floor();
+        first..if last < 0.0 { 0 } else { (last as usize + 1).min(n - 1) }
+    }
+
+    /// Whether a point is below the surface; beside the grid, below the point of its border that is nearest.
+    fn holds(&self, p: V) -> bool {
+        // Along x and y, in cells.
+        let at = [0, 1].map(|k| {
+            let cells = self.shape[1 - k] - 1;
+            ((p[k] + self.half[k]) / (2.0 * self.half[k])).clamp(0.0, 1.0) * cells as f64
+        });
+        p[2] <= self.height(at)
+    }
+
+    /// Whether a point is in the ground that is over the base.
+    pub(super) fn is_inside(&self, p: V) -> bool {
+        p[0].abs() <= self.half[0] && p[1].abs() <= self.half[1] && p[2] >= -self.base && self.holds(p)
+    }
+
+    /// Height at a place along x and y in cells from the least corner, within the grid, m.
+    pub(super) fn height(&self, at: [f64; 2]) -> f64 {
+        // The cell, and how far across it.
+        let [(c, x), (r, y)] = [0, 1].map(|k| {
+            let first = (at[k] as usize).min(self.shape[1 - k] - 2);
+            (first, at[k] - first as f64)
+        });
+        let height = |dc: usize, dr: usize| self.elevation[(r + dr) * self.shape[1] + c + dc];
+        let beside = if x > y { height(1, 0) } else { height(0, 1) };
+        let (first, last) = (x.max(y), x.min(y));
+        (1.0 - first) * height(0, 0) + (first - last) * beside + last * height(1, 1)
+    }
+
+    /// Heights of the grid below a horizontal disc.
+    pub fn under_disc(&self, [x, y]: [f64; 2], radius: f64) -> Under {
+        let [rows, columns] = self.shape;
+        let (c, r) = (self.cells(0, x - radius, x + radius), self.cells(1, y - radius, y + radius));
+        let mut highest = f64::NEG_INFINITY;
+        if c.is_empty() || r.is_empty() {
+            return Under { highest, level: true };
+        }
+        // Cells beside them show whether an edge falls away; at the border of the grid it does.
+        let mut level = c.start > 0 && r.start > 0 && c.end < columns - 1 && r.end < rows - 1;
+        let first = self.elevation[r.start * columns + c.start];
+        for row in r.start.saturating_sub(1)..=(r.end + 1).min(rows - 1) {
+            for column in c.start.saturating_sub(1)..=(c.end + 1).min(columns - 1) {
+                let height = self.elevation[row * columns + column];
+                level &= height == first;
+                if (c.start..=c.end).contains(&column) && (r.start..=r.end).contains(&row) {
+                    highest = highest.max(height);
+                }
+            }
+        }
+        Under { highest, level }
+    }
+
+    /// Triangles of the cells under a box.
+    fn under(&self, low: V, high: V, out: &mut Vec<u32>) {
+        let columns = self.shape[1];
+        for r in self.cells(1, low[1], high[1]) {
+            for c in self.cells(0, low[0], high[0]) {
+                let cell = r * (columns - 1) + c;
+                let top = [(0, 0), (1, 0), (0, 1), (1, 1)].map(|(dc, dr)| self.elevation[(r + dr) * columns + c + dc]);
+                if top.into_iter().fold(f64::NEG_INFINITY, f64::max) >= low[2] {
+                    out.extend([2 * cell as u32, 2 * cell as u32 + 1]);
+                }
+            }
+        }
+    }
+}
+
+impl Facet {
+    fn new(corners: [V; 3], across: [Option<V>; 3]) -> Self {
+        let normal = triangle_normal(&corners);
+        let towards = |k: usize| across[k].map(|p| sub(p, corners[k]));
+        let bulges = std::array::from_fn(|k| towards(k).is_none_or(|d| dot(normal, d) < -FLAT * norm(d)));
+        let rises = std::array::from_fn(|k| {
+            towards(k).map_or(0.0, |d| {
+                let outwards = cross(sub(corners[(k + 1) % 3], corners[k]), normal);
+                let (rise, run) = (dot(normal, d), dot(outwards, d) / norm(outwards));
+                if rise <= FLAT * norm(d) {
+                    0.0
+                } else if rise < run {
+                    rise / run
+                } else {
+                    1.0
+                }
+            })
+        });
+        Self { corners, normal, across, bulges, rises }
+    }
+
+    /// What of the triangle is furthest along `d`, and a corner that is.
+    fn furthest(&self, d: V) -> (Outline, V) {
+        let k = furthest(&self.corners, d);
+        let p = self.corners[k];
+        let [next, last] = [(k + 1) % 3, (k + 2) % 3];
+        let is_level = |other: usize| {
+            let u = sub(p, self.corners[other]);
+            dot(d, u) <= FLAT * norm(u)
+        };
+        let outline = match (is_level(next), is_level(last)) {
+            (false, false) => Outline::Corner(k),
+            (true, false) => Outline::Edge(k),
+            (false, true) => Outline::Edge(last),
+            (true, true) => Outline::Inside,
+        };
+        (outline, p)
+    }
+}
+
+impl Surface {
+    fn facet(&self, t: usize) -> Facet {
+        match self {
+            Self::Mesh(m) => {
+                let at = |v: u32| m.vertices[v as usize];
+                Facet::new(m.faces[t].map(at), m.across[t].map(|v| v.map(at)))
+            }
+            Self::Grid(g) => g.facet(t),
+        }
+    }
+
+    /// Visits corners of the neighbours at a part of triangle `t`: all ways on the surface that leave the part, but along the triangle
+    /// itself, are between the ways to these. Ends where `visit` says false, and returns that.
+    fn all_beside(&self, t: usize, facet: &Facet, at: &Outline, mut visit: impl FnMut(V) -> bool) -> bool {
+        match (at, self) {
+            (Outline::Inside, _) => true,
+            (Outline::Edge(k), _) => facet.across[*k].is_none_or(visit),
+            (Outline::Corner(k), Self::Grid(g)) => g.around(t, *k).all(visit),
+            (Outline::Corner(k), Self::Mesh(m)) => {
+                let v = m.faces[t][*k] as usize;
+                m.around[m.first[v] as usize..m.first[v + 1] as usize].iter().all(|&w| visit(m.vertices[w as usize]))
+            }
+        }
+    }
+
+    /// Whether no neighbour at the part of triangle `t` that `p` is a point of is nearer to what is in the direction `d` (unit) from there.
+    fn is_nearest(&self, t: usize, facet: &Facet, at: &Outline, p: V, d: V) -> bool {
+        self.all_beside(t, facet, at, |w| {
+            let u = sub(w, p);
+            dot(d, u) <= FLAT * norm(u)
+        })
+    }
+
+    fn candidates(&self, low: V, high: V, out: &mut Vec<u32>) {
+        out.clear();
+        match self {
+            Self::Mesh(m) => {
+                let [a, b] = [low, high].map(|p| Vector::new(p[0], p[1], p[2]));
+                out.extend(m.tree.intersect_aabb(&Aabb::new(a, b)));
+                out.sort_unstable();
+            }
+            Self::Grid(g) => {
+                if high[2] >= -g.base {
+                    g.under(low, high, out);
+                }
+            }
+        }
+    }
+}
+
+/// Finds the contact points of a surface and a convex shape that are within `prediction` (m) of each other: at most [`MAX_SURFACE_POINTS`],
+/// normals from the surface.
+pub fn collide_surface(a: &Surface, pose_a: &Pose, b: &ConvexShape, pose_b: &Pose, prediction: f64, out: &mut Manifold, room: &mut Room) {
+    out.clear();
+    let nothing = ConvexShape::Sphere { radius: 0.0 };
+    let whole = Pair::new(&nothing, pose_a, b, pose_b);
+    if !whole.is_finite() {
+        return;
+    }
+    let reach = prediction + b.radius();
+    let along = |k: usize, sign: f64| {
+        let mut d = [0.0; 3];
+        d[k] = sign;
+        whole.support_b(d)[k] + sign * reach
+    };
+    let mut triangles = std::mem::take(&mut room.triangles);
+    a.candidates([0, 1, 2].map(|k| along(k, -1.0)), [0, 1, 2].map(|k| along(k, 1.0)), &mut triangles);
+    room.all.clear();
+    // What was left to neighbours: the furthest inside.
+    let mut left: Option<(u32, Facing)> = None;
+    for &t in &triangles {
+        let facet = a.facet(t as usize);
+        let triangle = ConvexShape::Triangle(facet.corners);
+        let pair = Pair::between(&triangle, b, whole.pos, whole.mat);
+        if let Some(facing) = touch(a, t as usize, &facet, &pair, prediction, out, room)
+            && left.as_ref().is_none_or(|(_, other)| facing.found.separation < other.found.separation)
+        {
+            left = Some((t, facing));
+        }
+        room.all.extend(out.points.drain(..).map(|p| Point { feature: name(t, p.feature), ..p }));
+    }
+    if room.all.iter().any(|p| p.distance < -SHALLOW * whole.size) {
+        drop_nearer_elsewhere(a, &triangles, whole.size, &mut room.all);
+    }
+    room.triangles = triangles;
+    // What is nearest of all is no neighbour's, up to rounding.
+    if let Some((t, facing)) = left.filter(|_| room.all.is_empty()) {
+        let triangle = ConvexShape::Triangle(a.facet(t as usize).corners);
+        let pair = Pair::between(&triangle, b, whole.pos, whole.mat);
+        room.clipper.manifold(&pair, &facing, prediction, out);
+        room.all.extend(out.points.drain(..).map(|p| Point { feature: name(t, p.feature), ..p }));
+    }
+    reduce_points(&mut room.all, whole.size, MAX_SURFACE_POINTS, out);
+    out.place(pose_a);
+}
+
+/// The half space below the xy plane of `plane` and the vertices of a surface, as [`crate::collide_plane`].
+pub(super) fn collide_plane_surface(plane: &Pose, surface: &Surface, pose: &Pose, prediction: f64, out: &mut Manifold, room: &mut Room) {
+    out.clear();
+    let nothing = ConvexShape::Sphere { radius: 0.0 };
+    if let Surface::Mesh(mesh) = surface {
+        room.clipper.cloud(&Pair::new(&nothing, plane, &nothing, pose), &mesh.vertices, prediction, out);
+        out.place(plane);
+    }
+}
+
+/// A vertex of the shape keeps its name from triangle to triangle, all else is named with the triangle.
+fn name(triangle: u32, feature: u32) -> u32 {
+    if feature < VERTICES { feature } else { crate::manifold::mix(triangle, feature) }
+}
+
+/// The points of a triangle; the direction of what is nearest, where that is left to its neighbours.
+fn touch(
+    surface: &Surface,
+    t: usize,
+    facet: &Facet,
+    pair: &Pair<'_>,
+    prediction: f64,
+    out: &mut Manifold,
+    room: &mut Room,
+) -> Option<Facing> {
+    let normal = facet.normal;
+    let flat = Separation { normal, separation: pair.separation(normal), points: [facet.corners[0]; 2] };
+    if flat.separation - pair.thickness() > prediction {
+        return None;
+    }
+    let over = |room: &mut Room, out: &mut Manifold| {
+        room.clipper.over_facet(pair, &Facing::new(pair, flat), &facet.bulges, &facet.rises, prediction, out);
+    };
+    let behind = dot(normal, pair.apart) <= 0.0;
+    if behind && let Surface::Grid(grid) = surface {
+        // Inside a height field, or outside again beyond a sharp crest.
+        over(room, out);
+        if !grid.holds(add(pair.apart, pair.a.centre())) {
+            out.points.retain(|p| p.distance >= 0.0 || grid.holds(add_scaled(p.pos, p.normal, 0.5 * p.distance)));
+        }
+        return None;
+    }
+    if behind && dot(normal, sub(pair.support_b(normal), facet.corners[0])) <= 0.0 {
+        // Whole on the other side of a wall of a mesh.
+        return None;
+    }
+    // Of a mesh, a shape whose centre is behind the face, beyond a sharp edge of it, may be nearest to its outline; what is over it is
+    // behind.
+    let over = |room: &mut Room, out: &mut Manifold| {
+        if !behind {
+            over(room, out);
+        }
+    };
+    if facet.bulges == [false; 3] {
+        // Nothing is nearest at its outline that is not the neighbours' too.
+        over(room, out);
+        return None;
+    }
+    let facing = separation::nearest(pair, &prediction.into(), &mut room.polytope);
+    let found = &facing.found;
+    if found.separation - pair.thickness() > prediction {
+        return None;
+    }
+    let cos = dot(found.normal, normal);
+    if behind && (cos <= 0.0 || found.separation <= 0.0) {
+        return None;
+    }
+    if 1.0 - cos <= PARALLEL {
+        over(room, out);
+        return None;
+    }
+    let (at, p) = facet.furthest(found.normal);
+    if cos > 0.0 && !matches!(at, Outline::Inside) && surface.is_nearest(t, facet, &at, p, found.normal) {
+        room.clipper.manifold(pair, &facing, prediction, out);
+        return None;
+    }
+    over(room, out);
+    (out.points.is_empty() && cos > 0.0).then_some(facing)
+}
+
+/// Drops the points that are deep under their triangle and much nearer to another of the `triangles`, which has them too, unless that
+/// leaves none.
+#[cold]
+fn drop_nearer_elsewhere(surface: &Surface, triangles: &[u32], size: f64, all: &mut Vec<Point>) {
+    let own = |p: &Point| {
+        let (x, reach) = (add_scaled(p.pos, p.normal, 0.5 * p.distance), -NEARER * p.distance);
+        let is_nearer = |t: &u32| {
+            let Facet { corners, normal, .. } = surface.facet(*t as usize);
+            // Behind it, up to the rounding of poses in 32 bits.
+            let behind = dot(normal, sub(x, corners[0])) <= 1e-7 * size;
+            behind && TURNED.contains(&dot(normal, p.normal)) && distance(&corners, normal, x) < reach
+        };
+        p.distance >= -SHALLOW * size || !triangles.iter().any(is_nearer)
+    };
+    if all.iter().any(own) {
+        all.retain(own);
+    }
+}
+
+/// Distance of a point from a triangle.
+fn distance(corners: &[V; 3], normal: V, x: V) -> f64 {
+    let edges = [0, 1, 2].map(|k| (sub(corners[(k + 1) % 3], corners[k]), sub(x, corners[k])));
+    if edges.iter().all(|(edge, arm)| dot(cross(normal, *edge), *arm) >= 0.0) {
+        return dot(normal, edges[0].1).abs();
+    }
+    let from_edge = |(edge, arm): &(V, V)| norm(add_scaled(*arm, *edge, -(dot(*arm, *edge) / dot(*edge, *edge)).clamp(0.0, 1.0)));
+    edges.iter().map(from_edge).fold(f64::INFINITY, f64::min)
+}

@@ -1,0 +1,9 @@
+//! The tests of this crate in one binary. `cargo test --test suite NAME` runs those of a module.
+
+mod convex;
+mod hulls;
+mod pairs;
+mod parry;
+mod sampling;
+mod shapes;
+mod surfaces;

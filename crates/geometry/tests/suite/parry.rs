@@ -1,0 +1,164 @@
+//! Distances, normals and nearest points of convex shapes beside parry's queries, for every pair of shapes that parry has too: all but
+//! ellipsoids. PROPTEST_CASES=20000 searches longer.
+
+use parry3d_f64::math::{Matrix, Pose as ParryPose, Rotation, Vector};
+use parry3d_f64::query;
+use parry3d_f64::shape::{Ball, Capsule, ConvexPolyhedron, Cuboid, Cylinder, HalfSpace, Shape, Triangle};
+use proptest::prelude::*;
+use stepper_geometry::linear_algebra::*;
+use stepper_geometry::{ConvexShape, Pose, distance};
+
+use crate::convex::{hull, manifold, pose, separation, size};
+use crate::pairs::{contacts, pair};
+use crate::shapes::{Body, cases, room, vector};
+
+/// Distance beyond which directions are compared, m: with less, rounding of coordinates turns parry's.
+const APART: f64 = 1e-4;
+
+/// Excess of parry's distances over ours, m: its search along a cylinder's rim ends early. 20,000 cases: 1e-5.
+const EXCESS: f64 = 5e-5;
+
+/// Distance of nearest points from a shape, m: a distance that is flat about its least leaves them room. 200,000 cases: 1.2e-5.
+const ON_SHAPE: f64 = 1e-4;
+
+/// Rounding of parry's distances and depths, m. 20,000 cases: 1e-12.
+const ROUNDING: f64 = 1e-11;
+
+/// Overlap beyond which shapes have several ways out, of which each search finds one, m. As in `convex.rs`.
+const DEEP: f64 = 0.02;
+
+fn triangle() -> impl Strategy<Value = ConvexShape> {
+    prop::array::uniform3(vector(0.6))
+        .prop_filter("has area", |p| norm(cross(sub(p[1], p[0]), sub(p[2], p[0]))) > 0.05)
+        .prop_map(ConvexShape::Triangle)
+}
+
+fn shape() -> impl Strategy<Value = ConvexShape> {
+    prop_oneof![
+        size().prop_map(|radius| ConvexShape::Sphere { radius }),
+        (size(), size()).prop_map(|(radius, half_length)| ConvexShape::Capsule { radius, half_length }),
+        (size(), size()).prop_map(|(radius, half_length)| ConvexShape::Cylinder { radius, half_length }),
+        prop::array::uniform3(size()).prop_map(|half| ConvexShape::Box { half }),
+        hull(),
+        triangle(),
+    ]
+}
+
+fn of(x: V3<f64>) -> Vector {
+    Vector::new(x[0], x[1], x[2])
+}
+
+/// A shape in parry, with the axes of its frame there: parry's cylinder is along y.
+fn in_parry(shape: &ConvexShape, pose: &Pose) -> (Box<dyn Shape>, ParryPose) {
+    let [x, y, z] = [0, 1, 2].map(|k| of(column(&pose.mat, k)));
+    let (shape, axes): (Box<dyn Shape>, _) = match shape {
+        ConvexShape::Sphere { radius } => (Box::new(Ball::new(*radius)), [x, y, z]),
+        ConvexShape::Capsule { radius, half_length } => (Box::new(Capsule::new_z(*half_length, *radius)), [x, y, z]),
+        ConvexShape::Cylinder { radius, half_length } => (Box::new(Cylinder::new(*half_length, *radius)), [x, z, -y]),
+        ConvexShape::Box { half } => (Box::new(Cuboid::new(of(*half))), [x, y, z]),
+        ConvexShape::Hull(hull) => {
+            let points: Vec<_> = hull.points().iter().map(|&p| of(p)).collect();
+            let faces = hull.triangles().to_vec();
+            (Box::new(ConvexPolyhedron::from_convex_mesh(points, &faces).expect("a hull is convex")), [x, y, z])
+        }
+        ConvexShape::Triangle(p) => (Box::new(Triangle::new(of(p[0]), of(p[1]), of(p[2]))), [x, y, z]),
+        ConvexShape::Ellipsoid { .. } => unreachable!("parry has no ellipsoids"),
+    };
+    (shape, ParryPose::from_parts(of(pose.pos), Rotation::from_mat3(&Matrix::from_cols(axes[0], axes[1], axes[2]))))
+}
+
+/// Largest angle between the shortest way of two convex shapes, `length` (m), and one that is `excess` longer: the longer way ends beyond
+/// the plane at right angles to the end of the shortest, so that cos(angle) >= length / (length + excess).
+fn turned(length: f64, excess: f64) -> f64 {
+    (2.0 * excess / length).sqrt()
+}
+
+/// A body of a kernel in parry; none of an ellipsoid.
+fn body_in_parry(body: &Body) -> Option<(Box<dyn Shape>, ParryPose)> {
+    let along = |z: V3<f64>| {
+        let [_, x, y] = contact_frame(z);
+        M3::from([x[0], y[0], z[0], x[1], y[1], z[1], x[2], y[2], z[2]])
+    };
+    let (shape, pos, mat) = match body {
+        Body::HalfSpace { origin, normal } => {
+            return Some((Box::new(HalfSpace::new(of(*normal))), ParryPose::from_translation(of(*origin))));
+        }
+        Body::Capsule(s) => (ConvexShape::Capsule { radius: s.radius, half_length: s.half_length }, s.centre, along(s.axis)),
+        Body::Cuboid(b) => (ConvexShape::Box { half: b.half }, b.centre, b.mat),
+        Body::Cylinder(c) => (ConvexShape::Cylinder { radius: c.radius, half_length: c.half_length }, c.centre, c.mat),
+        Body::Ellipsoid(_) => return None,
+    };
+    Some(in_parry(&shape, &Pose { pos, mat }))
+}
+
+proptest! {
+    #![proptest_config(cases(2000))]
+
+    #[test]
+    fn shapes_apart_have_the_distance_and_normal_of_parry(a in shape(), pa in pose(), b in shape(), pb in pose()) {
+        let (found, n) = distance(&a, &pa, &b, &pb);
+        let ((a, pa), (b, pb)) = (in_parry(&a, &pa), in_parry(&b, &pb));
+        let theirs = query::distance(&pa, &*a, &pb, &*b).unwrap().distance;
+        let excess = theirs - found.max(0.0);
+        prop_assert!(excess > -ROUNDING && excess < EXCESS, "{found}, parry {theirs}");
+        if found > APART {
+            let theirs = query::contact(&pa, &*a, &pb, &*b, f64::MAX).unwrap().expect("within reach");
+            let way = theirs.point2 - theirs.point1;
+            let excess = (way.length() - found).max(0.0);
+            // A face is taken for a direction that is better by a billionth of the size, 2 m.
+            let bound = turned(found, excess) + turned(found, 2e-9);
+            prop_assert!(excess < EXCESS && (way / way.length() - of(n)).length() < bound, "{n:?}, parry {way}");
+        }
+    }
+
+    #[test]
+    fn nearest_points_are_on_the_shapes_of_parry(a in shape(), pa in pose(), b in shape(), pb in pose()) {
+        let (found, _) = distance(&a, &pa, &b, &pb);
+        // Of two edges that are nearly parallel, boxes take the ends of what they share instead.
+        let boxes = [&a, &b].iter().all(|s| matches!(s, ConvexShape::Box { .. }));
+        if found > 0.0 && !boxes {
+            let points = manifold(&a, &pa, &b, &pb, found + 1e-3).points;
+            let nearest = points.iter().min_by(|p, q| p.distance.total_cmp(&q.distance)).expect("a contact within reach");
+            // Faces are preferred to edges up to a millionth of the size. As in `convex.rs`.
+            prop_assert!((nearest.distance - found).abs() < 1e-5, "{nearest:?}, {found} apart");
+            let at = |x: f64| of(add_scaled(nearest.pos, nearest.normal, x * nearest.distance));
+            for ((shape, pose), point) in [(in_parry(&a, &pa), at(-0.5)), (in_parry(&b, &pb), at(0.5))] {
+                let off = shape.distance_to_point(&pose, point, true);
+                prop_assert!(off < ON_SHAPE, "{off} m beside {:?}, {nearest:?}", shape.shape_type());
+            }
+        }
+    }
+
+    #[test]
+    fn shallow_overlaps_are_as_deep_as_in_parry(a in shape(), pa in pose(), b in shape(), pb in pose()) {
+        // Moved apart along the normal to a shallow overlap: by chance few are.
+        let (depth, n) = distance(&a, &pa, &b, &pb);
+        let pb = Pose { pos: add_scaled(pb.pos, n, -depth - 0.5 * DEEP * depth.abs().min(1.0)), ..pb };
+        let (found, _) = distance(&a, &pa, &b, &pb);
+        let ((ga, qa), (gb, qb)) = (in_parry(&a, &pa), in_parry(&b, &pb));
+        let Some(theirs) = query::contact(&qa, &*ga, &qb, &*gb, 0.0).unwrap().filter(|_| found > -DEEP) else { return Ok(()) };
+        prop_assert!(found < theirs.dist + ROUNDING, "{found}, parry {theirs:?}");
+        // Of a cylinder a way out is found that no small turn betters. Of one overlap in two hundred it is not the least.
+        let round = [&a, &b].iter().any(|s| matches!(s, ConvexShape::Cylinder { .. }));
+        let along = separation(&a, &pa, &b, &pb, theirs.normal1.to_array());
+        // As in `convex.rs`, with faces that are preferred by a billionth of the size.
+        prop_assert!(round || found > along - 1e-7, "{found}, {along} along the normal of {theirs:?}");
+    }
+
+    /// Kernels over lanes, of which parry has all shapes but ellipsoids.
+    #[test]
+    fn kernels_have_the_distance_and_normal_of_parry((a, b) in pair()) {
+        let (Some((ga, pa)), Some((gb, pb))) = (body_in_parry(&a), body_in_parry(&b)) else { return Ok(()) };
+        let nearest = contacts(&a, &b).into_iter().min_by(|p, q| p.distance.total_cmp(&q.distance)).expect("a pair has a contact");
+        let theirs = query::contact(&pa, &*ga, &pb, &*gb, f64::MAX).unwrap().expect("within reach");
+        let excess = theirs.dist - nearest.distance;
+        prop_assert!(excess > -ROUNDING, "{nearest:?}, parry {theirs:?}");
+        // No direction has more room: so parry's normal is not a shorter way out of an overlap.
+        prop_assert!(room(&a, &b, theirs.normal1.to_array()) < nearest.distance + ROUNDING, "{nearest:?}, parry {theirs:?}");
+        if nearest.distance > APART {
+            prop_assert!(excess < EXCESS, "{nearest:?}, parry {theirs:?}");
+            let bound = turned(nearest.distance, excess.max(0.0) + 1e-14); // rounding of lengths of 2 m
+            prop_assert!((theirs.normal1 - of(nearest.normal)).length() < bound, "{nearest:?}, parry {theirs:?}");
+        }
+    }
+}

@@ -1,0 +1,213 @@
+//! Concave meshes and height fields: the seams between triangles are not felt, and a closed surface is the solid that it bounds.
+//! PROPTEST_CASES=5000 searches longer.
+
+use std::sync::Arc;
+
+use crate::shapes::{simple, unit, vector};
+use proptest::prelude::*;
+use stepper_geometry::linear_algebra::*;
+use stepper_geometry::{ConvexShape, Grid, Hull, Manifold, MeshSurface, Pose, Room, Surface, collide_surface, distance};
+
+type V = V3<f64>;
+
+/// Of points whose depths differ by less than 1e-6 of the size of what touches (a shape and a triangle of up to 1.7 m together) the first
+/// is kept, so that the choice does not change from step to step: a point on a seam instead of the lowest one beside it.
+const TIE: f64 = 2e-6;
+
+const STILL: Pose = Pose { pos: [0.0; 3], mat: [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0] };
+
+fn rotation() -> impl Strategy<Value = M3<f64>> {
+    let any = (unit(), -3.1..3.1f64).prop_map(|(u, x)| axis_rotation(u, x.sin(), x.cos()));
+    prop_oneof![1 => Just(STILL.mat), 4 => any]
+}
+
+fn hull() -> impl Strategy<Value = Arc<Hull>> {
+    prop::collection::vec(vector(0.4), 6..20).prop_filter_map("has volume", |p| Hull::new(&p).ok().map(Arc::new))
+}
+
+fn shape() -> impl Strategy<Value = ConvexShape> {
+    prop_oneof![
+        5 => simple(|| 0.05..0.25),
+        1 => hull().prop_map(ConvexShape::Hull),
+    ]
+}
+
+/// A flat square of 2 x 2 m, cut into triangles by a grid of `n` cells with diagonals that turn this way and that.
+fn floor(n: usize) -> Surface {
+    let at = |k: usize| -1.0 + 2.0 * k as f64 / n as f64;
+    let vertices: Vec<V> = (0..(n + 1) * (n + 1)).map(|k| [at(k % (n + 1)), at(k / (n + 1)), 0.0]).collect();
+    let faces: Vec<[u32; 3]> = (0..n * n)
+        .flat_map(|k| {
+            let (c, r) = (k % n, k / n);
+            let [p, q, s, t] = [(0, 0), (1, 0), (1, 1), (0, 1)].map(|(dc, dr)| ((r + dr) * (n + 1) + c + dc) as u32);
+            if (r + c) % 2 == 0 { [[p, q, s], [p, s, t]] } else { [[p, q, t], [q, s, t]] }
+        })
+        .collect();
+    Surface::Mesh(MeshSurface::new(&vertices, &faces))
+}
+
+fn slope(n: usize, rise: [f64; 2]) -> Surface {
+    let at = |k: usize| -1.0 + 2.0 * k as f64 / (n - 1) as f64;
+    let elevation = (0..n * n).map(|k| rise[0] * at(k % n) + rise[1] * at(k / n)).collect();
+    Surface::Grid(Grid::new([n, n], [1.0; 2], elevation, 1.0))
+}
+
+fn touch(surface: &Surface, b: &ConvexShape, pose: &Pose, prediction: f64) -> Manifold {
+    let mut out = Manifold::default();
+    collide_surface(surface, &STILL, b, pose, prediction, &mut out, &mut Room::default());
+    out
+}
+
+/// The height of the shape's lowest point along `n`.
+fn lowest(b: &ConvexShape, pose: &Pose, n: V) -> f64 {
+    dot(n, add(pose.pos, rotate(&pose.mat, b.support(rotate_back(&pose.mat, scale(n, -1.0)))))) - b.radius()
+}
+
+proptest! {
+    #[test]
+    fn seams_of_a_plane_are_not_felt(b in shape(), at in prop::array::uniform2(-0.3..0.3f64), mat in rotation(), n in 3..9usize, depth in -0.01..0.02f64) {
+        let up = [0.0, 0.0, 1.0];
+        let pose = Pose { pos: [at[0], at[1], 0.0], mat };
+        let pose = Pose { pos: [at[0], at[1], -lowest(&b, &pose, up) - depth], ..pose };
+        let points = touch(&floor(n), &b, &pose, 0.02).points;
+        prop_assert!(!points.is_empty());
+        prop_assert!(points.iter().all(|p| norm(sub(p.normal, up)) < 1e-12), "{points:?}");
+        let deepest = points.iter().map(|p| p.distance).fold(f64::INFINITY, f64::min);
+        prop_assert!((deepest + depth).abs() < TIE, "{deepest} {depth}");
+        prop_assert!(deepest + depth > -1e-9, "deeper than it is: {deepest} {depth}");
+        prop_assert!(points.windows(2).all(|w| w[0].feature < w[1].feature) && points.len() <= 5, "{points:?}");
+    }
+
+    #[test]
+    fn seams_of_a_slope_are_not_felt(b in shape(), at in prop::array::uniform2(-0.3..0.3f64), mat in rotation(), n in 3..9usize,
+                                     depth in -0.01..0.02f64, rise in prop::array::uniform2(-0.5..0.5f64)) {
+        let normal = [-rise[0], -rise[1], 1.0];
+        let normal = scale(normal, 1.0 / norm(normal));
+        let pose = Pose { pos: [at[0], at[1], 0.0], mat };
+        // Raised until it is as deep as asked.
+        let lift = (-lowest(&b, &pose, normal) - depth) / normal[2];
+        let pose = Pose { pos: [at[0], at[1], lift], ..pose };
+        let points = touch(&slope(n, rise), &b, &pose, 0.02).points;
+        prop_assert!(!points.is_empty());
+        prop_assert!(points.iter().all(|p| norm(sub(p.normal, normal)) < 1e-9), "{points:?}");
+        let deepest = points.iter().map(|p| p.distance).fold(f64::INFINITY, f64::min);
+        prop_assert!((deepest + depth).abs() < TIE, "{deepest} {depth}");
+        prop_assert!(deepest + depth > -1e-9, "deeper than it is: {deepest} {depth}");
+    }
+
+    #[test]
+    fn a_closed_surface_is_its_solid(solid in hull(), b in shape(), pos in vector(0.8), mat in rotation()) {
+        let surface = Surface::Mesh(MeshSurface::new(solid.points(), solid.triangles()));
+        let pose = Pose { pos, mat };
+        let (exact, n) = distance(&ConvexShape::Hull(solid), &STILL, &b, &pose);
+        let points = touch(&surface, &b, &pose, 0.1).points;
+        if exact > 0.1 {
+            prop_assert!(points.is_empty(), "{exact} {points:?}");
+        } else if exact > 0.0 {
+            // The nearest point is on some triangle: its normal and distance are the solid's. A shape beside a seam that bulges less than
+            // its edge's share of it may see more.
+            let best = points.iter().find(|p| (p.distance - exact).abs() < 1e-6 && norm(sub(p.normal, n)) < 1e-3);
+            prop_assert!(best.is_some(), "{exact} {n:?} {points:?}");
+        } else if exact > -0.005 {
+            prop_assert!(!points.is_empty(), "overlapping by {exact}, yet no contact");
+        }
+    }
+}
+
+#[test]
+fn below_a_height_field_is_pushed_up() {
+    let ball = ConvexShape::Sphere { radius: 0.1 };
+    let pose = Pose { pos: [0.03, 0.01, -0.5], ..STILL };
+    let points = touch(&slope(5, [0.0; 2]), &ball, &pose, 0.01).points;
+    assert_eq!(points.len(), 1);
+    assert!((points[0].distance + 0.6).abs() < 1e-12 && points[0].normal[2] > 0.999);
+    let under = Pose { pos: [0.0, 0.0, -1.2], ..STILL };
+    assert!(touch(&slope(5, [0.0; 2]), &ball, &under, 0.01).points.is_empty());
+}
+
+/// Heights over a square of 2 m, rough or smooth, and the same as a mesh whose diagonals are those of a height field or the others.
+fn rough() -> impl Strategy<Value = (Grid, usize)> {
+    let heights = (4..9usize).prop_flat_map(|n| prop::collection::vec(0.0..1.0f64, n * n).prop_map(move |z| (n, z)));
+    (heights, prop_oneof![Just(0.3), Just(0.03)], 0..3usize)
+        .prop_map(|((n, z), most, form)| (Grid::new([n, n], [1.0; 2], z.into_iter().map(|z| most * z).collect(), 1.0), form))
+}
+
+/// The vertices of a grid, and its triangles: parted as those of a height field, or the other way.
+fn triangles(grid: &Grid, other_way: bool) -> (Vec<V>, Vec<[u32; 3]>) {
+    let n = grid.shape[0];
+    let at = |k: usize| -1.0 + 2.0 * k as f64 / (n - 1) as f64;
+    let vertices = (0..n * n).map(|k| [at(k % n), at(k / n), grid.elevation[k]]).collect();
+    let faces = (0..(n - 1) * (n - 1)).flat_map(|k| {
+        let (c, r) = (k % (n - 1), k / (n - 1));
+        let [p, q, s, t] = [(0, 0), (1, 0), (1, 1), (0, 1)].map(|(dc, dr)| ((r + dr) * n + c + dc) as u32);
+        if other_way { [[p, q, t], [q, s, t]] } else { [[p, q, s], [p, s, t]] }
+    });
+    (vertices, faces.collect())
+}
+
+/// The point of a triangle that is nearest to `p`: of its plane, or of an edge.
+fn nearest_of_triangle(t: &[V; 3], p: V) -> V {
+    let n = cross(sub(t[1], t[0]), sub(t[2], t[0]));
+    let foot = add_scaled(p, n, -dot(n, sub(p, t[0])) / dot(n, n));
+    if (0..3).all(|k| dot(n, cross(sub(t[(k + 1) % 3], t[k]), sub(foot, t[k]))) >= 0.0) {
+        return foot;
+    }
+    let on_edge = |k: usize| {
+        let (a, u) = (t[k], sub(t[(k + 1) % 3], t[k]));
+        add_scaled(a, u, (dot(u, sub(p, a)) / dot(u, u)).clamp(0.0, 1.0))
+    };
+    (0..3).map(on_edge).min_by(|a, b| norm(sub(*a, p)).total_cmp(&norm(sub(*b, p)))).unwrap()
+}
+
+proptest! {
+    #[test]
+    fn what_a_ball_touches_is_nearer_than_all_around_it((grid, form) in rough(), at in prop::array::uniform2(-0.8..0.8f64), radius in 0.02..0.3f64,
+                                                        gap in 0.001..0.05f64) {
+        let (vertices, faces) = triangles(&grid, form == 2);
+        let corners: Vec<[V; 3]> = faces.iter().map(|f| f.map(|v| vertices[v as usize])).collect();
+        let surface = if form == 0 { Surface::Grid(grid) } else { Surface::Mesh(MeshSurface::new(&vertices, &faces)) };
+        let distance_to = |p: V| corners.iter().map(|t| norm(sub(p, nearest_of_triangle(t, p)))).fold(f64::INFINITY, f64::min);
+        // Lowered until it is as near as asked: its distance is never more than its height over the surface.
+        let mut centre = [at[0], at[1], 1.0];
+        for _ in 0..200 {
+            centre[2] -= distance_to(centre) - radius - gap;
+        }
+        prop_assume!((distance_to(centre) - radius - gap).abs() < 1e-9);
+        let pose = Pose { pos: centre, ..STILL };
+        let points = touch(&surface, &ConvexShape::Sphere { radius }, &pose, 0.06).points;
+        // The nearest is there ...
+        let least = points.iter().map(|p| p.distance).fold(f64::INFINITY, f64::min);
+        prop_assert!((least - gap).abs() < 1e-8, "{least} {gap}");
+        // ... and each is a point of the surface from which no way on the surface leads nearer: the distance to a triangle is convex, so of
+        // all triangles that meet there it is the nearest point. Two faces of a valley may each have such a point, however close together.
+        for p in &points {
+            let x = add_scaled(centre, p.normal, -(p.distance + radius));
+            // Normals within 1e-6 of a neighbour's are taken for its own, which moves the point by as much, and the distance by its square.
+            prop_assert!(distance_to(x) < 1e-6, "{x:?} is off the surface by {}", distance_to(x));
+            let meeting = corners.iter().filter(|t| norm(sub(nearest_of_triangle(t, x), x)) < 1e-10);
+            let nearest = meeting.map(|t| norm(sub(nearest_of_triangle(t, centre), centre))).fold(f64::INFINITY, f64::min);
+            prop_assert!(nearest > p.distance + radius - 1e-8, "{} {}", p.distance + radius, nearest);
+        }
+    }
+
+    #[test]
+    fn what_is_nearest_on_a_rough_surface_is_found((grid, form) in rough(), b in shape(), at in prop::array::uniform2(-0.5..0.5f64), mat in rotation(),
+                                                   gap in 0.001..0.05f64) {
+        let (vertices, faces) = triangles(&grid, form == 2);
+        let surface = if form == 0 { Surface::Grid(grid) } else { Surface::Mesh(MeshSurface::new(&vertices, &faces)) };
+        let near = |pose: &Pose| {
+            let each = faces.iter().map(|f| distance(&ConvexShape::Triangle(f.map(|v| vertices[v as usize])), &STILL, &b, pose));
+            each.min_by(|x, y| x.0.total_cmp(&y.0)).unwrap()
+        };
+        let mut pose = Pose { pos: [at[0], at[1], 1.5], mat };
+        for _ in 0..100 {
+            pose.pos[2] -= near(&pose).0 - gap;
+        }
+        let (exact, normal) = near(&pose);
+        prop_assume!((exact - gap).abs() < 1e-6);
+        let points = touch(&surface, &b, &pose, 0.06).points;
+        // Round bodies and flat faces: where several points are equally near, the normal is that of one of them.
+        let found = points.iter().find(|p| (p.distance - exact).abs() < 1e-6 && norm(sub(p.normal, normal)) < 1e-3);
+        prop_assert!(found.is_some(), "{exact} {normal:?} {points:?}");
+    }
+}

@@ -1,0 +1,251 @@
+//! What is said of an actuator's dynamics: numbers with their checks, and what the model takes over.
+
+use serde::{Deserialize, Serialize};
+
+use crate::{Activation, Actuator, ActuatorError, Description, DeviceError, Model, Transmission, label};
+
+/// Dynamics of an actuator. Every list has one number for all environments, or one for each.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ActuatorSpec {
+    /// s
+    pub delay: Vec<f64>,
+    /// Steps; adds to `delay`.
+    pub delay_steps: Vec<f64>,
+    /// Time constant of the first-order lag, s; 0 is none.
+    pub lag: Vec<f64>,
+    /// Lowest effort, N or N m.
+    pub low: Vec<f64>,
+    /// Highest effort, N or N m.
+    pub high: Vec<f64>,
+    /// Dry friction at the actuator's side, N or N m.
+    pub friction: Vec<f64>,
+    /// A servo in place of the actuator's own law.
+    pub servo: Option<Servo>,
+    /// A motor with its gear.
+    pub motor: Option<Motor>,
+}
+
+/// A PID servo: the control is a set point of the actuator's length.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Servo {
+    /// N or N m per unit of length.
+    pub kp: Vec<f64>,
+    /// N or N m per unit of length and second.
+    pub ki: Vec<f64>,
+    /// N or N m per unit of velocity.
+    pub kd: Vec<f64>,
+    /// Largest effort of the integral, N or N m; may be infinite.
+    pub integral_limit: Vec<f64>,
+    /// Time between samples, s; empty for a continuous servo.
+    pub period: Vec<f64>,
+}
+
+/// A DC motor behind a gear; its numbers are those of its shaft.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Motor {
+    /// N m at nominal voltage; empty for a motor without a torque-speed curve.
+    pub stall_torque: Vec<f64>,
+    /// rad/s at nominal voltage.
+    pub no_load_speed: Vec<f64>,
+    /// Inertia of the rotor, kg m^2.
+    pub rotor_inertia: f64,
+    /// Turns of the shaft per unit of the actuator's length.
+    pub gear: f64,
+    /// Share of the power that the gear passes on.
+    pub efficiency: Vec<f64>,
+    /// Whether the control is the share of the nominal voltage, not the torque.
+    pub voltage: bool,
+}
+
+/// Longest delay, in steps.
+const LONGEST: f64 = 100_000.0;
+
+fn any(x: &[f64]) -> bool {
+    x.iter().any(|&x| x != 0.0)
+}
+
+impl Actuator {
+    /// Steps of length `h` by which the control acts later.
+    fn delay_in_steps(&self, h: f64) -> f64 {
+        let steps = self.delay / h;
+        let near = steps.round();
+        // A whole number of steps, but for rounding, is one.
+        if (steps - near).abs() < 1e-9 * (1.0 + near) {
+            near
+        } else if self.delay_holds {
+            steps.ceil()
+        } else {
+            steps
+        }
+    }
+}
+
+impl ActuatorSpec {
+    /// Spec of an ideal actuator, which changes no control.
+    pub fn ideal() -> Self {
+        let [none, low, high] = [0.0, f64::NEG_INFINITY, f64::INFINITY].map(|x| vec![x]);
+        let (delay, delay_steps, lag) = (none.clone(), none.clone(), none.clone());
+        Self { delay, delay_steps, lag, low, high, friction: none, servo: None, motor: None }
+    }
+
+    /// Delay of one environment in steps of length `h`.
+    pub fn steps(&self, env: usize, h: f64) -> f64 {
+        let of = |x: &[f64]| x[env % x.len()];
+        of(&self.delay) / h + of(&self.delay_steps)
+    }
+
+    /// Longest delay of all environments in whole steps of length `h`.
+    pub fn longest(&self, num_envs: usize, h: f64) -> usize {
+        (0..num_envs).map(|env| self.steps(env, h)).fold(0.0, f64::max).ceil() as usize
+    }
+
+    /// Whether it is a servo that acts within a step.
+    pub fn is_continuous_servo(&self) -> bool {
+        self.servo.as_ref().is_some_and(|s| s.period.is_empty())
+    }
+
+    /// Whether the control is a voltage, if the motor has a torque-speed curve.
+    pub fn curve(&self) -> Option<bool> {
+        self.motor.as_ref().filter(|m| !m.stall_torque.is_empty()).map(|m| m.voltage)
+    }
+
+    /// Whether its effort has limits.
+    pub fn is_limited(&self) -> bool {
+        self.low.iter().chain(&self.high).any(|x| x.is_finite())
+    }
+
+    /// Whether it loses effort to friction.
+    pub fn loses(&self) -> bool {
+        any(&self.friction) || self.motor.as_ref().is_some_and(|m| m.efficiency.iter().any(|&e| e != 1.0))
+    }
+
+    /// Model with what its actuator dynamics give to it, and specs with what the model gives to them: servos take the place of an
+    /// actuator's law, rotors become armature, and bounds of forces are taken together.
+    ///
+    /// # Errors
+    /// The first number out of its range, and what an actuator cannot have, with the actuator's name.
+    pub fn fold(model: &Model, specs: &[Option<Self>], num_envs: usize, h: f64) -> Result<(Model, Vec<Option<Self>>), ActuatorError> {
+        let (mut folded, mut specs) = (model.clone(), specs.to_vec());
+        let model = folded.trusted_mut();
+        for (i, spec) in specs.iter_mut().enumerate() {
+            *spec = spec.take().filter(|t| *t != Self::ideal());
+            let steps = model.actuators[i].delay_in_steps(h);
+            if steps > 0.0 {
+                spec.get_or_insert_with(Self::ideal).delay_steps.iter_mut().for_each(|x| *x += steps);
+            }
+            let Some(spec) = spec else { continue };
+            let actuator = label(&model.actuators[i].name, i);
+            spec.check(num_envs, h).and_then(|()| spec.give(model, i)).map_err(|error| ActuatorError { actuator, error })?;
+        }
+        Ok((folded, specs))
+    }
+
+    fn give(&mut self, model: &mut Description, i: usize) -> Result<(), DeviceError> {
+        let actuator = &mut model.actuators[i];
+        if self.servo.is_some() {
+            if actuator.activation != Activation::None {
+                return Err(DeviceError::ServoWithActivation);
+            }
+            if matches!(actuator.transmission, Transmission::Site { .. }) {
+                return Err(DeviceError::ServoOnSite);
+            }
+            (actuator.gain, actuator.bias, actuator.ctrl_range) = ([1.0, 0.0, 0.0], [0.0; 3], None);
+        }
+        let bounded = self.servo.is_some() || self.curve().is_some() || self.is_limited();
+        if let Some([low, high]) = actuator.force_range.filter(|_| bounded) {
+            self.narrow([low, high]);
+            actuator.force_range = None;
+        }
+        if self.loses() && !matches!(actuator.transmission, Transmission::Joint(_)) {
+            return Err(DeviceError::LossesWithoutJoint);
+        }
+        let Some(motor) = self.motor.as_ref().filter(|m| m.rotor_inertia > 0.0) else { return Ok(()) };
+        let reflected = (actuator.gear * motor.gear).powi(2) * motor.rotor_inertia;
+        if !reflected.is_finite() {
+            return Err(DeviceError::InfiniteInertia { inertia: motor.rotor_inertia, gear: actuator.gear, motor_gear: motor.gear });
+        }
+        match actuator.transmission {
+            Transmission::Joint(j) => model.joints[j].armature += reflected,
+            Transmission::Tendon(t) => model.tendons[t].armature += reflected,
+            Transmission::Site { .. } => return Err(DeviceError::RotorOnSite),
+        }
+        Ok(())
+    }
+
+    /// Narrows the limits of the effort.
+    pub fn narrow(&mut self, [low, high]: [f64; 2]) {
+        self.low.iter_mut().for_each(|x| *x = x.max(low));
+        self.high.iter_mut().for_each(|x| *x = x.min(high));
+    }
+
+    fn check(&self, num_envs: usize, h: f64) -> Result<(), DeviceError> {
+        let mut lists: Vec<(&'static str, &[f64], Range)> = vec![
+            ("delay", &self.delay, Range::Finite),
+            ("delay_steps", &self.delay_steps, Range::Finite),
+            ("lag", &self.lag, Range::Finite),
+            ("limits", &self.low, Range::Any),
+            ("limits", &self.high, Range::Any),
+            ("friction", &self.friction, Range::Finite),
+        ];
+        if let Some(s) = &self.servo {
+            lists.extend([("kp", &s.kp[..], Range::Finite), ("ki", &s.ki, Range::Finite), ("kd", &s.kd, Range::Finite)]);
+            lists.push(("integral_limit", &s.integral_limit, Range::AtLeastZero));
+            lists.extend((!s.period.is_empty()).then_some(("period", &s.period[..], Range::Positive)));
+        }
+        if let Some(m) = &self.motor {
+            lists.push(("efficiency", &m.efficiency, Range::Share));
+            if !m.stall_torque.is_empty() {
+                lists
+                    .extend([("stall_torque", &m.stall_torque[..], Range::Positive), ("no_load_speed", &m.no_load_speed, Range::Positive)]);
+            } else if m.voltage {
+                return Err(DeviceError::VoltageWithoutCurve);
+            }
+            Range::Finite.check("rotor_inertia", &[m.rotor_inertia])?;
+            Range::Positive.check("gear", &[m.gear])?;
+        }
+        for (name, x, range) in lists {
+            if x.len() != 1 && x.len() != num_envs {
+                return Err(DeviceError::Count { name, found: x.len(), num_envs });
+            }
+            range.check(name, x)?;
+        }
+        let each = |x: &[f64], env: usize| x[env % x.len()];
+        for env in 0..num_envs {
+            let (low, high) = (each(&self.low, env), each(&self.high, env));
+            if low > high {
+                return Err(DeviceError::Limits { low, high });
+            }
+            let steps = self.steps(env, h);
+            if steps > LONGEST {
+                return Err(DeviceError::TooLong { name: "delay", steps, timestep: h, longest: LONGEST });
+            }
+        }
+        Ok(())
+    }
+}
+
+/// What a number may be.
+#[derive(Clone, Copy)]
+enum Range {
+    Any,
+    AtLeastZero,
+    Finite,
+    Positive,
+    Share,
+}
+
+impl Range {
+    fn check(self, name: &'static str, x: &[f64]) -> Result<(), DeviceError> {
+        let (fits, must): (fn(f64) -> bool, _) = match self {
+            Self::Any => (|x| !x.is_nan(), "a number"),
+            Self::AtLeastZero => (|x| x >= 0.0, "a number of at least 0"),
+            Self::Finite => (|x| x >= 0.0 && x.is_finite(), "a finite number of at least 0"),
+            Self::Positive => (|x| x > 0.0 && x.is_finite(), "a finite number above 0"),
+            Self::Share => (|x| x > 0.0 && x <= 1.0, "a share above 0 and at most 1"),
+        };
+        x.iter().find(|&&x| !fits(x)).map_or(Ok(()), |x| Err(DeviceError::Range { name, found: *x, must }))
+    }
+}

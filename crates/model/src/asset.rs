@@ -1,0 +1,88 @@
+//! What geoms take their form from: meshes and height fields.
+
+use nalgebra::{Matrix3, Vector3};
+use serde::{Deserialize, Serialize};
+use stepper_geometry::{Hull, HullError};
+
+use crate::MassProperties;
+
+/// A triangle mesh, in the frame of the geoms that use it.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Mesh {
+    /// Name by which geoms refer to it.
+    pub name: String,
+    /// m
+    pub vertices: Vec<[f64; 3]>,
+    /// Vertices of every triangle, counter-clockwise seen from outside; may be empty where only the convex hull is used.
+    pub faces: Vec<[u32; 3]>,
+}
+
+/// A height field: a surface of triangles over a grid of the geom's xy plane.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct HeightField {
+    /// Name by which geoms refer to it.
+    pub name: String,
+    /// Points along y and x.
+    pub shape: [usize; 2],
+    /// Half of its extent along x and y, m.
+    pub half: [f64; 2],
+    /// Height of the points over the geom's origin, row by row: x runs fastest, m.
+    pub elevation: Vec<f64>,
+    /// It is solid down to this depth below the geom's origin, m.
+    pub base: f64,
+}
+
+impl Mesh {
+    /// The convex hull of its vertices, made anew; a finished model has those that it needs, see
+    /// [`Model::hull_of`](crate::Model::hull_of).
+    ///
+    /// # Errors
+    /// [`HullError`] where they span no volume.
+    pub fn hull(&self) -> Result<Hull, HullError> {
+        Hull::new(&self.vertices)
+    }
+
+    /// Radius of a ball about its origin that holds it, m.
+    pub fn radius(&self) -> f64 {
+        self.vertices.iter().map(|v| Vector3::from(*v).norm()).fold(0.0, f64::max)
+    }
+
+    /// Its convex hull as a solid of uniform density, kg/m^3; `None` where it has no volume.
+    pub fn mass_properties(&self, density: f64) -> Option<MassProperties> {
+        Some(solid(&self.hull().ok()?, density))
+    }
+}
+
+/// A solid polyhedron: tetrahedra from a point inside to the triangles of its surface. The second moment of a tetrahedron with corners 0,
+/// a, b, c about 0 is volume/20 (s s^T + a a^T + b b^T + c c^T) with s = a + b + c.
+fn solid(hull: &Hull, density: f64) -> MassProperties {
+    let com = Vector3::from(hull.centre());
+    let (mut volume, mut second) = (0.0, Matrix3::zeros());
+    for t in hull.triangles() {
+        let [a, b, c] = t.map(|i| Vector3::from(hull.points()[i as usize]) - com);
+        let part = a.dot(&b.cross(&c)) / 6.0;
+        let s = a + b + c;
+        volume += part;
+        second += (s * s.transpose() + a * a.transpose() + b * b.transpose() + c * c.transpose()) * (part / 20.0);
+    }
+    let inertia = Matrix3::identity() * second.trace() - second;
+    MassProperties { mass: volume * density, com, inertia: inertia * density }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Shape;
+
+    #[test]
+    fn a_mesh_of_a_box_weighs_what_the_box_does() {
+        let half = [0.5, 0.2, 0.1];
+        let corner = |k: usize| std::array::from_fn(|i| 0.3 * i as f64 + if k >> i & 1 == 1 { half[i] } else { -half[i] });
+        let mesh = Mesh { name: "box".into(), vertices: (0..8).map(corner).collect(), faces: vec![] };
+        let found = mesh.mass_properties(1000.0).unwrap();
+        let exact = MassProperties::solid(&Shape::Box { half }, 80.0).unwrap();
+        assert!((found.mass - 80.0).abs() < 1e-11, "{}", found.mass);
+        assert!((found.com - Vector3::new(0.0, 0.3, 0.6)).norm() < 1e-13);
+        assert!((found.inertia - exact.inertia).norm() < 1e-11);
+    }
+}

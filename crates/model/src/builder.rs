@@ -1,0 +1,395 @@
+//! Models made in code.
+
+mod actuator;
+mod body;
+mod equality;
+mod geom;
+mod joint;
+mod tendon;
+
+use crate::softness::{ContactSpring, mixing_share};
+use crate::{Description, HeightField, Keyframe, Medium, Mesh, Model, ModelError, Pair, Sensor, SensorKind, Site};
+use crate::{SoftSettings, Softness};
+
+pub use crate::builder::actuator::ActuatorBuilder;
+pub use crate::builder::body::BodyBuilder;
+pub use crate::builder::equality::EqualityBuilder;
+pub use crate::builder::geom::GeomBuilder;
+pub use crate::builder::joint::JointBuilder;
+pub use crate::builder::tendon::TendonBuilder;
+
+/// What a sensor that was added by name reads.
+#[derive(Clone, Debug)]
+enum Reading {
+    Position(String),
+    Velocity(String),
+    Kind(SensorKind),
+}
+
+/// Index of the world body.
+pub const WORLD: usize = 0;
+
+/// Makes a [`Model`] in code: bodies hang from bodies, geoms give them mass, joints let them move.
+///
+/// ```
+/// use stepper_model::{ActuatorBuilder, BodyBuilder, GeomBuilder, JointBuilder, Model, WORLD};
+///
+/// // A cart on a rail with a pole on top, above a floor.
+/// let mut scene = Model::builder("cart-pole");
+/// scene.timestep(0.002).geom(WORLD, GeomBuilder::plane("floor"));
+/// let cart = scene.body(
+///     WORLD,
+///     BodyBuilder::new("cart")
+///         .pos([0.0, 0.0, 1.0])
+///         .joint(JointBuilder::slide("rail", [1.0, 0.0, 0.0]).range(-2.0, 2.0).damping(0.1))
+///         .geom(GeomBuilder::cuboid("chassis", [0.2, 0.1, 0.05]).mass(1.0).masks(0, 0)),
+/// );
+/// scene.body(
+///     cart,
+///     BodyBuilder::new("pole")
+///         .joint(JointBuilder::hinge("pivot", [0.0, 1.0, 0.0]))
+///         .geom(GeomBuilder::capsule("rod", 0.02, 0.3).pos([0.0, 0.0, 0.3]).density(700.0)),
+/// );
+/// let push = scene.actuator(ActuatorBuilder::motor("push", "rail").gear(10.0).ctrl_range(-1.0, 1.0));
+/// scene.position_sensor("angle", "pivot");
+/// let model = scene.finish()?;
+///
+/// assert_eq!((model.nq(), model.nv(), model.nu()), (2, 2, 1));
+/// assert_eq!((model.actuator("push")?, model.body("cart")?), (push, cart));
+/// assert_eq!(model.joint("pivot")?.qpos, 1..2); // its places in the configuration
+/// assert_eq!(model.collision_pairs().len(), 1); // rod and floor
+/// # Ok::<(), stepper_model::ModelError>(())
+/// ```
+///
+/// Names refer to elements in actuators, sensors, pairs and excludes; a name that is missing is an error of [`ModelBuilder::finish`].
+/// Calls that add an element give its index in the finished model; settings give the builder back.
+#[derive(Clone, Debug)]
+pub struct ModelBuilder {
+    model: Description,
+    bodies: Vec<BodyBuilder>,
+    /// Geoms that were added by the index of their body.
+    geoms: Vec<(usize, GeomBuilder)>,
+    actuators: Vec<ActuatorBuilder>,
+    sites: Vec<Site>,
+    sensors: Vec<(String, Reading)>,
+    tendons: Vec<TendonBuilder>,
+    equalities: Vec<EqualityBuilder>,
+    pairs: Vec<([String; 2], [f64; 3])>,
+    excludes: Vec<[String; 2]>,
+}
+
+impl Model {
+    /// Starts a model: only the world, gravity 9.81 m/s^2 along -z, time step 2 ms.
+    pub fn builder(name: &str) -> ModelBuilder {
+        ModelBuilder {
+            model: Description {
+                name: name.into(),
+                timestep: 0.002,
+                gravity: [0.0, 0.0, -9.81],
+                magnetic: [0.0, -0.5, 0.0],
+                medium: Medium::default(),
+                bodies: vec![],
+                joints: vec![],
+                explicit_damping: false,
+                geoms: vec![],
+                meshes: vec![],
+                height_fields: vec![],
+                pairs: vec![],
+                excludes: vec![],
+                excluded_overlaps: vec![],
+                tendons: vec![],
+                equalities: vec![],
+                actuators: vec![],
+                sites: vec![],
+                sensors: vec![],
+                keyframes: vec![],
+                qpos0: vec![],
+                qpos_spring: vec![],
+                soft: SoftSettings::default(),
+                omitted: vec![],
+                requested: None,
+            },
+            bodies: vec![BodyBuilder::new("world")],
+            geoms: vec![],
+            actuators: vec![],
+            sites: vec![],
+            sensors: vec![],
+            tendons: vec![],
+            equalities: vec![],
+            pairs: vec![],
+            excludes: vec![],
+        }
+    }
+}
+
+impl ModelBuilder {
+    /// Sets the default time step, s.
+    pub fn timestep(&mut self, seconds: f64) -> &mut Self {
+        self.model.timestep = seconds;
+        self
+    }
+
+    /// Sets the gravitational acceleration in the world frame, m/s^2.
+    pub fn gravity(&mut self, acceleration: impl Into<[f64; 3]>) -> &mut Self {
+        self.model.gravity = acceleration.into();
+        self
+    }
+
+    /// Fills the space between the bodies: density (kg/m^3), viscosity (Pa s) and velocity (m/s).
+    pub fn medium(&mut self, density: f64, viscosity: f64, wind: [f64; 3]) -> &mut Self {
+        self.model.medium = Medium { density, viscosity, wind };
+        self
+    }
+
+    /// Hangs a body from another ([`WORLD`] or what an earlier call gave) and gives its index.
+    pub fn body(&mut self, parent: usize, mut body: BodyBuilder) -> usize {
+        body.body.parent = parent;
+        push(&mut self.bodies, body)
+    }
+
+    /// Fixes a geom to a body, or to the [`WORLD`]. Geoms of a finished model are in the order of their bodies, so that
+    /// [`Description::geom`] of that model gives the index. A body that does not exist is an error of [`ModelBuilder::finish`].
+    pub fn geom(&mut self, body: usize, geom: GeomBuilder) -> &mut Self {
+        self.geoms.push((body, geom));
+        self
+    }
+
+    /// Adds a fixed tendon, a linear combination of the positions of hinges and slides by name, and gives its index.
+    pub fn tendon(&mut self, name: &str, joints: &[(&str, f64)]) -> usize {
+        self.fixed_tendon(TendonBuilder::new(name, joints))
+    }
+
+    /// Adds a fixed tendon with limits, springs and the like, and gives its index.
+    pub fn fixed_tendon(&mut self, tendon: TendonBuilder) -> usize {
+        push(&mut self.tendons, tendon)
+    }
+
+    /// Adds an equality and gives its index.
+    pub fn equality(&mut self, equality: EqualityBuilder) -> usize {
+        push(&mut self.equalities, equality)
+    }
+
+    /// Adds an actuator and gives its index, which is its place in the controls.
+    pub fn actuator(&mut self, actuator: ActuatorBuilder) -> usize {
+        push(&mut self.actuators, actuator)
+    }
+
+    /// Adds a sensor of a joint's position and gives its index.
+    pub fn position_sensor(&mut self, name: &str, joint: &str) -> usize {
+        push(&mut self.sensors, (name.into(), Reading::Position(joint.into())))
+    }
+
+    /// Adds a sensor of a joint's velocity and gives its index.
+    pub fn velocity_sensor(&mut self, name: &str, joint: &str) -> usize {
+        push(&mut self.sensors, (name.into(), Reading::Velocity(joint.into())))
+    }
+
+    /// Fixes a site to a body, or to the [`WORLD`], and gives its index for [`SensorKind`]. A body that does not exist is an error of
+    /// [`ModelBuilder::finish`].
+    pub fn site(&mut self, body: usize, mut site: Site) -> usize {
+        site.body = body;
+        push(&mut self.sites, site)
+    }
+
+    /// Adds a sensor of any kind and gives its index; the indices in the kind are those of the finished model.
+    pub fn sensor(&mut self, name: &str, kind: SensorKind) -> usize {
+        push(&mut self.sensors, (name.into(), Reading::Kind(kind)))
+    }
+
+    /// Lets two geoms collide whatever the filters say, with this friction (sliding, 1; torsional, m; rolling, m), and gives the index
+    /// of the pair.
+    pub fn pair(&mut self, geom_a: &str, geom_b: &str, friction: [f64; 3]) -> usize {
+        push(&mut self.pairs, ([geom_a.into(), geom_b.into()], friction))
+    }
+
+    /// Keeps the geoms of two bodies from colliding.
+    pub fn exclude(&mut self, body_a: &str, body_b: &str) -> &mut Self {
+        self.excludes.push([body_a.into(), body_b.into()]);
+        self
+    }
+
+    /// Adds a mesh for [`GeomBuilder::mesh`]: vertices in m; faces, counter-clockwise seen from outside, are needed where it is concave.
+    pub fn mesh(&mut self, name: &str, vertices: &[[f64; 3]], faces: &[[u32; 3]]) -> &mut Self {
+        self.model.meshes.push(Mesh { name: name.into(), vertices: vertices.to_vec(), faces: faces.to_vec() });
+        self
+    }
+
+    /// Adds a height field for [`GeomBuilder::height_field`].
+    pub fn height_field(&mut self, field: HeightField) -> &mut Self {
+        self.model.height_fields.push(field);
+        self
+    }
+
+    /// Adds a named state to reset to and gives its index.
+    pub fn keyframe(&mut self, keyframe: Keyframe) -> usize {
+        push(&mut self.model.keyframes, keyframe)
+    }
+
+    /// The model, validated.
+    ///
+    /// # Errors
+    /// [`ModelError`] when a name is missing, as [`Description::finish`], and for what stepper does not simulate yet.
+    pub fn finish(&self) -> Result<Model, ModelError> {
+        self.describe()?.finish(true)
+    }
+
+    /// The scene before it is checked.
+    pub(super) fn describe(&self) -> Result<Description, ModelError> {
+        let mut model = self.model.clone();
+        let mut bodies = self.bodies.clone();
+        for (body, geom) in &self.geoms {
+            let count = bodies.len();
+            let owner = bodies.get_mut(*body).ok_or_else(|| {
+                let what = format!("is fixed to body {body}, and the builder has {count}");
+                ModelError::invalid(format!("geom {:?}", geom.geom.name), what, "give WORLD, or an index that the builder's body() gave")
+            })?;
+            owner.geoms.push(geom.clone());
+        }
+        for (index, builder) in bodies.iter().enumerate() {
+            builder.add_to(&mut model, index);
+        }
+        for builder in &self.tendons {
+            let tendon = builder.resolve(&model)?;
+            model.tendons.push(tendon);
+        }
+        for builder in &self.equalities {
+            let equality = builder.resolve(&model)?;
+            model.equalities.push(equality);
+        }
+        model.sites.clone_from(&self.sites);
+        for builder in &self.actuators {
+            let actuator = builder.resolve(&model)?;
+            model.actuators.push(actuator);
+        }
+        for (name, reading) in &self.sensors {
+            let place = format!("sensor {name:?}");
+            let kind = match reading {
+                Reading::Position(joint) => SensorKind::JointPos(find_joint(&model, joint, &place)?),
+                Reading::Velocity(joint) => SensorKind::JointVel(find_joint(&model, joint, &place)?),
+                Reading::Kind(kind) => kind.clone(),
+            };
+            model.sensors.push(Sensor::ideal(name, kind));
+        }
+        self.add_pairs(&mut model)?;
+        Ok(model)
+    }
+
+    fn add_pairs(&self, model: &mut Description) -> Result<(), ModelError> {
+        for (names, friction) in &self.pairs {
+            let [a, b] = names.each_ref().map(|n| find(model.geoms.iter().map(|g| &g.name), n, "geom", "pair"));
+            let geoms = [a?, b?];
+            let [g, h] = geoms.map(|k| &model.geoms[k]);
+            let (margin, gap, restitution) = (g.margin + h.margin, g.gap + h.gap, g.restitution.max(h.restitution));
+            let condim = g.condim.max(h.condim);
+            let softness = Softness::mix(g.softness, h.softness, mixing_share([g.solmix, h.solmix]));
+            let friction = *friction;
+            let (solref_friction, anisotropy) = ([0.0; 2], [1.0; 2]);
+            let spring = ContactSpring::in_series([g.spring, h.spring]);
+            let name = String::new();
+            model.pairs.push(Pair {
+                name,
+                geoms,
+                condim,
+                friction,
+                restitution,
+                margin,
+                gap,
+                softness,
+                solref_friction,
+                anisotropy,
+                spring,
+            });
+        }
+        for names in &self.excludes {
+            let [a, b] = names.each_ref().map(|n| find(model.bodies.iter().map(|b| &b.name), n, "body", "exclude"));
+            model.excludes.push([a?, b?]);
+        }
+        Ok(())
+    }
+}
+
+/// Adds to a list and gives the place there.
+fn push<T>(list: &mut Vec<T>, element: T) -> usize {
+    list.push(element);
+    list.len() - 1
+}
+
+fn find<'a>(mut names: impl Iterator<Item = &'a String>, name: &str, kind: &str, place: &str) -> Result<usize, ModelError> {
+    names.position(|n| n == name).ok_or_else(|| {
+        let remedy = format!("name a {kind} that was added to the builder");
+        ModelError::invalid(place, format!("refers to {kind} {name:?}, which does not exist"), remedy)
+    })
+}
+
+fn find_joint(model: &Description, name: &str, place: &str) -> Result<usize, ModelError> {
+    find(model.joints.iter().map(|j| &j.name), name, "joint", place)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn free_with(geom: GeomBuilder) -> Model {
+        let mut scene = Model::builder("one");
+        scene.body(WORLD, BodyBuilder::new("body").pos([0.0, 0.0, 1.0]).joint(JointBuilder::free("root")).geom(geom));
+        scene.finish().unwrap()
+    }
+
+    #[test]
+    fn geoms_give_mass_and_inertia() {
+        let ball = &free_with(GeomBuilder::sphere("ball", 0.1).mass(2.0)).bodies[1];
+        assert_eq!((ball.mass, ball.inertia), (2.0, [2.0 * 0.4 * 0.1 * 0.1; 3]));
+        let boxed = &free_with(GeomBuilder::cuboid("box", [0.5, 0.25, 0.125]).pos([1.0, 0.0, 0.0])).bodies[1];
+        assert_eq!((boxed.mass, boxed.ipos), (1000.0 * 8.0 * 0.5 * 0.25 * 0.125, [1.0, 0.0, 0.0]));
+    }
+
+    #[test]
+    fn inertial_overrides_geoms() {
+        let mut scene = Model::builder("one");
+        let body = BodyBuilder::new("body").inertial(3.0, [0.0, 0.1, 0.0], [1.0, 2.0, 2.5]).geom(GeomBuilder::sphere("ball", 0.1));
+        scene.body(WORLD, body.joint(JointBuilder::ball("socket")));
+        let model = scene.finish().unwrap();
+        assert_eq!((model.bodies[1].mass, model.bodies[1].inertia), (3.0, [1.0, 2.0, 2.5]));
+        assert_eq!(model.qpos0, [1.0, 0.0, 0.0, 0.0]);
+    }
+
+    #[test]
+    fn free_bodies_start_where_they_are_placed() {
+        assert_eq!(free_with(GeomBuilder::sphere("ball", 0.1)).qpos0, [0.0, 0.0, 1.0, 1.0, 0.0, 0.0, 0.0]);
+    }
+
+    #[test]
+    fn geoms_of_the_world_come_first_whenever_added() {
+        let mut scene = Model::builder("order");
+        scene.body(WORLD, BodyBuilder::new("a").joint(JointBuilder::free("")).geom(GeomBuilder::sphere("ball", 0.1)));
+        scene.geom(WORLD, GeomBuilder::plane("floor"));
+        let names: Vec<String> = scene.finish().unwrap().geoms.iter().map(|g| g.name.clone()).collect();
+        assert_eq!(names, ["floor", "ball"]);
+    }
+
+    #[test]
+    fn servos_are_affine() {
+        let servo = ActuatorBuilder::position("servo", "joint", 10.0, 2.0).actuator;
+        assert_eq!((servo.gain, servo.bias), ([10.0, 0.0, 0.0], [0.0, -10.0, -2.0]));
+        let servo = ActuatorBuilder::velocity("servo", "joint", 2.0).actuator;
+        assert_eq!((servo.gain, servo.bias), ([2.0, 0.0, 0.0], [0.0, 0.0, -2.0]));
+    }
+
+    #[test]
+    fn missing_names_are_errors_that_name_both_ends() {
+        let text = |add: &dyn Fn(&mut ModelBuilder)| {
+            let mut scene = Model::builder("empty");
+            add(&mut scene);
+            scene.finish().unwrap_err().to_string()
+        };
+        let motor = |target: &str| ActuatorBuilder::motor("push", target);
+        assert!(text(&|s| _ = s.actuator(motor("rail"))).contains("actuator \"push\": refers to joint \"rail\""));
+        assert!(text(&|s| _ = s.position_sensor("angle", "pivot")).contains("sensor \"angle\": refers to joint \"pivot\""));
+        assert!(text(&|s| _ = s.tendon("pull", &[("elbow", 1.0)])).contains("tendon \"pull\": refers to joint \"elbow\""));
+        assert!(text(&|s| _ = s.actuator(motor("t").on_tendon())).contains("tendon \"t\""));
+        assert!(text(&|s| _ = s.pair("a", "b", [1.0, 0.0, 0.0])).contains("geom \"a\""));
+        assert!(text(&|s| _ = s.exclude("world", "b")).contains("body \"b\""));
+        let error = text(&|s| _ = s.geom(3, GeomBuilder::plane("floor")));
+        assert!(error.contains("geom \"floor\": is fixed to body 3, and the builder has 1"), "{error}");
+    }
+}

@@ -1,0 +1,111 @@
+//! An actuator.
+
+use crate::builder::{find, find_joint};
+use crate::{Activation, Actuator, Description, ModelError, Transmission};
+
+/// What a builder's target names.
+#[derive(Clone, Debug)]
+enum Target {
+    Joint,
+    Tendon,
+    Site { reference: Option<String>, wrench: [f64; 6] },
+}
+
+/// An actuator on a joint, tendon or site, by name.
+#[derive(Clone, Debug)]
+pub struct ActuatorBuilder {
+    pub(super) actuator: Actuator,
+    name: String,
+    target: Target,
+}
+
+impl ActuatorBuilder {
+    fn new(name: &str, target: &str, gain: [f64; 3], bias: [f64; 3]) -> Self {
+        let actuator = Actuator {
+            name: name.into(),
+            transmission: Transmission::Joint(0),
+            gear: 1.0,
+            delay: 0.0,
+            delay_holds: false,
+            ctrl_range: None,
+            force_range: None,
+            act_range: None,
+            activation: Activation::None,
+            gain,
+            bias,
+        };
+        Self { actuator, name: target.into(), target: Target::Joint }
+    }
+
+    /// The control is the force (N, N m) on a joint, by name.
+    pub fn motor(name: &str, joint: &str) -> Self {
+        Self::new(name, joint, [1.0, 0.0, 0.0], [0.0; 3])
+    }
+
+    /// The control is a position that a spring (N/m, N m/rad) and a damper (N s/m, N m s/rad) pull a joint to.
+    pub fn position(name: &str, joint: &str, kp: f64, kv: f64) -> Self {
+        Self::new(name, joint, [kp, 0.0, 0.0], [0.0, -kp, -kv])
+    }
+
+    /// The control is a velocity that a damper (N s/m, N m s/rad) pulls a joint to.
+    pub fn velocity(name: &str, joint: &str, kv: f64) -> Self {
+        Self::new(name, joint, [kv, 0.0, 0.0], [0.0, 0.0, -kv])
+    }
+
+    /// The name that was given is a tendon's, not a joint's.
+    pub fn on_tendon(mut self) -> Self {
+        self.target = Target::Tendon;
+        self
+    }
+
+    /// The name that was given is a site's, on which a wrench (force, torque) acts for every unit of force: in the frame of the site, or in
+    /// that of another site, whose body takes the reaction.
+    pub fn on_site(mut self, wrench: [f64; 6], reference: Option<&str>) -> Self {
+        self.target = Target::Site { reference: reference.map(Into::into), wrench };
+        self
+    }
+
+    /// Scales length, velocity and force.
+    pub fn gear(mut self, gear: f64) -> Self {
+        self.actuator.gear = gear;
+        self
+    }
+
+    /// Lets the control act so much later, s.
+    pub fn delay(mut self, delay: f64) -> Self {
+        self.actuator.delay = delay;
+        self
+    }
+
+    /// Clamps the control.
+    pub fn ctrl_range(mut self, low: f64, high: f64) -> Self {
+        self.actuator.ctrl_range = Some([low, high]);
+        self
+    }
+
+    /// Clamps the force, N or N m.
+    pub fn force_range(mut self, low: f64, high: f64) -> Self {
+        self.actuator.force_range = Some([low, high]);
+        self
+    }
+
+    /// Puts dynamics between control and force.
+    pub fn activation(mut self, activation: Activation) -> Self {
+        self.actuator.activation = activation;
+        self
+    }
+
+    pub(super) fn resolve(&self, model: &Description) -> Result<Actuator, ModelError> {
+        let place = format!("actuator {:?}", self.actuator.name);
+        let site = |name: &str| find(model.sites.iter().map(|s| &s.name), name, "site", &place);
+        let transmission = match &self.target {
+            Target::Joint => Transmission::Joint(find_joint(model, &self.name, &place)?),
+            Target::Tendon => Transmission::Tendon(find(model.tendons.iter().map(|t| &t.name), &self.name, "tendon", &place)?),
+            Target::Site { reference, wrench } => {
+                let reference = reference.as_deref().map(site).transpose()?;
+                Transmission::Site { site: site(&self.name)?, reference, wrench: *wrench }
+            }
+        };
+        Ok(Actuator { transmission, ..self.actuator.clone() })
+    }
+}

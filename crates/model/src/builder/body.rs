@@ -1,0 +1,110 @@
+//! A body with its joints and geoms.
+
+use crate::builder::{GeomBuilder, JointBuilder, WORLD};
+use crate::orientation::Orientation;
+use crate::{Body, Description, Geom, Joint, MassProperties};
+
+/// A body with its joints and geoms.
+#[derive(Clone, Debug)]
+pub struct BodyBuilder {
+    pub(super) body: Body,
+    inertial: bool,
+    joints: Vec<JointBuilder>,
+    pub(super) geoms: Vec<GeomBuilder>,
+}
+
+impl BodyBuilder {
+    /// A body at its parent's origin, without joints: fixed to its parent.
+    pub fn new(name: &str) -> Self {
+        let body = Body {
+            name: name.into(),
+            parent: WORLD,
+            pos: [0.0; 3],
+            quat: [1.0, 0.0, 0.0, 0.0],
+            mass: 0.0,
+            ipos: [0.0; 3],
+            iquat: [1.0, 0.0, 0.0, 0.0],
+            inertia: [0.0; 3],
+            mocap: false,
+            gravcomp: 0.0,
+        };
+        Self { body, inertial: false, joints: vec![], geoms: vec![] }
+    }
+
+    /// A body that moves freely: only for a child of the world. Its joint has its name.
+    pub fn free(name: &str) -> Self {
+        Self::new(name).joint(JointBuilder::free(name))
+    }
+
+    /// Places it in its parent's frame, m.
+    pub fn pos(mut self, pos: impl Into<[f64; 3]>) -> Self {
+        self.body.pos = pos.into();
+        self
+    }
+
+    /// Turns it in its parent's frame: quaternion [w, x, y, z], or nalgebra's with the feature `nalgebra`.
+    pub fn quat(mut self, quat: impl Into<Orientation>) -> Self {
+        self.body.quat = quat.into().0;
+        self
+    }
+
+    /// Places and turns it, in its parent's frame.
+    #[cfg(feature = "nalgebra")]
+    pub fn pose(self, pose: nalgebra::Isometry3<f64>) -> Self {
+        self.pos(pose.translation.vector).quat(pose.rotation)
+    }
+
+    /// Adds a joint; several act in this order.
+    pub fn joint(mut self, joint: JointBuilder) -> Self {
+        self.joints.push(joint);
+        self
+    }
+
+    /// Adds a geom.
+    pub fn geom(mut self, geom: GeomBuilder) -> Self {
+        self.geoms.push(geom);
+        self
+    }
+
+    /// Gives mass (kg), centre of mass (m) and principal moments (kg m^2, along the body's axes) instead of the geoms'.
+    pub fn inertial(mut self, mass: f64, com: impl Into<[f64; 3]>, moments: impl Into<[f64; 3]>) -> Self {
+        (self.body.mass, self.body.ipos, self.body.inertia, self.inertial) = (mass, com.into(), moments.into(), true);
+        self
+    }
+
+    /// Turns the principal axes of [`BodyBuilder::inertial`]: quaternion [w, x, y, z], or nalgebra's with the feature `nalgebra`.
+    pub fn inertial_quat(mut self, quat: impl Into<Orientation>) -> Self {
+        self.body.iquat = quat.into().0;
+        self
+    }
+
+    /// Lets the user pose it; only children of the world without joints.
+    pub fn mocap(mut self) -> Self {
+        self.body.mocap = true;
+        self
+    }
+
+    /// Holds up a share of its weight, 1 for all of it.
+    pub fn gravcomp(mut self, share: f64) -> Self {
+        self.body.gravcomp = share;
+        self
+    }
+
+    pub(super) fn add_to(&self, model: &mut Description, index: usize) {
+        let mut body = self.body.clone();
+        if !self.inertial && index != WORLD {
+            let total = self.geoms.iter().map(|g| g.mass_properties(model)).fold(MassProperties::zero(), |sum, g| sum.plus(&g));
+            let (axes, moments) = total.principal();
+            (body.mass, body.ipos, body.inertia) = (total.mass, total.com.into(), moments.into());
+            body.iquat = [axes.w, axes.i, axes.j, axes.k];
+        }
+        for joint in &self.joints {
+            let (q0, rest) = joint.reference(&body);
+            model.qpos0.extend(q0);
+            model.qpos_spring.extend(rest);
+            model.joints.push(Joint { body: index, ..joint.joint.clone() });
+        }
+        model.geoms.extend(self.geoms.iter().map(|g| Geom { body: index, ..g.geom.clone() }));
+        model.bodies.push(body);
+    }
+}

@@ -1,0 +1,115 @@
+//! A joint.
+
+use nalgebra::Vector3;
+
+use crate::builder::WORLD;
+use crate::{Body, Joint, JointKind, Softness};
+
+/// A joint.
+#[derive(Clone, Debug)]
+pub struct JointBuilder {
+    pub(super) joint: Joint,
+    rest: Option<f64>,
+}
+
+impl JointBuilder {
+    fn new(name: &str, kind: JointKind, axis: [f64; 3]) -> Self {
+        let joint = Joint {
+            name: name.into(),
+            body: WORLD,
+            kind,
+            pos: [0.0; 3],
+            axis,
+            stiffness: 0.0,
+            damping: 0.0,
+            armature: 0.0,
+            frictionloss: 0.0,
+            range: None,
+            actuator_force_range: None,
+            velocity_limit: None,
+            limit_softness: Softness::default(),
+            friction_softness: Softness::default(),
+        };
+        Self { joint, rest: None }
+    }
+
+    /// Six degrees of freedom; only for a child of the world, and alone.
+    pub fn free(name: &str) -> Self {
+        Self::new(name, JointKind::Free, [0.0, 0.0, 1.0])
+    }
+
+    /// Three rotations.
+    pub fn ball(name: &str) -> Self {
+        Self::new(name, JointKind::Ball, [0.0, 0.0, 1.0])
+    }
+
+    /// Translation along an axis of any length but 0.
+    pub fn slide(name: &str, axis: impl Into<[f64; 3]>) -> Self {
+        Self::new(name, JointKind::Slide, unit(axis.into()))
+    }
+
+    /// Rotation about an axis of any length but 0.
+    pub fn hinge(name: &str, axis: impl Into<[f64; 3]>) -> Self {
+        Self::new(name, JointKind::Hinge, unit(axis.into()))
+    }
+
+    /// Places its anchor in the body's frame, m.
+    pub fn pos(mut self, pos: impl Into<[f64; 3]>) -> Self {
+        self.joint.pos = pos.into();
+        self
+    }
+
+    /// Limits it, m or rad.
+    pub fn range(mut self, low: f64, high: f64) -> Self {
+        self.joint.range = Some([low, high]);
+        self
+    }
+
+    /// Adds viscous damping, N s/m or N m s/rad.
+    pub fn damping(mut self, damping: f64) -> Self {
+        self.joint.damping = damping;
+        self
+    }
+
+    /// Adds a spring, N/m or N m/rad, at rest at `rest` (hinges and slides) or at the initial pose.
+    pub fn spring(mut self, stiffness: f64, rest: f64) -> Self {
+        self.joint.stiffness = stiffness;
+        self.rest = Some(rest);
+        self
+    }
+
+    /// Adds rotor inertia, kg or kg m^2.
+    pub fn armature(mut self, armature: f64) -> Self {
+        self.joint.armature = armature;
+        self
+    }
+
+    /// Adds dry friction, N or N m.
+    pub fn frictionloss(mut self, loss: f64) -> Self {
+        self.joint.frictionloss = loss;
+        self
+    }
+
+    /// Bounds the sum of actuator forces on it, N or N m.
+    pub fn actuator_force_range(mut self, low: f64, high: f64) -> Self {
+        self.joint.actuator_force_range = Some([low, high]);
+        self
+    }
+
+    /// Coordinates at reset, and where the spring rests.
+    pub(super) fn reference(&self, body: &Body) -> (Vec<f64>, Vec<f64>) {
+        match self.joint.kind {
+            JointKind::Free => {
+                let pose = [&body.pos[..], &body.quat[..]].concat();
+                (pose.clone(), pose)
+            }
+            JointKind::Ball => (vec![1.0, 0.0, 0.0, 0.0], vec![1.0, 0.0, 0.0, 0.0]),
+            JointKind::Slide | JointKind::Hinge => (vec![0.0], vec![self.rest.unwrap_or(0.0)]),
+        }
+    }
+}
+
+/// The axis with length 1, or as it is when that cannot be: [`Description::finish`](crate::Description::finish) then says so.
+fn unit(axis: [f64; 3]) -> [f64; 3] {
+    Vector3::from(axis).try_normalize(0.0).map_or(axis, Into::into)
+}

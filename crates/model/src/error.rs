@@ -1,0 +1,100 @@
+//! What can be wrong with a model: what, where in the model, and what to do.
+
+use thiserror::Error;
+
+use crate::Omission;
+
+/// A model that cannot be used: what is wrong, where in the model, and what to do about it.
+#[derive(Clone, Debug, PartialEq, Eq, Error)]
+#[non_exhaustive]
+pub enum ModelError {
+    /// A value that no model may have.
+    #[error("{place}: {what}; {remedy}")]
+    Invalid {
+        /// What is wrong, with the value.
+        what: String,
+        /// Kind and name of the element, e.g. `body "torso"`.
+        place: String,
+        /// What to do.
+        remedy: String,
+    },
+    /// The source describes things that are not simulated yet and that would change the motion.
+    #[error("{}", list(.0))]
+    Unsupported(
+        /// Every such element.
+        Vec<Omission>,
+    ),
+    /// A name that no element of a kind has.
+    #[error("there is no {kind} {name:?} in the model; {}", there_are(known))]
+    NoSuchName {
+        /// Kind of element: "joint".
+        kind: &'static str,
+        /// Name that was given.
+        name: String,
+        /// Names that there are, the first of them if they are many.
+        known: Vec<String>,
+    },
+    /// A file that is not a model, or not one that this version reads.
+    #[error("{path}: {what}; {remedy}")]
+    File {
+        /// What is wrong.
+        what: String,
+        /// Path of the file, or "saved model" for bytes in memory.
+        path: String,
+        /// What to do.
+        remedy: String,
+    },
+}
+
+impl ModelError {
+    pub(super) fn invalid(place: impl Into<String>, what: impl Into<String>, remedy: impl Into<String>) -> Self {
+        Self::Invalid { what: what.into(), place: place.into(), remedy: remedy.into() }
+    }
+
+    /// The same error with the place of the place before it.
+    pub fn of(self, whole: &str) -> Self {
+        match self {
+            Self::Invalid { what, place, remedy } => Self::Invalid { what, place: format!("{whole}: {place}"), remedy },
+            other => other,
+        }
+    }
+
+    pub(super) fn file(path: impl Into<String>, what: impl Into<String>, remedy: impl Into<String>) -> Self {
+        Self::File { what: what.into(), path: path.into(), remedy: remedy.into() }
+    }
+}
+
+fn list(omissions: &[Omission]) -> String {
+    let lines: String = omissions.iter().map(|o| format!("\n  {} {}: {}", o.kind, o.name, o.reason)).collect();
+    let (n, noun) = (omissions.len(), if omissions.len() == 1 { "element" } else { "elements" });
+    format!("the model uses {n} {noun} that stepper does not simulate yet:{lines}\nremove them, or leave them out with finish(false)")
+}
+
+fn there_are(known: &[String]) -> String {
+    if known.is_empty() { "none has a name".into() } else { format!("there are: {}", known.join(", ")) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn invalid_tells_where_what_and_remedy() {
+        let text = ModelError::invalid("body \"arm\"", "mass is -1 kg", "give a mass of at least 0").to_string();
+        assert_eq!(text, "body \"arm\": mass is -1 kg; give a mass of at least 0");
+    }
+
+    #[test]
+    fn unsupported_lists_every_element() {
+        let omission = |kind: &str, name: &str| Omission {
+            kind: kind.into(),
+            name: name.into(),
+            reason: "it is not simulated yet".into(),
+            changes_motion: true,
+        };
+        let text = ModelError::Unsupported(vec![omission("equality weld", "grip"), omission("joint limit", "#3")]).to_string();
+        for part in ["2 elements", "equality weld grip", "joint limit #3", "finish(false)"] {
+            assert!(text.contains(part), "{part} in {text}");
+        }
+    }
+}

@@ -1,0 +1,350 @@
+//! Models as files: the same model bit for bit, or a clear refusal.
+//!
+//! | bytes | what |
+//! |---|---|
+//! | 8 | [`MAGIC`] |
+//! | 4 | [`FORMAT_VERSION`], little endian |
+//! | 32 | SHA-256 of the payload |
+//! | rest | payload in postcard's encoding (numbers as their IEEE 754 bits, little endian): the [`Description`], then for every mesh the triangles |
+//! |   | of its convex hull, where the model has it, then its [`NoSlip`], which version 12 does not have, then its `Added` fields, |
+//! |   | which version 13 does not have |
+
+use std::path::Path;
+
+use serde::{Deserialize, Serialize};
+use sha2::{Digest, Sha256};
+
+use crate::hulls::{Source, Surfaces};
+use crate::{Description, Model, ModelError, NoSlip, Overlap};
+
+/// The first bytes of every saved model. The last is no valid UTF-8, so no text file begins so.
+const MAGIC: [u8; 8] = *b"stepper\xff";
+
+/// Version of the format of saved models; changes whenever the payload does.
+pub const FORMAT_VERSION: u32 = 14;
+/// An older version that is read too: its models have no [`Added`] fields.
+const WITHOUT_ADDED: u32 = 13;
+/// An older version that is read too: its models have no noslip sweeps either.
+const WITHOUT_NOSLIP: u32 = 12;
+
+const HEADER: usize = 8 + 4 + 32;
+const MEMORY: &str = "saved model";
+
+/// Fields of a description that are written behind it.
+#[derive(Default, PartialEq, Serialize, Deserialize)]
+struct Added {
+    /// Speed limits, one for each joint; empty where no joint has one.
+    velocity_limits: Vec<Option<f64>>,
+    excluded_overlaps: Vec<Overlap>,
+}
+
+impl Added {
+    fn of(model: &Description) -> Self {
+        let limits: Vec<Option<f64>> = model.joints.iter().map(|j| j.velocity_limit).collect();
+        let velocity_limits = if limits.iter().any(Option::is_some) { limits } else { vec![] };
+        Self { velocity_limits, excluded_overlaps: model.excluded_overlaps.clone() }
+    }
+
+    /// Whether there are as many speed limits as joints, or none.
+    fn fits(&self, model: &Description) -> bool {
+        self.velocity_limits.is_empty() || self.velocity_limits.len() == model.joints.len()
+    }
+
+    /// Fills the fields of a description that it fits.
+    fn write_to(self, model: &mut Description) {
+        model.joints.iter_mut().zip(self.velocity_limits).for_each(|(joint, limit)| joint.velocity_limit = limit);
+        model.excluded_overlaps = self.excluded_overlaps;
+    }
+}
+
+impl Model {
+    /// SHA-256 of all that the model holds: equal for equal models, on any machine.
+    pub fn digest(&self) -> [u8; 32] {
+        // A model without noslip sweeps and added fields has the digest that it had before there were any.
+        let (noslip, added) = (self.soft.noslip, Added::of(self));
+        let held = match (noslip == NoSlip::default(), added == Added::default()) {
+            (true, true) => encoded(&self.description),
+            (false, true) => encoded(&(&self.description, noslip)),
+            (_, false) => encoded(&(&self.description, noslip, added)),
+        };
+        Sha256::digest(held).into()
+    }
+
+    /// The model as bytes, see [`Model::from_bytes`].
+    pub fn to_bytes(&self) -> Vec<u8> {
+        let payload = self.payload();
+        let digest: [u8; 32] = Sha256::digest(&payload).into();
+        [&MAGIC[..], &FORMAT_VERSION.to_le_bytes(), &digest, &payload].concat()
+    }
+
+    /// The model that [`Model::to_bytes`] wrote, bit for bit.
+    ///
+    /// # Errors
+    /// [`ModelError::File`] when the bytes are no saved model, of another format version, or damaged; [`ModelError::Invalid`] when they
+    /// hold a model that [`Description::finish`] would refuse.
+    pub fn from_bytes(bytes: &[u8]) -> Result<Self, ModelError> {
+        parse(bytes, MEMORY)
+    }
+
+    /// Writes the model to a file, in one piece: a reader sees the old file or the new one.
+    ///
+    /// # Errors
+    /// [`ModelError::File`] when the file cannot be written.
+    pub fn save(&self, path: impl AsRef<Path>) -> Result<(), ModelError> {
+        let path = path.as_ref();
+        write_whole(path, &self.to_bytes()).map_err(|e| {
+            ModelError::file(path.to_string_lossy(), format!("cannot be written ({e})"), "choose a folder that exists and can be written")
+        })
+    }
+
+    /// Reads a saved model, bit for bit.
+    ///
+    /// # Errors
+    /// As [`Model::from_bytes`], and when the file cannot be read.
+    pub fn load(path: impl AsRef<Path>) -> Result<Self, ModelError> {
+        let shown = path.as_ref().to_string_lossy();
+        let read = std::fs::read(path.as_ref());
+        let bytes = read.map_err(|e| ModelError::file(shown.clone(), format!("cannot be read ({e})"), "check the path"))?;
+        parse(&bytes, &shown)
+    }
+
+    fn payload(&self) -> Vec<u8> {
+        encoded(&(&self.description, self.hulls.surfaces(), self.soft.noslip, Added::of(self)))
+    }
+}
+
+/// Writes a file in one piece: a reader sees the old file or the new one.
+///
+/// # Errors
+/// The error of the file system, after which there is no partial file.
+pub fn write_whole(path: &Path, bytes: &[u8]) -> std::io::Result<()> {
+    let name = path.file_name().map_or_else(Default::default, |n| n.to_string_lossy().into_owned());
+    let partial = path.with_file_name(format!(".{name}.{}.part", std::process::id()));
+    let written = std::fs::write(&partial, bytes).and_then(|()| std::fs::rename(&partial, path));
+    written.inspect_err(|_| {
+        let _ = std::fs::remove_file(&partial);
+    })
+}
+
+fn encoded(data: &impl Serialize) -> Vec<u8> {
+    postcard::to_stdvec(data).expect("a model is plain data in memory: numbers, strings and sequences of known length")
+}
+
+fn parse(bytes: &[u8], path: &str) -> Result<Model, ModelError> {
+    let refuse = |what: String, remedy: &str| Err(ModelError::file(path, what, remedy));
+    if bytes.len() < MAGIC.len() || bytes[..MAGIC.len()] != MAGIC {
+        return refuse(
+            "not a saved stepper model".into(),
+            "save one with model.save(path); MJCF and URDF are read by stepper.load in Python",
+        );
+    }
+    if bytes.len() < HEADER {
+        return refuse(format!("cut off after {} bytes", bytes.len()), "copy the file again, or save the model again");
+    }
+    let version = u32::from_le_bytes(bytes[8..12].try_into().expect("4 bytes"));
+    if !(WITHOUT_NOSLIP..=FORMAT_VERSION).contains(&version) {
+        return refuse(
+            format!("format version {version}, this stepper reads {FORMAT_VERSION}"),
+            "load the original description and save it again with this version of stepper, or use the version that saved it",
+        );
+    }
+    let (digest, payload) = (&bytes[12..HEADER], &bytes[HEADER..]);
+    if digest != &Sha256::digest(payload)[..] {
+        return refuse("damaged: the contents do not match their SHA-256".into(), "copy the file again, or save the model again");
+    }
+    let read = match version {
+        WITHOUT_NOSLIP => postcard::take_from_bytes::<(Description, Surfaces)>(payload)
+            .map(|((m, s), rest)| ((m, s, NoSlip::default(), Added::default()), rest)),
+        WITHOUT_ADDED => postcard::take_from_bytes::<(Description, Surfaces, NoSlip)>(payload)
+            .map(|((m, s, n), rest)| ((m, s, n, Added::default()), rest)),
+        _ => postcard::take_from_bytes::<(Description, Surfaces, NoSlip, Added)>(payload),
+    };
+    match read {
+        Ok(((mut model, surfaces, noslip, added), [])) if added.fits(&model) => {
+            added.write_to(&mut model);
+            model.soft.noslip = noslip;
+            model.check(Source::Kept(&surfaces))
+        }
+        _ => refuse("not readable by this version, though undamaged".into(), "save the model again with this version of stepper"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use super::super::finish::tests::rich_model;
+    use super::super::{BodyBuilder, GeomBuilder, JointBuilder, WORLD};
+    use super::*;
+    use proptest::prelude::*;
+
+    #[test]
+    fn round_trip_is_bit_for_bit() {
+        let mut model = rich_model();
+        model.description.actuators[0].force_range = Some([f64::NEG_INFINITY, 0.1 + 0.2]);
+        model.description.gravity = [-0.0, 5e-324, -9.81];
+        let back = Model::from_bytes(&model.to_bytes()).unwrap();
+        assert_eq!(back, model);
+        assert_eq!(back.to_bytes(), model.to_bytes());
+        assert_eq!(back.digest(), model.digest());
+        assert!(back.gravity[0].is_sign_negative());
+    }
+
+    #[test]
+    fn a_file_of_the_version_before_is_read_without_noslip_sweeps() {
+        let mut model = rich_model();
+        let payload = encoded(&(&model.description, model.hulls.surfaces()));
+        let digest: [u8; 32] = Sha256::digest(&payload).into();
+        let old = [&MAGIC[..], &WITHOUT_NOSLIP.to_le_bytes(), &digest, &payload].concat();
+        assert_eq!(Model::from_bytes(&old).unwrap(), model);
+        let before = model.digest();
+        model.description.soft.noslip = NoSlip { iterations: 7, tolerance: 1e-9 };
+        let back = Model::from_bytes(&model.to_bytes()).unwrap();
+        assert_eq!(back, model);
+        assert_ne!(back.digest(), before);
+    }
+
+    #[test]
+    fn added_fields_are_kept_and_older_files_have_none() {
+        let mut model = rich_model();
+        let payload = encoded(&(&model.description, model.hulls.surfaces(), model.soft.noslip));
+        let digest: [u8; 32] = Sha256::digest(&payload).into();
+        let old = [&MAGIC[..], &WITHOUT_ADDED.to_le_bytes(), &digest, &payload].concat();
+        assert_eq!(Model::from_bytes(&old).unwrap(), model);
+        let before = model.digest();
+        model.description.joints[1].velocity_limit = Some(3.0);
+        let limited = model.digest();
+        model.description.excluded_overlaps.push(Overlap { geoms: [0, 1], depth: 0.1 });
+        let back = Model::from_bytes(&model.to_bytes()).unwrap();
+        assert_eq!(back, model);
+        assert!(before != limited && limited != back.digest());
+    }
+
+    #[test]
+    fn added_fields_that_do_not_fit_are_refused() {
+        let model = rich_model();
+        let refused = |added: Added| {
+            let payload = encoded(&(&model.description, model.hulls.surfaces(), model.soft.noslip, added));
+            let digest: [u8; 32] = Sha256::digest(&payload).into();
+            Model::from_bytes(&[&MAGIC[..], &FORMAT_VERSION.to_le_bytes(), &digest, &payload].concat()).unwrap_err().to_string()
+        };
+        assert!(refused(Added { velocity_limits: vec![None], ..Added::default() }).contains("save the model again"));
+        let far = vec![Overlap { geoms: [0, 777], depth: 0.1 }];
+        assert!(refused(Added { excluded_overlaps: far, ..Added::default() }).contains("777"));
+    }
+
+    #[test]
+    fn files_round_trip_and_replace_one_another() {
+        let path = std::env::temp_dir().join(format!("stepper-file-test-{}.stepper", std::process::id()));
+        rich_model().save(&path).unwrap();
+        rich_model().save(&path).unwrap();
+        assert_eq!(Model::load(&path).unwrap(), rich_model());
+        std::fs::remove_file(&path).unwrap();
+        let error = Model::load(&path).unwrap_err().to_string();
+        assert!(error.contains("stepper-file-test") && error.contains("check the path"), "{error}");
+        let error = rich_model().save("/no/such/folder/a.stepper").unwrap_err().to_string();
+        assert!(error.contains("/no/such/folder/a.stepper") && error.contains("folder"), "{error}");
+    }
+
+    #[test]
+    fn refusals_say_what_and_what_to_do() {
+        let text = |bytes: &[u8]| Model::from_bytes(bytes).unwrap_err().to_string();
+        assert!(text(b"<mujoco/>").contains("not a saved stepper model"));
+        let mut other = rich_model().to_bytes();
+        other[8] = 77;
+        assert!(
+            text(&other).contains(&format!("format version 77, this stepper reads {FORMAT_VERSION}"))
+                && text(&other).contains("save it again")
+        );
+        let mut damaged = rich_model().to_bytes();
+        *damaged.last_mut().unwrap() ^= 1;
+        assert!(text(&damaged).contains("damaged"));
+    }
+
+    #[test]
+    fn an_invalid_model_in_a_sound_file_is_refused() {
+        let mut model = rich_model();
+        model.description.bodies[1].mass = -1.0;
+        assert!(matches!(Model::from_bytes(&model.to_bytes()), Err(ModelError::Invalid { .. })));
+    }
+
+    /// A scene with two geoms of a mesh that may fall on a floor, and a mesh that nothing touches as its hull.
+    fn stones() -> Model {
+        let mut scene = Model::builder("stones");
+        scene.geom(WORLD, GeomBuilder::plane("floor"));
+        let corners: Vec<[f64; 3]> = (0..8).map(|k| std::array::from_fn(|i| if k >> i & 1 == 1 { 0.1 } else { -0.1 })).collect();
+        scene.mesh("drawn", &corners[..3], &[]).mesh("stone", &[&corners[..], &[[0.0, 0.01, 0.0]]].concat(), &[]);
+        for name in ["left", "right"] {
+            scene.body(WORLD, BodyBuilder::new(name).joint(JointBuilder::free(name)).geom(GeomBuilder::mesh(name, "stone")));
+        }
+        scene.finish().unwrap()
+    }
+
+    /// As it is saved, with other triangles for the hull of the stone.
+    fn with_surface(model: &Model, change: impl FnOnce(&mut Surfaces)) -> Vec<u8> {
+        let mut surfaces = model.hulls.surfaces();
+        change(&mut surfaces);
+        let payload = encoded(&(&model.description, surfaces, model.soft.noslip, Added::of(model)));
+        let digest: [u8; 32] = Sha256::digest(&payload).into();
+        [&MAGIC[..], &FORMAT_VERSION.to_le_bytes(), &digest, &payload].concat()
+    }
+
+    #[test]
+    fn hulls_are_kept_and_shared() {
+        let model = stones();
+        let hull = |model: &Model| model.hull_of(&model.geoms[1].shape).unwrap().clone();
+        let surfaces = model.hulls.surfaces();
+        assert!(surfaces[0].is_none() && surfaces[1].as_ref().unwrap().len() == 12);
+        assert!(Arc::ptr_eq(&hull(&model), model.hull_of(&model.geoms[2].shape).unwrap()), "one hull for both geoms");
+        assert!(Arc::ptr_eq(&hull(&model), &hull(&model.replace("timestep", &[0.001]).unwrap())), "other numbers, the same hull");
+        let back = Model::from_bytes(&model.to_bytes()).unwrap();
+        assert_eq!(back, model);
+        assert_eq!(back.to_bytes(), model.to_bytes());
+        // The order of its triangles is that of the file, which only a hull that is made anew would change.
+        let turned = Model::from_bytes(&with_surface(&model, |s| s[1].as_mut().unwrap().reverse())).unwrap();
+        let mut triangles = hull(&turned).triangles().to_vec();
+        assert_ne!(triangles, hull(&model).triangles());
+        triangles.reverse();
+        assert_eq!(triangles, hull(&model).triangles());
+        // What a file does not keep is made of the vertices.
+        assert_eq!(Model::from_bytes(&with_surface(&model, Vec::clear)).unwrap(), model);
+        assert_eq!(turned.digest(), model.digest());
+    }
+
+    #[test]
+    fn another_hull_in_a_sound_file_is_refused() {
+        let model = stones();
+        let refused = |change: &dyn Fn(&mut Vec<[u32; 3]>)| {
+            let error = Model::from_bytes(&with_surface(&model, |s| change(s[1].as_mut().unwrap()))).unwrap_err().to_string();
+            assert!(error.contains("mesh \"stone\"") && error.contains("hull") && error.contains("save the model again"), "{error}");
+        };
+        refused(&|s| s[0][0] = 77);
+        refused(&|s| s.truncate(s.len() - 1));
+        refused(&|s| s.iter_mut().flatten().for_each(|v| *v = if *v == 7 { 8 } else { *v }));
+        refused(&|s| *s = vec![[0, 2, 1], [0, 1, 4], [1, 2, 4], [2, 0, 4]]);
+    }
+
+    #[test]
+    fn every_truncation_is_refused() {
+        let bytes = rich_model().to_bytes();
+        (0..bytes.len()).for_each(|n| assert!(Model::from_bytes(&bytes[..n]).is_err(), "{n} bytes"));
+        assert!(Model::from_bytes(&[&bytes[..], &[0]].concat()).is_err());
+    }
+
+    proptest! {
+        #[test]
+        fn every_bit_flip_is_refused(at in 0..rich_model().to_bytes().len(), bit in 0..8_u8) {
+            let mut bytes = rich_model().to_bytes();
+            bytes[at] ^= 1 << bit;
+            prop_assert!(Model::from_bytes(&bytes).is_err());
+        }
+
+        #[test]
+        fn any_numbers_survive(x in any::<[f64; 3]>().prop_filter("finite", |x| x.iter().all(|v| v.is_finite()))) {
+            let mut model = rich_model();
+            model.description.gravity = x;
+            let back = Model::from_bytes(&model.to_bytes()).unwrap();
+            prop_assert_eq!(back.gravity.map(f64::to_bits), x.map(f64::to_bits));
+        }
+    }
+}

@@ -1,0 +1,334 @@
+//! The rules that every model keeps, element by element.
+
+mod assets;
+mod softness;
+
+use std::collections::HashSet;
+
+use crate::finish::element::{Checked, Element};
+use crate::hulls::{Hulls, Source};
+use crate::{Activation, Description, EqualityKind, JointKind, ModelError, Shape, Transmission};
+
+/// How much the largest principal moment may exceed the sum of the others, relative: rounding of a source in single precision.
+const TRIANGLE: f64 = 1e-6;
+
+/// What must hold before anything else of the model can be looked at: the tree, the indices between bodies, joints and geoms, the
+/// lengths of arrays.
+pub(super) fn structure(model: &Description) -> Checked {
+    tree(model)?;
+    order("joint", model.joints.iter().map(|j| (j.name.as_str(), j.body)), model.bodies.len())?;
+    order("geom", model.geoms.iter().map(|g| (g.name.as_str(), g.body)), model.bodies.len())?;
+    joints_fit_bodies(model)?;
+    let (nq, nv) = (model.nq(), model.nv());
+    let scene = Element("model".into());
+    scene.length("qpos0", &model.qpos0, nq, "nq of the joints")?;
+    scene.length("qpos_spring", &model.qpos_spring, nq, "nq of the joints")?;
+    for (i, key) in model.keyframes.iter().enumerate() {
+        let at = Element::new("keyframe", &key.name, i);
+        at.finite("time", &[key.time])?;
+        at.length("qpos", &key.qpos, nq, "nq of the joints")?;
+        at.length("qvel", &key.qvel, nv, "nv of the joints")?;
+        at.length("act", &key.act, model.na(), "one for every actuator with activation")?;
+        at.length("ctrl", &key.ctrl, model.nu(), "one for every actuator")?;
+    }
+    Ok(())
+}
+
+fn tree(model: &Description) -> Checked {
+    let Some(world) = model.bodies.first() else {
+        return Element("model".into()).fail("there are no bodies", "begin with the world body");
+    };
+    if world.parent != 0 || world.mocap {
+        return Element::new("body", &world.name, 0).fail("the world has a parent or is mocap", "give parent 0 and mocap false");
+    }
+    for (i, body) in model.bodies.iter().enumerate().skip(1) {
+        let at = Element::new("body", &body.name, i);
+        if body.parent >= i {
+            return at.fail(format!("its parent is body {}, itself body {i}", body.parent), "list parents before their children");
+        }
+        if body.mocap && body.parent != 0 {
+            let parent = model.body_label(body.parent);
+            return at.fail(format!("a mocap body hangs from body {parent:?}"), "hang it from the world, or let it not be mocap");
+        }
+        if body.mocap && model.joints.iter().any(|j| j.body == i) {
+            return at.fail("a mocap body has joints", "remove its joints, or let it not be mocap");
+        }
+    }
+    Ok(())
+}
+
+fn order<'a>(kind: &str, elements: impl Iterator<Item = (&'a str, usize)>, nbody: usize) -> Checked {
+    let mut last = 0;
+    for (i, (name, body)) in elements.enumerate() {
+        let at = Element::new(kind, name, i);
+        at.index("body", body, nbody)?;
+        if body < last {
+            return at
+                .fail(format!("belongs to body {body}, the one before it to body {last}"), format!("list {kind}s in the order of bodies"));
+        }
+        last = body;
+    }
+    Ok(())
+}
+
+fn joints_fit_bodies(model: &Description) -> Checked {
+    for (i, joint) in model.joints.iter().enumerate() {
+        let at = Element::new("joint", &joint.name, i);
+        if joint.body == 0 {
+            return at.fail("would move the world", "give it to another body");
+        }
+        if joint.kind != JointKind::Free {
+            continue;
+        }
+        let body = model.body_label(joint.body);
+        if model.bodies[joint.body].parent != 0 {
+            return at.fail(format!("a free joint of body {body:?}, which hangs from another body"), "hang the body from the world");
+        }
+        if model.joints.iter().filter(|j| j.body == joint.body).count() > 1 {
+            return at.fail(format!("a free joint that is not alone on body {body:?}"), "remove the body's other joints: it moves freely");
+        }
+    }
+    Ok(())
+}
+
+/// Every number.
+pub(super) fn values(model: &Description, hulls: Source<'_>) -> Result<Hulls, ModelError> {
+    let scene = Element("model".into());
+    scene.positive("timestep", &[model.timestep], " s")?;
+    scene.finite("gravity", &model.gravity)?;
+    scene.finite("magnetic", &model.magnetic)?;
+    scene.size("density", &[model.medium.density], " kg/m^3")?;
+    scene.size("viscosity", &[model.medium.viscosity], " Pa s")?;
+    scene.finite("wind", &model.medium.wind)?;
+    names(model)?;
+    bodies(model)?;
+    joints(model)?;
+    geoms(model)?;
+    pairs(model)?;
+    let hulls = assets::check(model, hulls)?;
+    tendons(model)?;
+    equalities(model)?;
+    actuators(model)?;
+    crate::finish::sensors::check(model)?;
+    softness::check(model)?;
+    Ok(hulls)
+}
+
+/// The numbers that environments may have of their own; everything else is as it was when the model was checked.
+pub(super) fn parameters(model: &Description) -> Checked {
+    Element("model".into()).finite("gravity", &model.gravity)?;
+    bodies(model)?;
+    joints(model)?;
+    geoms(model)?;
+    pairs(model)?;
+    actuators(model)
+}
+
+/// Names are how users refer to elements: two of a kind with one name cannot be told apart.
+fn names(model: &Description) -> Checked {
+    fn unique<'a>(kind: &str, names: impl Iterator<Item = &'a String>) -> Checked {
+        let mut seen = HashSet::new();
+        for name in names.filter(|n| !n.is_empty()) {
+            if !seen.insert(name) {
+                return Element(format!("{kind} {name:?}"))
+                    .fail(format!("another {kind} has the same name"), "give every one its own name, or none");
+            }
+        }
+        Ok(())
+    }
+    unique("body", model.bodies.iter().map(|x| &x.name))?;
+    unique("joint", model.joints.iter().map(|x| &x.name))?;
+    unique("geom", model.geoms.iter().map(|x| &x.name))?;
+    unique("tendon", model.tendons.iter().map(|x| &x.name))?;
+    unique("pair", model.pairs.iter().map(|x| &x.name))?;
+    unique("equality", model.equalities.iter().map(|x| &x.name))?;
+    unique("actuator", model.actuators.iter().map(|x| &x.name))?;
+    unique("site", model.sites.iter().map(|x| &x.name))?;
+    unique("sensor", model.sensors.iter().map(|x| &x.name))?;
+    unique("keyframe", model.keyframes.iter().map(|x| &x.name))
+}
+
+fn bodies(model: &Description) -> Checked {
+    for (i, body) in model.bodies.iter().enumerate() {
+        let at = Element::new("body", &body.name, i);
+        at.finite("pos", &body.pos)?;
+        at.finite("centre of mass", &body.ipos)?;
+        at.size("mass", &[body.mass], " kg")?;
+        at.size("inertia", &body.inertia, " kg m^2")?;
+        at.finite("gravcomp", &[body.gravcomp])?;
+        let [a, b, c] = sorted(body.inertia);
+        if c > (a + b) * (1.0 + TRIANGLE) {
+            return at.fail(
+                format!(
+                    "principal moments {:?} break the triangle inequality: {c} > {a} + {b}; no distribution of mass has them",
+                    body.inertia
+                ),
+                "check the moments and their units, or let the geoms give them (MJCF: compiler inertiafromgeom or balanceinertia)",
+            );
+        }
+    }
+    Ok(())
+}
+
+fn sorted(mut x: [f64; 3]) -> [f64; 3] {
+    x.sort_by(f64::total_cmp);
+    x
+}
+
+fn joints(model: &Description) -> Checked {
+    for (i, joint) in model.joints.iter().enumerate() {
+        let at = Element::new("joint", &joint.name, i);
+        at.finite("pos", &joint.pos)?;
+        at.finite("stiffness", &[joint.stiffness])?;
+        at.size("damping", &[joint.damping], "")?;
+        at.size("armature", &[joint.armature], "")?;
+        at.size("frictionloss", &[joint.frictionloss], "")?;
+        if joint.range.is_some() && joint.kind == JointKind::Free {
+            return at.fail("a range on a free joint", "remove it: free joints have no limits");
+        }
+        at.range("range", joint.range)?;
+        at.finite("range", &joint.range.unwrap_or_default())?;
+        at.range("actuator_force_range", joint.actuator_force_range)?;
+        joint.velocity_limit.map_or(Ok(()), |limit| at.size("velocity_limit", &[limit], ""))?;
+    }
+    Ok(())
+}
+
+fn geoms(model: &Description) -> Checked {
+    for (i, geom) in model.geoms.iter().enumerate() {
+        let at = Element::new("geom", &geom.name, i);
+        match geom.shape {
+            Shape::Plane | Shape::HeightField { .. } => {}
+            Shape::Sphere { radius } => at.positive("radius", &[radius], " m")?,
+            Shape::Capsule { radius, half_length } => {
+                at.positive("radius", &[radius], " m")?;
+                at.size("half length", &[half_length], " m")?;
+            }
+            Shape::Cylinder { radius, half_length } => {
+                at.positive("radius", &[radius], " m")?;
+                at.positive("half length", &[half_length], " m")?;
+            }
+            Shape::Ellipsoid { radii } => at.positive("semi-axis", &radii, " m")?,
+            Shape::Box { half } => at.positive("half size", &half, " m")?,
+            Shape::Mesh { .. } => {}
+        }
+        at.finite("pos", &geom.pos)?;
+        at.finite("surface velocity", &geom.surface_velocity)?;
+        if let Some(e) = &geom.fluid {
+            at.positive("semi-axis in the medium", &e.axes, " m")?;
+            at.size("drag in the medium", &[e.share, e.blunt_drag, e.slender_drag, e.angular_drag], "")?;
+            at.finite("lift in the medium", &[e.kutta_lift, e.magnus_lift])?;
+            at.size("virtual mass", &e.virtual_mass, " m^3")?;
+            at.size("virtual inertia", &e.virtual_inertia, " m^5")?;
+        }
+        at.contact(geom.condim, &geom.friction, geom.restitution, geom.margin, geom.gap)?;
+        at.spring(geom.spring)?;
+    }
+    Ok(())
+}
+
+fn pairs(model: &Description) -> Checked {
+    for (i, pair) in model.pairs.iter().enumerate() {
+        let at = Element::new("pair", &pair.name, i);
+        pair.geoms.iter().try_for_each(|&g| at.index("geom", g, model.geoms.len()))?;
+        if pair.geoms[0] == pair.geoms[1] {
+            return at.fail(format!("geom {:?} against itself", model.geom_label(pair.geoms[0])), "name two geoms");
+        }
+        at.contact(pair.condim, &pair.friction, pair.restitution, pair.margin, pair.gap)?;
+        at.spring(pair.spring)?;
+    }
+    for (i, exclude) in model.excludes.iter().enumerate() {
+        exclude.iter().try_for_each(|&b| Element::new("exclude", "", i).index("body", b, model.bodies.len()))?;
+    }
+    for (i, overlap) in model.excluded_overlaps.iter().enumerate() {
+        let at = Element::new("excluded overlap", "", i);
+        overlap.geoms.iter().try_for_each(|&g| at.index("geom", g, model.geoms.len()))?;
+        at.size("depth", &[overlap.depth], " m")?;
+    }
+    Ok(())
+}
+
+fn tendons(model: &Description) -> Checked {
+    for (i, tendon) in model.tendons.iter().enumerate() {
+        let at = Element::new("tendon", &tendon.name, i);
+        for &(joint, coefficient) in &tendon.joints {
+            at.scalar_joint(model, joint)?;
+            at.finite("coefficient", &[coefficient])?;
+        }
+        at.range("range", tendon.range)?;
+        at.size("stiffness", &[tendon.stiffness], "")?;
+        at.range("spring_length", Some(tendon.spring_length))?;
+        at.finite("spring_length", &tendon.spring_length)?;
+        at.size("damping", &[tendon.damping], "")?;
+        at.size("armature", &[tendon.armature], "")?;
+        at.size("frictionloss", &[tendon.frictionloss], "")?;
+    }
+    Ok(())
+}
+
+fn equalities(model: &Description) -> Checked {
+    for (i, equality) in model.equalities.iter().enumerate() {
+        let at = Element::new("equality", &equality.name, i);
+        at.finite("data", &equality.data())?;
+        if equality.stiffness.is_nan() || equality.stiffness < 0.0 {
+            return at.fail(format!("stiffness is {}", equality.stiffness), "give a number of at least 0, infinity for a hard one");
+        }
+        at.size("damping", &[equality.damping], "")?;
+        match &equality.kind {
+            EqualityKind::Connect { bodies, .. } | EqualityKind::Weld { bodies, .. } => {
+                bodies.iter().try_for_each(|&b| at.index("body", b, model.bodies.len()))?;
+                if bodies[0] == bodies[1] {
+                    return at.fail(format!("body {:?} against itself", model.body_label(bodies[0])), "name two bodies");
+                }
+            }
+            &EqualityKind::Joint { joint, other, .. } => {
+                at.scalar_joint(model, joint)?;
+                other.map_or(Ok(()), |j| at.scalar_joint(model, j))?;
+                if other == Some(joint) {
+                    return at.fail(format!("joint {:?} against itself", model.joint_label(joint)), "name two joints, or one");
+                }
+            }
+            &EqualityKind::Tendon { tendon, other, .. } => {
+                at.index("tendon", tendon, model.tendons.len())?;
+                other.map_or(Ok(()), |t| at.index("tendon", t, model.tendons.len()))?;
+                if other == Some(tendon) {
+                    return at.fail(format!("tendon {tendon} against itself"), "name two tendons, or one");
+                }
+            }
+        }
+        if let EqualityKind::Weld { torquescale, .. } = equality.kind {
+            at.size("torquescale", &[torquescale], " m")?;
+        }
+    }
+    Ok(())
+}
+
+fn actuators(model: &Description) -> Checked {
+    for (i, actuator) in model.actuators.iter().enumerate() {
+        let at = Element::new("actuator", &actuator.name, i);
+        match actuator.transmission {
+            Transmission::Joint(j) => at.scalar_joint(model, j)?,
+            Transmission::Tendon(t) => at.index("tendon", t, model.tendons.len())?,
+            Transmission::Site { site, reference, wrench } => {
+                at.index("site", site, model.sites.len())?;
+                reference.map_or(Ok(()), |r| at.index("site", r, model.sites.len()))?;
+                at.finite("wrench", &wrench)?;
+            }
+        }
+        if let Activation::Filter(tau) | Activation::FilterExact(tau) = actuator.activation {
+            at.positive("time constant", &[tau], " s")?;
+        }
+        at.finite("gear", &[actuator.gear])?;
+        if !(actuator.gear * actuator.gear).is_finite() {
+            return at
+                .fail(format!("gear is {:e}, and its square, which scales inertia, is not finite", actuator.gear), "give a smaller one");
+        }
+        at.size("delay", &[actuator.delay], " s")?;
+        at.finite("gain", &actuator.gain)?;
+        at.finite("bias", &actuator.bias)?;
+        at.range("ctrl_range", actuator.ctrl_range)?;
+        at.range("force_range", actuator.force_range)?;
+        at.range("act_range", actuator.act_range)?;
+    }
+    Ok(())
+}

@@ -1,0 +1,73 @@
+//! Meshes and height fields.
+
+use stepper_geometry::HullError;
+
+use crate::finish::element::{Checked, Element};
+use crate::hulls::{Hulls, Source};
+use crate::{Description, HeightField, Mesh, ModelError, Shape};
+
+/// Checks them, and finds the hulls of those that can touch something as that.
+pub(super) fn check(model: &Description, source: Source<'_>) -> Result<Hulls, ModelError> {
+    model.meshes.iter().enumerate().try_for_each(|(i, m)| mesh(m, i))?;
+    model.height_fields.iter().enumerate().try_for_each(|(i, h)| height_field(h, i))?;
+    if !model.geoms.iter().any(|g| matches!(g.shape, Shape::Mesh { .. } | Shape::HeightField { .. })) {
+        return Ok(Hulls::default());
+    }
+    // What touches nothing needs no form: meshes that are only drawn may be left out.
+    let mut used: Vec<usize> = model.collision_pairs().iter().flat_map(|p| p.geoms).collect();
+    used.sort_unstable();
+    used.dedup();
+    let mut hulls = Hulls::default();
+    used.into_iter().try_for_each(|g| form(model, g, &mut hulls, source))?;
+    Ok(hulls)
+}
+
+fn mesh(mesh: &Mesh, index: usize) -> Checked {
+    let at = Element::new("mesh", &mesh.name, index);
+    if let Some(v) = mesh.vertices.iter().position(|v| v.iter().any(|x| !x.is_finite())) {
+        return at.fail(format!("vertex {v} is {:?}", mesh.vertices[v]), "give finite numbers");
+    }
+    let n = mesh.vertices.len();
+    match mesh.faces.iter().position(|f| f.iter().any(|&v| v as usize >= n)) {
+        Some(f) => at.fail(format!("face {f} is {:?}, with {n} vertices", mesh.faces[f]), "give indices of its vertices, from 0"),
+        None => Ok(()),
+    }
+}
+
+fn height_field(field: &HeightField, index: usize) -> Checked {
+    let at = Element::new("height field", &field.name, index);
+    let [rows, columns] = field.shape;
+    if rows < 2 || columns < 2 {
+        return at.fail(format!("it has {rows} rows and {columns} columns"), "give at least 2 of each");
+    }
+    at.length("elevation", &field.elevation, rows * columns, "rows times columns")?;
+    at.positive("half extent", &field.half, " m")?;
+    at.size("base", &[field.base], " m")
+}
+
+/// A geom that can touch others has a form.
+fn form(model: &Description, index: usize, hulls: &mut Hulls, source: Source<'_>) -> Checked {
+    let geom = &model.geoms[index];
+    let at = Element::new("geom", &geom.name, index);
+    match &geom.shape {
+        Shape::HeightField { asset } if model.height_field_of(&geom.shape).is_none() => {
+            at.fail(format!("refers to height field {asset:?}, which does not exist"), "add it to the model's height fields")
+        }
+        Shape::Mesh { asset, concave } => {
+            let Some(mesh) = model.mesh_index(&geom.shape) else {
+                return at.fail(format!("refers to mesh {asset:?}, which does not exist"), "add it to the model's meshes");
+            };
+            let of_mesh = |what: String, remedy: &str| at.fail(format!("mesh {asset:?}: {what}"), remedy);
+            if *concave {
+                let none = model.meshes[mesh].faces.is_empty();
+                return if none { of_mesh("it has no faces".into(), "give its triangles, or let it not be concave") } else { Ok(()) };
+            }
+            match hulls.get_or_make(mesh, &model.meshes[mesh], source) {
+                Err(e @ HullError::OtherSurface) => of_mesh(e.to_string(), "save the model again"),
+                Err(e) => of_mesh(format!("{e}, so it has no convex hull"), "give it at least four points that span a volume"),
+                Ok(()) => Ok(()),
+            }
+        }
+        _ => Ok(()),
+    }
+}

@@ -1,0 +1,107 @@
+//! Elements of a model, as messages name them.
+
+use crate::description::{Description, JointKind, label};
+use crate::error::ModelError;
+use crate::softness::ContactSpring;
+
+pub(crate) type Checked = Result<(), ModelError>;
+
+/// Rows that a contact may have: frictionless, sliding, torsional, rolling.
+const DIMENSIONS: [u8; 4] = [1, 3, 4, 6];
+
+/// An element of the model: errors name it.
+pub(crate) struct Element(pub(crate) String);
+
+impl Element {
+    pub(crate) fn new(kind: &str, name: &str, index: usize) -> Self {
+        Self(format!("{kind} {:?}", label(name, index)))
+    }
+
+    pub(crate) fn fail(&self, what: impl Into<String>, remedy: impl Into<String>) -> Checked {
+        Err(ModelError::invalid(&self.0, what, remedy))
+    }
+
+    pub(crate) fn finite(&self, what: &str, x: &[f64]) -> Checked {
+        if x.iter().all(|v| v.is_finite()) { Ok(()) } else { self.fail(format!("{what} is {x:?}"), "give finite numbers") }
+    }
+
+    /// Finite and at least 0.
+    pub(crate) fn size(&self, what: &str, x: &[f64], unit: &str) -> Checked {
+        match x.iter().find(|v| !v.is_finite() || **v < 0.0) {
+            Some(v) => self.fail(format!("{what} is {v}{unit}"), "give a finite number of at least 0"),
+            None => Ok(()),
+        }
+    }
+
+    /// Finite and greater than 0.
+    pub(crate) fn positive(&self, what: &str, x: &[f64], unit: &str) -> Checked {
+        match x.iter().find(|v| !v.is_finite() || **v <= 0.0) {
+            Some(v) => self.fail(format!("{what} is {v}{unit}"), "give a finite number greater than 0"),
+            None => Ok(()),
+        }
+    }
+
+    /// Right way up; infinite ends are no bounds, and leave room between them.
+    pub(crate) fn range(&self, what: &str, range: Option<[f64; 2]>) -> Checked {
+        match range {
+            Some([low, high]) if low.is_nan() || high.is_nan() => self.fail(format!("{what} is [{low}, {high}]"), "give numbers"),
+            Some([low, high]) if low > high => {
+                self.fail(format!("{what} [{low}, {high}] is upside down"), "give the lower bound first, or no range")
+            }
+            Some([low, high]) if low == f64::INFINITY || high == f64::NEG_INFINITY => {
+                self.fail(format!("{what} is [{low}, {high}]: no number lies in it"), "give finite bounds, -inf below or inf above")
+            }
+            _ => Ok(()),
+        }
+    }
+
+    pub(crate) fn index(&self, what: &str, index: usize, count: usize) -> Checked {
+        if index < count {
+            return Ok(());
+        }
+        self.fail(format!("refers to {what} {index} of {count}"), format!("give the index of a {what} of this model, counted from 0"))
+    }
+
+    pub(crate) fn length(&self, what: &str, x: &[f64], expected: usize, sum: &str) -> Checked {
+        if x.len() == expected {
+            return self.finite(what, x);
+        }
+        self.fail(format!("{what} has length {}", x.len()), format!("give {expected} numbers: {sum}"))
+    }
+
+    /// A hinge or slide of the model.
+    pub(crate) fn scalar_joint(&self, model: &Description, joint: usize) -> Checked {
+        self.index("joint", joint, model.joints.len())?;
+        let kind = match model.joints[joint].kind {
+            JointKind::Free => "free",
+            JointKind::Ball => "ball",
+            JointKind::Slide | JointKind::Hinge => return Ok(()),
+        };
+        self.fail(format!("refers to joint {:?}, a {kind} joint", model.joint_label(joint)), "refer to a hinge or slide")
+    }
+
+    /// Physical softness of a contact.
+    pub(crate) fn spring(&self, spring: ContactSpring) -> Checked {
+        let ContactSpring { stiffness, damping } = spring;
+        if stiffness.is_nan() || stiffness <= 0.0 {
+            return self.fail(format!("stiffness is {stiffness} N/m"), "give a number above 0, infinity for a rigid surface");
+        }
+        self.size("damping", &[damping], " N s/m")?;
+        if spring.is_rigid() && damping > 0.0 {
+            return self.fail(format!("damping is {damping} N s/m of a rigid surface"), "give it a stiffness too");
+        }
+        Ok(())
+    }
+
+    pub(crate) fn contact(&self, condim: u8, friction: &[f64], restitution: f64, margin: f64, gap: f64) -> Checked {
+        if !DIMENSIONS.contains(&condim) {
+            return self.fail(format!("condim is {condim}"), "give 1 (frictionless), 3 (sliding), 4 (torsional) or 6 (rolling)");
+        }
+        self.size("friction", friction, "")?;
+        if !(0.0..=1.0).contains(&restitution) {
+            return self.fail(format!("restitution is {restitution}"), "give a number from 0 (no bounce) to 1 (elastic)");
+        }
+        self.finite("margin", &[margin])?;
+        self.size("gap", &[gap], " m")
+    }
+}

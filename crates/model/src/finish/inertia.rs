@@ -1,0 +1,195 @@
+//! Whether everything that can move has inertia.
+//!
+//! With q at its reference, eliminate the degrees of freedom from the leaves to the roots (the order of Featherstone's L^T D L, "Rigid
+//! Body Dynamics Algorithms" 2008, section 6.5). The pivot of a degree of freedom is the inertia that its own force feels while all
+//! farther out move as they like: zero exactly if the mass matrix is singular there. This is less than MuJoCo asks (a mass for every
+//! moving body: a weightless universal joint between heavy bodies is fine here) and more (two hinges on one line with nothing between
+//! them are found). It says nothing of other configurations; there a singular matrix is the step's to report.
+
+use nalgebra::{DMatrix, Matrix6, Quaternion, UnitQuaternion, Vector3, Vector6};
+
+use crate::{Description, JointKind, MassProperties, ModelError};
+
+/// A pivot this small against the inertia of the whole subtree is rounding error.
+const NOTHING: f64 = 1e-13;
+
+/// Share of the energy of a degree of freedom below which that of another is rounding error.
+const ROUNDING: f64 = 1e-9;
+
+/// A degree of freedom: its joint, its motion (angular, linear at the origin of its tree), and the one that carries it.
+struct Dof {
+    joint: usize,
+    motion: Vector6<f64>,
+    parent: Option<usize>,
+}
+
+pub(super) fn check(model: &Description) -> Result<(), ModelError> {
+    let (poses, origins) = poses(model);
+    let dofs = dofs(model, &poses, &origins);
+    let inertias = composite(model, &poses, &origins);
+    let mut matrix = mass_matrix(model, &dofs, &inertias);
+    let whole = matrix.diagonal();
+    let Some(dof) = first_without_inertia(&mut matrix, &dofs) else { return Ok(()) };
+    let joint = dofs[dof].joint;
+    let body = model.joints[joint].body;
+    let place = format!("body {:?}", model.body_label(body));
+    let partners = partners(&matrix, &whole, &dofs, dof);
+    Err(if partners.is_empty() {
+        ModelError::invalid(
+            place,
+            format!(
+                "joint {:?} moves nothing that has inertia: mass {} kg, principal moments {:?} kg m^2, and no more below or fixed to it",
+                model.joint_label(joint),
+                model.bodies[body].mass,
+                model.bodies[body].inertia
+            ),
+            "give the body mass and inertia (a geom with density, or an inertial), give the joint armature, or remove the joint",
+        )
+    } else {
+        let names: Vec<String> = partners.iter().map(|&j| format!("{:?}", model.joint_label(j))).collect();
+        ModelError::invalid(
+            place,
+            format!(
+                "joint {:?} can move against {} so that nothing that has inertia moves (their axes coincide or depend on one another): \
+                 forces do not determine how they share a motion",
+                model.joint_label(joint),
+                names.join(", ")
+            ),
+            "remove one of these joints, give one of them armature, or give mass to a body between them",
+        )
+    })
+}
+
+/// Joints whose motions cancel that of a degree of freedom without a pivot: those of the null vector, which is 1 there. The rows of
+/// `matrix` below it are those of the elimination.
+fn partners(matrix: &DMatrix<f64>, whole: &nalgebra::DVector<f64>, dofs: &[Dof], dof: usize) -> Vec<usize> {
+    let mut null = vec![0.0; dofs.len()];
+    null[dof] = 1.0;
+    for i in dof + 1..dofs.len() {
+        let mut ancestor = dofs[i].parent;
+        while let Some(j) = ancestor {
+            null[i] -= matrix[(i, j)] / matrix[(i, i)] * null[j];
+            ancestor = dofs[j].parent;
+        }
+    }
+    // A motion counts by its energy: entries of different joints have different units.
+    let energy = |i: usize| null[i] * null[i] * whole[i];
+    let mut found: Vec<usize> = (dof + 1..dofs.len()).filter(|&i| energy(i) > ROUNDING * energy(dof)).map(|i| dofs[i].joint).collect();
+    found.retain(|&j| j != dofs[dof].joint);
+    found.dedup();
+    found
+}
+
+type Pose = (Vector3<f64>, UnitQuaternion<f64>);
+
+fn quaternion(q: [f64; 4]) -> UnitQuaternion<f64> {
+    UnitQuaternion::new_unchecked(Quaternion::new(q[0], q[1], q[2], q[3]))
+}
+
+/// Every body's pose with all joints at their reference, and the origin of its tree.
+fn poses(model: &Description) -> (Vec<Pose>, Vec<Vector3<f64>>) {
+    let (mut poses, mut origins): (Vec<Pose>, Vec<Vector3<f64>>) = (vec![], vec![]);
+    for (i, body) in model.bodies.iter().enumerate() {
+        let here = (Vector3::from(body.pos), quaternion(body.quat));
+        let pose = if i == 0 {
+            (Vector3::zeros(), UnitQuaternion::identity())
+        } else {
+            let (p, r) = poses[body.parent];
+            (p + r * here.0, r * here.1)
+        };
+        origins.push(if body.parent == 0 { pose.0 } else { origins[body.parent] });
+        poses.push(pose);
+    }
+    (poses, origins)
+}
+
+/// The degrees of freedom, in order.
+fn dofs(model: &Description, poses: &[Pose], origins: &[Vector3<f64>]) -> Vec<Dof> {
+    let mut dofs: Vec<Dof> = vec![];
+    let mut last: Vec<Option<usize>> = vec![None; model.bodies.len()];
+    let mut joints = model.joints.iter().enumerate().peekable();
+    for b in 1..model.bodies.len() {
+        last[b] = last[model.bodies[b].parent];
+        while let Some((index, joint)) = joints.next_if(|(_, j)| j.body == b) {
+            let (p, r) = poses[b];
+            let anchor = p + r * Vector3::from(joint.pos) - origins[b];
+            let turn = |axis: Vector3<f64>| spatial(axis, anchor.cross(&axis));
+            let axes = [Vector3::x(), Vector3::y(), Vector3::z()];
+            let motions = match joint.kind {
+                JointKind::Hinge => vec![turn(r * Vector3::from(joint.axis))],
+                JointKind::Slide => vec![spatial(Vector3::zeros(), r * Vector3::from(joint.axis))],
+                JointKind::Ball => axes.map(turn).to_vec(),
+                JointKind::Free => [axes.map(|a| spatial(Vector3::zeros(), a)), axes.map(turn)].concat(),
+            };
+            for motion in motions {
+                dofs.push(Dof { joint: index, motion, parent: last[b] });
+                last[b] = Some(dofs.len() - 1);
+            }
+        }
+    }
+    dofs
+}
+
+fn spatial(angular: Vector3<f64>, linear: Vector3<f64>) -> Vector6<f64> {
+    Vector6::new(angular.x, angular.y, angular.z, linear.x, linear.y, linear.z)
+}
+
+/// For every body the spatial inertia, about the origin of its tree, of all that its own joints carry.
+fn composite(model: &Description, poses: &[Pose], origins: &[Vector3<f64>]) -> Vec<Matrix6<f64>> {
+    let mut inertias = vec![Matrix6::zeros(); model.bodies.len()];
+    for (b, body) in model.bodies.iter().enumerate().skip(1).rev() {
+        let own =
+            MassProperties { mass: body.mass, com: Vector3::zeros(), inertia: nalgebra::Matrix3::from_diagonal(&body.inertia.into()) };
+        let (p, r) = poses[b];
+        let placed = own.placed(p + r * Vector3::from(body.ipos) - origins[b], r * quaternion(body.iquat));
+        let cross = placed.com.cross_matrix() * body.mass;
+        let mut about_origin = Matrix6::zeros();
+        about_origin.fixed_view_mut::<3, 3>(0, 0).copy_from(&placed.inertia_about(Vector3::zeros()));
+        about_origin.fixed_view_mut::<3, 3>(0, 3).copy_from(&cross);
+        about_origin.fixed_view_mut::<3, 3>(3, 0).copy_from(&cross.transpose());
+        about_origin.fixed_view_mut::<3, 3>(3, 3).fill_diagonal(body.mass);
+        inertias[b] += about_origin;
+        if body.parent != 0 {
+            let whole = inertias[b];
+            inertias[body.parent] += whole;
+        }
+    }
+    inertias
+}
+
+/// The joint-space inertia matrix; entries between dofs of which neither carries the other stay 0.
+fn mass_matrix(model: &Description, dofs: &[Dof], inertias: &[Matrix6<f64>]) -> DMatrix<f64> {
+    let mut matrix = DMatrix::zeros(dofs.len(), dofs.len());
+    for (i, dof) in dofs.iter().enumerate() {
+        let force = inertias[model.joints[dof.joint].body] * dof.motion;
+        let mut ancestor = Some(i);
+        while let Some(j) = ancestor {
+            matrix[(i, j)] = force.dot(&dofs[j].motion);
+            ancestor = dofs[j].parent;
+        }
+        matrix[(i, i)] += model.joints[dof.joint].armature;
+    }
+    matrix
+}
+
+/// Eliminates from the leaves; the lower triangle of `matrix` is used up.
+fn first_without_inertia(matrix: &mut DMatrix<f64>, dofs: &[Dof]) -> Option<usize> {
+    let whole = matrix.diagonal();
+    for i in (0..dofs.len()).rev() {
+        let pivot = matrix[(i, i)];
+        if pivot <= NOTHING * whole[i] {
+            return Some(i);
+        }
+        let mut j = dofs[i].parent;
+        while let Some(row) = j {
+            let factor = matrix[(i, row)] / pivot;
+            let mut k = Some(row);
+            while let Some(column) = k {
+                matrix[(row, column)] -= factor * matrix[(i, column)];
+                k = dofs[column].parent;
+            }
+            j = dofs[row].parent;
+        }
+    }
+    None
+}

@@ -1,0 +1,51 @@
+//! What a model can describe and the step does not simulate yet.
+
+use std::collections::BTreeMap;
+
+use crate::{Description, GeomPair, Kernel, Omission, Shape};
+
+/// Name of an element, and why it is left out.
+type User = (String, String);
+
+/// Who uses something.
+type Users = fn(&Description, &[GeomPair]) -> Vec<User>;
+
+/// The table: what is missing, and who uses it.
+const MISSING: [(&str, Users); 1] = [("collision", pairs_without_kernel)];
+
+/// Every element that uses something of the table.
+pub(super) fn not_simulated(model: &Description) -> Vec<Omission> {
+    let pairs = model.collision_pairs();
+    let rows = MISSING.iter().flat_map(|(kind, users)| users(model, &pairs).into_iter().map(move |user| (kind, user)));
+    rows.map(|(kind, (name, reason))| Omission { kind: (*kind).into(), name, reason, changes_motion: true }).collect()
+}
+
+/// Whether this module wrote it.
+pub(super) fn is_own(omission: &Omission) -> bool {
+    MISSING.iter().any(|(kind, _)| *kind == omission.kind)
+}
+
+/// One entry for every geom whose shape is the reason: of two, the later in the order of [`GeomPair::geoms`], or the height field.
+fn pairs_without_kernel(model: &Description, pairs: &[GeomPair]) -> Vec<User> {
+    let mut partners: BTreeMap<usize, BTreeMap<&str, Vec<usize>>> = BTreeMap::new();
+    for [a, b] in pairs.iter().map(|p| p.geoms) {
+        let (first, second) = (&model.geoms[a].shape, &model.geoms[b].shape);
+        if Kernel::of(first, second).is_none() {
+            let (cause, partner) = if matches!(first, Shape::HeightField { .. }) { (a, b) } else { (b, a) };
+            partners.entry(cause).or_default().entry(model.geoms[partner].shape.name()).or_default().push(partner);
+        }
+    }
+    let count = |(shape, geoms): (&str, Vec<usize>)| match geoms[..] {
+        [one] => format!("{shape} {:?}", model.geom_label(one)),
+        _ => format!("{} {shape} geoms", geoms.len()),
+    };
+    let describe = |(geom, met): (usize, BTreeMap<&'static str, Vec<usize>>)| {
+        let met: Vec<String> = met.into_iter().map(count).collect();
+        let shape = model.geoms[geom].shape.name();
+        (
+            model.geom_label(geom),
+            format!("this {shape} passes through {}: contact between these shapes is not simulated yet", met.join(", ")),
+        )
+    };
+    partners.into_iter().map(|(g, met)| describe((g, met))).collect()
+}

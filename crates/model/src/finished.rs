@@ -1,0 +1,93 @@
+//! The finished model: checked, and no longer edited.
+
+use std::ops::Deref;
+use std::sync::Arc;
+
+use stepper_geometry::Hull;
+
+use crate::description::{Description, Overlap};
+use crate::hulls::Hulls;
+use crate::shape::Shape;
+
+/// A finished scene: a [`Description`] that was checked and cannot be edited any more, so that a simulation may rely on it.
+///
+/// Its fields are those of the description, to be read: `model.timestep`, `model.bodies[1].mass`. [`Model::replace`] makes a model with
+/// other numbers; any other edit goes through the description, and is checked again:
+///
+/// ```
+/// use stepper_model::{BodyBuilder, GeomBuilder, JointBuilder, Model, WORLD};
+///
+/// let mut scene = Model::builder("pendulum");
+/// let rod = BodyBuilder::new("rod").joint(JointBuilder::hinge("pivot", [0.0, 1.0, 0.0]));
+/// scene.body(WORLD, rod.geom(GeomBuilder::capsule("rod", 0.02, 0.2).pos([0.0, 0.0, -0.2])));
+/// let model = scene.finish()?;
+///
+/// let mut description = model.into_description();
+/// description.timestep = 0.001;
+/// let model = description.finish(true)?;
+/// assert_eq!(model.timestep, 0.001);
+///
+/// let mut description = model.into_description();
+/// description.timestep = -0.001;
+/// assert!(description.finish(true).is_err());
+/// # Ok::<(), stepper_model::ModelError>(())
+/// ```
+///
+/// A model itself cannot be edited:
+///
+/// ```compile_fail,E0594
+/// # use stepper_model::Model;
+/// fn spoil(model: &mut Model) {
+///     model.timestep = -0.001; // cannot assign to data in dereference of `Model`
+/// }
+/// ```
+#[derive(Clone, Debug, PartialEq)]
+pub struct Model {
+    pub(super) description: Description,
+    pub(super) hulls: Hulls,
+}
+
+impl Deref for Model {
+    type Target = Description;
+
+    fn deref(&self) -> &Description {
+        &self.description
+    }
+}
+
+impl Model {
+    /// The description that the model was finished from, to be edited and finished again.
+    pub fn into_description(self) -> Description {
+        self.description
+    }
+
+    /// Description of the model, for a change that keeps it valid, and what is made of meshes as it is.
+    pub(crate) fn trusted_mut(&mut self) -> &mut Description {
+        &mut self.description
+    }
+}
+
+impl Model {
+    /// Adds overlaps whose geoms and bodies never collide.
+    ///
+    /// # Panics
+    /// When the model does not have a geom.
+    pub fn exclude_overlaps(&mut self, overlaps: impl IntoIterator<Item = Overlap>) {
+        let count = self.geoms.len();
+        self.description
+            .excluded_overlaps
+            .extend(overlaps.into_iter().inspect(|o| assert!(o.geoms.iter().all(|&g| g < count), "no geom {o:?}")));
+    }
+
+    /// Copy of the model whose actuators have no delay of their own.
+    pub fn without_actuator_delays(&self) -> Self {
+        let mut model = self.clone();
+        model.description.actuators.iter_mut().for_each(|actuator| actuator.delay = 0.0);
+        model
+    }
+
+    /// The convex hull of the mesh that a geom's shape refers to; there for every geom that can touch others as that.
+    pub fn hull_of(&self, shape: &Shape) -> Option<&Arc<Hull>> {
+        self.hulls.0.get(self.mesh_index(shape)?)?.as_ref()
+    }
+}

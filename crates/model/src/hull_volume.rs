@@ -1,0 +1,149 @@
+//! Meshes that collide as a convex hull much larger than they are.
+//!
+//! The volume that a mesh encloses is a poor measure: a terrain is an open sheet, and a casing of a CAD program has thin walls, but
+//! nothing can get inside. What counts here is the part of the hull that others could enter. A point of the hull is open where a ray
+//! along an axis leaves the hull without a hit, unless more of its six rays meet the back of a triangle than the front: space behind a
+//! sheet is solid. A pit that no axis leads into is missed, so the open part is a lower bound.
+
+use std::collections::BTreeMap;
+
+use stepper_geometry::Hull;
+
+use crate::{Mesh, Model, Shape, weld_groups};
+
+/// Points along each axis. A share of one half is then known to some 2 % (about 2000 of 4096 points are in a hull).
+const POINTS: usize = 16;
+
+/// Place of a point in its cell: not the middle, so that rays miss the edges of meshes that are symmetric or on a grid.
+const PLACE: [f64; 3] = [0.437_1, 0.541_3, 0.486_7];
+
+/// Hull volume over the mesh's volume from which a hull is worth a line, where the geom moves: links of robots are often half as large.
+const WIDE: f64 = 2.0;
+
+/// Hull volume over the mesh's volume from which a fixed geom is worth a line: a trench is a small part of a terrain's hull.
+const WIDE_FIXED: f64 = 1.25;
+
+/// A geom that collides as a convex hull much larger than its mesh.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct WideHull {
+    /// Index of the geom in the model.
+    pub geom: usize,
+    /// Volume of the hull over that of the part which others cannot enter; infinite where they can enter all of it.
+    pub ratio: f64,
+}
+
+impl Model {
+    /// Geoms whose convex hull has at least twice the volume of their mesh, or 1.25 times where no joint moves them. What others cannot
+    /// enter counts as the mesh's volume.
+    pub fn wide_hulls(&self) -> Vec<WideHull> {
+        let (group, moves) = weld_groups(self);
+        let mut known: BTreeMap<usize, f64> = BTreeMap::new();
+        let mut found = vec![];
+        for (geom, shape) in self.geoms.iter().map(|g| &g.shape).enumerate() {
+            let (Shape::Mesh { concave: false, .. }, Some(mesh), Some(hull)) = (shape, self.mesh_index(shape), self.hull_of(shape)) else {
+                continue;
+            };
+            let ratio = *known.entry(mesh).or_insert_with(|| volume_ratio(&self.meshes[mesh], hull));
+            let moving = moves[group[self.geoms[geom].body]];
+            if ratio >= if moving { WIDE } else { WIDE_FIXED } {
+                found.push(WideHull { geom, ratio });
+            }
+        }
+        found
+    }
+}
+
+/// Volume of the hull over that of the part which others cannot enter; 1 where the mesh has no faces.
+fn volume_ratio(mesh: &Mesh, hull: &Hull) -> f64 {
+    let grid = Grid::new(mesh);
+    let sights = [0, 1, 2].map(|axis| grid.sights(&mesh.vertices, &mesh.faces, axis));
+    let around = grid.sights(hull.points(), hull.triangles(), 0);
+    let (mut inside, mut open) = (0_usize, 0_usize);
+    for cell in grid.cells().filter(|&cell| !around.of(&grid, cell).contains(&Sight::Free)) {
+        inside += 1;
+        let seen: Vec<Sight> = (0..3).flat_map(|axis| sights[axis].of(&grid, cell)).collect();
+        let count = |kind: Sight| seen.iter().filter(|&&s| s == kind).count();
+        open += usize::from(count(Sight::Free) > 0 && count(Sight::Back) <= count(Sight::Front));
+    }
+    if inside == 0 { 1.0 } else { inside as f64 / (inside - open) as f64 }
+}
+
+/// First side of a surface that a ray meets.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Sight {
+    Free,
+    Front,
+    Back,
+}
+
+/// Points in the box of a mesh.
+struct Grid {
+    low: [f64; 3],
+    step: [f64; 3],
+}
+
+/// Crossings of the lines of a grid along an axis: place on the line, and whether the triangle faces against the axis.
+struct Sights {
+    axis: usize,
+    lines: Vec<Vec<(f64, bool)>>,
+}
+
+impl Grid {
+    fn new(mesh: &Mesh) -> Self {
+        let bound = |pick: fn(f64, f64) -> f64, start: f64| {
+            std::array::from_fn::<f64, 3, _>(|k| mesh.vertices.iter().map(|v| v[k]).fold(start, pick))
+        };
+        let (low, high) = (bound(f64::min, f64::INFINITY), bound(f64::max, f64::NEG_INFINITY));
+        Self { low, step: std::array::from_fn(|k| (high[k] - low[k]) / POINTS as f64) }
+    }
+
+    fn cells(&self) -> impl Iterator<Item = [usize; 3]> + use<> {
+        (0..POINTS.pow(3)).map(|i| [i / POINTS / POINTS, i / POINTS % POINTS, i % POINTS])
+    }
+
+    fn at(&self, k: usize, i: usize) -> f64 {
+        self.low[k] + (i as f64 + PLACE[k]) * self.step[k]
+    }
+
+    /// Indices of the lines along an axis between two coordinates.
+    fn between(&self, k: usize, low: f64, high: f64) -> std::ops::Range<usize> {
+        let index = |x: f64| ((x - self.low[k]) / self.step[k] - PLACE[k]).ceil().clamp(0.0, POINTS as f64) as usize;
+        index(low)..index(high)
+    }
+
+    /// Where the lines along an axis cross triangles.
+    fn sights(&self, points: &[[f64; 3]], triangles: &[[u32; 3]], axis: usize) -> Sights {
+        let (u, v) = ((axis + 1) % 3, (axis + 2) % 3);
+        let mut lines = vec![vec![]; POINTS * POINTS];
+        for corners in triangles.iter().map(|t| t.map(|i| points[i as usize])) {
+            let [a, b, c] = corners;
+            let area = (b[u] - a[u]) * (c[v] - a[v]) - (b[v] - a[v]) * (c[u] - a[u]);
+            let bounds = |k: usize| self.between(k, a[k].min(b[k]).min(c[k]), a[k].max(b[k]).max(c[k]));
+            if area == 0.0 {
+                continue;
+            }
+            for (i, j) in bounds(u).flat_map(|i| bounds(v).map(move |j| (i, j))) {
+                let p = [self.at(u, i), self.at(v, j)];
+                let part = |s: [f64; 3], t: [f64; 3]| ((s[u] - p[0]) * (t[v] - p[1]) - (s[v] - p[1]) * (t[u] - p[0])) / area;
+                let weights = [part(b, c), part(c, a), part(a, b)];
+                if weights.iter().all(|&w| w >= 0.0) {
+                    let place = (0..3).map(|k| weights[k] * corners[k][axis]).sum();
+                    lines[i * POINTS + j].push((place, area < 0.0));
+                }
+            }
+        }
+        Sights { axis, lines }
+    }
+}
+
+impl Sights {
+    /// Sides of the mesh that a point faces along the axis and against it.
+    fn of(&self, grid: &Grid, cell: [usize; 3]) -> [Sight; 2] {
+        let (axis, u, v) = (self.axis, (self.axis + 1) % 3, (self.axis + 2) % 3);
+        let (here, line) = (grid.at(axis, cell[axis]), &self.lines[cell[u] * POINTS + cell[v]]);
+        let kind = |front: bool| if front { Sight::Front } else { Sight::Back };
+        let ahead = line.iter().filter(|hit| hit.0 > here).min_by(|a, b| a.0.total_cmp(&b.0));
+        let behind = line.iter().filter(|hit| hit.0 <= here).max_by(|a, b| a.0.total_cmp(&b.0));
+        [ahead.map_or(Sight::Free, |hit| kind(hit.1)), behind.map_or(Sight::Free, |hit| kind(!hit.1))]
+    }
+}

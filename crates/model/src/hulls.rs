@@ -1,0 +1,68 @@
+//! Convex hulls of a model's meshes: made once, and shared by everything that is made of the model.
+
+use std::sync::Arc;
+
+use stepper_geometry::{Hull, HullError};
+
+use crate::asset::Mesh;
+use crate::description::Description;
+use crate::shape::Shape;
+
+/// Convex hulls by mesh, of those that something can touch as their hull.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(crate) struct Hulls(pub(super) Vec<Option<Arc<Hull>>>);
+
+/// Surfaces of hulls by mesh, as triangles of its vertices: what a file keeps of [`Hulls`].
+pub(super) type Surfaces = Vec<Option<Vec<[u32; 3]>>>;
+
+/// Where hulls come from when a description is checked.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Source<'a> {
+    /// The vertices.
+    Vertices,
+    /// A model with the same meshes; for those that have none there, the vertices.
+    Same(&'a Hulls),
+    /// A file, which is not believed; for those that have none there, the vertices.
+    Kept(&'a [Option<Vec<[u32; 3]>>]),
+}
+
+impl Source<'_> {
+    fn hull(self, index: usize, mesh: &Mesh) -> Result<Arc<Hull>, HullError> {
+        match self {
+            Self::Same(Hulls(known)) if let Some(Some(hull)) = known.get(index) => Ok(hull.clone()),
+            Self::Kept(kept) if let Some(Some(surface)) = kept.get(index) => Hull::of_known(&mesh.vertices, surface).map(Arc::new),
+            _ => mesh.hull().map(Arc::new),
+        }
+    }
+}
+
+impl Hulls {
+    /// The hull of a mesh, looked up or made.
+    ///
+    /// # Errors
+    /// [`HullError`] where it has none, or where a file has another.
+    pub(super) fn get_or_make(&mut self, index: usize, mesh: &Mesh, source: Source<'_>) -> Result<(), HullError> {
+        if self.0.len() <= index {
+            self.0.resize(index + 1, None);
+        }
+        if self.0[index].is_none() {
+            self.0[index] = Some(source.hull(index, mesh)?);
+        }
+        Ok(())
+    }
+
+    /// What a file keeps.
+    pub(super) fn surfaces(&self) -> Surfaces {
+        self.0.iter().map(|hull| hull.as_ref().map(|hull| hull.surface())).collect()
+    }
+}
+
+impl Description {
+    /// Index of the mesh that a geom's shape refers to.
+    pub(super) fn mesh_index(&self, shape: &Shape) -> Option<usize> {
+        match shape {
+            Shape::Mesh { asset, .. } => self.meshes.iter().position(|m| m.name == *asset),
+            _ => None,
+        }
+    }
+}

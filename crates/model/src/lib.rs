@@ -1,0 +1,103 @@
+//! Models: scenes of bodies, joints, geoms, actuators and sensors, as their author sees them.
+//!
+//! A [`Description`] is a scene whose fields anybody may edit. [`Description::finish`] checks it and makes a [`Model`] of it, which can be
+//! read and no longer edited, so that every model is valid. Both keep the vocabulary of MJCF (bodies, joints, geoms, actuators, sensors,
+//! keyframes) and every index a user knows, in SI units. `stepper-core` compiles a model into what a step needs, and simulates it.
+//!
+//! ```
+//! use stepper_model::{BodyBuilder, GeomBuilder, JointBuilder, Model, WORLD};
+//!
+//! let mut scene = Model::builder("pendulum");
+//! scene.geom(WORLD, GeomBuilder::plane("floor").pos([0.0, 0.0, -1.0]));
+//! let rod = BodyBuilder::new("rod").joint(JointBuilder::hinge("pivot", [0.0, 1.0, 0.0]).damping(0.1));
+//! scene.body(WORLD, rod.geom(GeomBuilder::capsule("rod", 0.02, 0.2).pos([0.0, 0.0, -0.2])));
+//! let model = scene.finish()?;
+//! assert_eq!((model.nq(), model.nv()), (1, 1));
+//!
+//! // Checks name the element, the value and the remedy.
+//! let mut description = model.clone().into_description();
+//! description.joints[0].damping = -0.1;
+//! println!("{}", description.finish(true).unwrap_err());
+//!
+//! // A file has the same model, bit for bit.
+//! let read = Model::from_bytes(&model.to_bytes())?;
+//! assert_eq!(read.digest(), model.digest());
+//!
+//! // A model with other numbers is checked again.
+//! let heavy = model.replace("body_mass", &[0.0, 2.0])?;
+//! assert_eq!(heavy.bodies[1].mass, 2.0);
+//! println!("{}", heavy.explain());
+//! # Ok::<(), stepper_model::ModelError>(())
+//! ```
+//!
+//! | to do | see |
+//! |---|---|
+//! | write a scene in Rust | [`Model::builder`], [`ModelBuilder`] |
+//! | edit the fields of a scene | [`Description`], [`Model::into_description`] |
+//! | check a scene | [`Description::finish`], [`ModelError`] |
+//! | save and read a model | [`Model::save`], [`Model::load`], [`FORMAT_VERSION`] |
+//! | change numbers of a model | [`Model::replace`], [`REPLACEABLE`], [`Variants`] |
+//! | find an element by its name | [`Description::joint`] and the like |
+//! | say what a model is made of | [`Model::explain`] |
+//! | judge whether two geoms collide | [`Filter`], [`Description::collision_pairs`] |
+//!
+//! A model keeps the convex hulls of its meshes, which `stepper-geometry` computes: they are made once, and kept in its file.
+//!
+//! Frames: a body's `pos`, `quat` place it in its parent; a joint's `pos`, `axis` and a geom's `pos`, `quat` are in their body's frame.
+//! Quaternions are (w, x, y, z). Lengths in m, masses in kg, angles in rad.
+
+pub mod actuator_spec;
+mod added_fields;
+mod asset;
+mod builder;
+mod description;
+mod device_error;
+mod equality;
+mod error;
+mod explain;
+mod file;
+mod finish;
+mod finished;
+mod fluid;
+mod hull_volume;
+mod hulls;
+mod kernel;
+mod lookup;
+mod mass;
+mod orientation;
+mod pair_overrides;
+mod pairs;
+mod replace;
+mod sensor;
+mod shape;
+mod simple_bodies;
+mod softness;
+mod tendon;
+mod variant;
+
+pub use asset::{HeightField, Mesh};
+pub use builder::{ActuatorBuilder, BodyBuilder, EqualityBuilder, GeomBuilder, JointBuilder, ModelBuilder, TendonBuilder, WORLD};
+pub use description::{
+    Activation, Actuator, Body, Description, Geom, Joint, JointKind, Keyframe, Omission, Overlap, Pair, Requested, Transmission, label,
+};
+pub use device_error::{ActuatorError, DeviceError, SensorError};
+pub use equality::{Equality, EqualityKind};
+pub use error::ModelError;
+pub use file::{FORMAT_VERSION, write_whole};
+pub use finished::Model;
+pub use fluid::{Ellipsoid, Medium};
+pub use hull_volume::WideHull;
+pub use kernel::Kernel;
+pub use lookup::{JointPlace, SensorPlace};
+pub use mass::MassProperties;
+pub use orientation::Orientation;
+pub use pairs::{Filter, GeomPair, weld_groups};
+pub use replace::{Field, REPLACEABLE};
+pub use sensor::{
+    ContactField, ContactReduction, ContactSide, FrameReading, Object, ProximityReading, Quantity, RayField, Sensor, SensorKind, Site,
+};
+pub use shape::Shape;
+pub use simple_bodies::simple_bodies;
+pub use softness::{Cone, ContactSpring, InverseWeights, MIN_VALUE, NoSlip, SoftSettings, Softness};
+pub use tendon::Tendon;
+pub use variant::{Parameter, Variants};

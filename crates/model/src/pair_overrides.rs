@@ -1,0 +1,128 @@
+//! Fields of geoms that explicit pairs override: contacts of a pair have the pair's numbers.
+
+use crate::pairs::{Filter, Verdict};
+use crate::{Model, ModelError, label};
+
+/// Fields of geoms, each with the field of explicit pairs that takes its place.
+const OVERRIDES: [(&str, &str); 10] = [
+    ("geom_friction", "pair_friction"),
+    ("geom_restitution", "pair_restitution"),
+    ("geom_margin", "pair_margin"),
+    ("geom_gap", "pair_gap"),
+    ("geom_condim", "pair_dim"),
+    ("geom_solref", "pair_solref"),
+    ("geom_solimp", "pair_solimp"),
+    ("geom_solmix", "pair_solref"),
+    ("geom_stiffness", "pair_stiffness"),
+    ("geom_damping", "pair_damping"),
+];
+
+/// Explicit pairs of a model that override fields which are about to change.
+pub(super) struct PairOverrides<'a> {
+    model: &'a Model,
+    /// Indices of the pairs whose geoms can collide.
+    pairs: Vec<usize>,
+    fields: Vec<Overridden>,
+}
+
+/// A field of geoms, the field of pairs in its place, and the model's numbers.
+struct Overridden {
+    geom: &'static str,
+    pair: &'static str,
+    own: Vec<f64>,
+}
+
+impl<'a> PairOverrides<'a> {
+    /// Overrides of the named fields, which are those to be checked.
+    pub(super) fn new<'n>(model: &'a Model, names: impl IntoIterator<Item = &'n str>) -> Self {
+        if model.pairs.is_empty() {
+            return Self { model, pairs: vec![], fields: vec![] };
+        }
+        let overridden = |name: &str| OVERRIDES.iter().find(|(geom, _)| *geom == name);
+        let fields = names.into_iter().filter_map(overridden).map(|&(geom, pair)| {
+            let own = model.field(geom).expect("a field of the model").1;
+            Overridden { geom, pair, own }
+        });
+        let filter = Filter::new(model);
+        let collides = |k: &usize| {
+            let geoms = filter.ordered(model.pairs[*k].geoms);
+            filter.explicit_pair(geoms) == Some(*k) && filter.verdict(geoms) == Verdict::Explicit
+        };
+        Self { model, pairs: (0..model.pairs.len()).filter(collides).collect(), fields: fields.collect() }
+    }
+
+    /// Checks that no pair overrides a number that differs from the model's, unless the pair's field is given too.
+    ///
+    /// # Errors
+    /// [`ModelError::Invalid`] with the first such geom, the pair and the remedy.
+    pub(super) fn check(&self, given: &[(&str, &[f64])]) -> Result<(), ModelError> {
+        let values_of = |name: &str| given.iter().find(|(given, _)| *given == name).map(|(_, values)| *values);
+        for Overridden { geom, pair, own } in self.fields.iter().filter(|field| values_of(field.pair).is_none()) {
+            let Some(values) = values_of(geom) else { continue };
+            let width = own.len() / self.model.geoms.len().max(1);
+            let changes = |g: usize| (g * width..(g + 1) * width).any(|k| own[k].to_bits() != values[k].to_bits());
+            for &k in self.pairs.iter().filter(|&&k| *geom != "geom_friction" || self.model.pairs[k].condim > 1) {
+                if let Some(&g) = self.model.pairs[k].geoms.iter().find(|&&g| changes(g)) {
+                    return Err(self.refusal(k, g, geom, pair));
+                }
+            }
+        }
+        Ok(())
+    }
+
+    fn refusal(&self, pair: usize, geom: usize, geom_field: &str, pair_field: &str) -> ModelError {
+        let [a, b] = self.model.pairs[pair].geoms.map(|g| self.model.geom_label(g));
+        let what = format!(
+            "{geom_field} has no effect on contacts of geoms {a:?} and {b:?}, which use the {pair_field} of explicit pair {:?} instead",
+            label(&self.model.pairs[pair].name, pair)
+        );
+        let remedy = format!("give {pair_field} too: new values, or the model's to keep these contacts as they are");
+        ModelError::invalid(format!("geom {:?}", self.model.geom_label(geom)), what, remedy)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::{BodyBuilder, GeomBuilder, JointBuilder, Model, WORLD};
+
+    /// Two balls on a floor, of which the first has an explicit pair with it.
+    fn balls() -> Model {
+        let mut scene = Model::builder("balls");
+        scene.geom(WORLD, GeomBuilder::plane("floor"));
+        for (name, x) in [("paired", 0.0), ("free", 1.0)] {
+            let body = BodyBuilder::new(name).pos([x, 0.0, 0.1]).joint(JointBuilder::free(""));
+            scene.body(WORLD, body.geom(GeomBuilder::sphere(name, 0.1)));
+        }
+        scene.pair("floor", "paired", [0.5, 0.01, 0.001]);
+        scene.finish().unwrap()
+    }
+
+    #[test]
+    fn numbers_that_a_pair_overrides_are_refused_and_the_pair_is_named() {
+        let model = balls();
+        for (geom, pair, changed) in [("geom_friction", "pair_friction", 3), ("geom_margin", "pair_margin", 1), ("geom_gap", "pair_gap", 1)]
+        {
+            let mut values = model.field(geom).unwrap().1;
+            values[changed] += 0.25;
+            let error = model.replace(geom, &values).unwrap_err().to_string();
+            for part in ["geom \"paired\"", geom, "explicit pair \"#0\"", "\"floor\"", &format!("give {pair} too")] {
+                assert!(error.contains(part), "{part} in {error}");
+            }
+            let own = model.field(pair).unwrap().1;
+            assert_eq!(model.replace_all(&[(geom, &values), (pair, &own)]).unwrap().pairs, model.pairs);
+        }
+    }
+
+    #[test]
+    fn geoms_without_a_pair_and_numbers_that_stay_are_free() {
+        let model = balls();
+        let mut friction = model.field("geom_friction").unwrap().1;
+        assert!(model.replace("geom_friction", &friction).is_ok());
+        friction[6] = 0.25;
+        assert_eq!(model.replace("geom_friction", &friction).unwrap().geoms[2].friction[0], 0.25);
+        friction[0] = 0.25;
+        assert!(model.replace("geom_friction", &friction).is_err(), "the floor is in the pair, too");
+        let frictionless = model.replace("pair_dim", &[1.0]).unwrap();
+        assert!(frictionless.replace("geom_friction", &friction).is_ok(), "a pair without friction overrides none");
+    }
+}

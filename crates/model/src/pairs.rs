@@ -1,0 +1,435 @@
+//! The geom pairs that can collide, by the rules of MuJoCo 4.
+//!
+//! Two geoms collide if an explicit [`Pair`](crate::Pair) says so, or if none of these filters drops them (MuJoCo
+//! `engine_collision_driver.c`, `filterBodyPair` and `filterBitmask`; documentation, "Collision detection"):
+//!
+//! 1. both are fixed to the same rigid group: a body with everything welded to it (MuJoCo's `body_weldid`); a mocap body is a group of
+//!    its own, all that is fixed to the world is one group;
+//! 2. no degree of freedom moves either of them;
+//! 3. one group is the parent of the other, unless the parent is the world's;
+//! 4. their bodies are excluded;
+//! 5. neither's `contype` shares a bit with the other's `conaffinity`.
+//!
+//! Overlaps that are excluded ([`Description::excluded_overlaps`]) come before explicit pairs. Like `<exclude>`, and like
+//! `disable_collisions` of links in SRDF, each excludes two bodies; of the world, which is no link, it excludes the one geom.
+//!
+//! Margins and gaps of a pair are **sums** of the geoms', and a gap is beyond the margin: a contact is found within margin + gap, and
+//! pushes within margin (MuJoCo 4, `getMargin`, `getGap`, `mj_setContact`; MuJoCo 2 and 3 took the larger of two margins, and pushed
+//! within margin - gap). Measured with 4.0.0: margins 0.05 and 0.02 m with gaps 0.03 and 0.01 m rest at 0.07 m.
+
+use std::cmp::Ordering;
+use std::collections::{BTreeMap, HashSet};
+
+use crate::softness::{ContactSpring, mixing_share};
+use crate::{Description, Geom, Pair, Shape, Softness};
+
+/// Two geoms that can collide, and what a contact between them is like.
+#[derive(Clone, Debug, PartialEq)]
+pub struct GeomPair {
+    /// Indices of the geoms; the simpler shape first (plane, height field, sphere, capsule, ellipsoid, cylinder, box, mesh), then the
+    /// lower index.
+    pub geoms: [usize; 2],
+    /// Rows of a contact: 1, 3, 4 or 6.
+    pub condim: u8,
+    /// Sliding (1), torsional (m), rolling (m).
+    pub friction: [f64; 3],
+    /// Newton's coefficient of restitution.
+    pub restitution: f64,
+    /// Distance at which a contact begins to push, m.
+    pub margin: f64,
+    /// Distance beyond the margin within which a contact is reported but does not push, m.
+    pub gap: f64,
+    /// Softness by MuJoCo's law.
+    pub softness: Softness,
+    /// See [`Pair::solref_friction`](crate::Pair::solref_friction).
+    pub solref_friction: [f64; 2],
+    /// See [`Pair::anisotropy`](crate::Pair::anisotropy).
+    pub anisotropy: [f64; 2],
+    /// Physical softness.
+    pub spring: ContactSpring,
+}
+
+/// Why two geoms do not collide, or that they do.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(crate) enum Verdict {
+    Collides,
+    Explicit,
+    SameGroup,
+    BothStill,
+    Overlap,
+    ParentAndChild,
+    Excluded,
+    Masks,
+    NoShapes,
+}
+
+impl Verdict {
+    pub(super) const fn why(self) -> &'static str {
+        match self {
+            Self::Collides => "can collide",
+            Self::Explicit => "collide by an explicit pair",
+            Self::SameGroup => "are fixed to the same rigid group",
+            Self::BothStill => "cannot move",
+            Self::Overlap => "are excluded as overlaps at the reference pose",
+            Self::ParentAndChild => "belong to parent and child",
+            Self::Excluded => "are excluded",
+            Self::Masks => "have contype and conaffinity that do not meet",
+            Self::NoShapes => "are both planes or height fields",
+        }
+    }
+}
+
+/// Collision filter of a model: whether any two geoms collide, and how, without a list of pairs.
+#[derive(Clone, Debug)]
+pub struct Filter {
+    tags: Vec<Tag>,
+    pairs: Vec<Pair>,
+    explicit: BTreeMap<[usize; 2], usize>,
+    excluded: HashSet<[usize; 2]>,
+    /// Pairs of bodies that overlap, and pairs of geoms of which one is the world's; both ways round.
+    overlapping_bodies: HashSet<[usize; 2]>,
+    overlapping_geoms: HashSet<[usize; 2]>,
+}
+
+/// A geom, for the filters.
+#[derive(Clone, Debug)]
+struct Tag {
+    rank: u8,
+    body: usize,
+    /// Its rigid group, the group that this hangs from, and whether it has joints.
+    group: usize,
+    parent: usize,
+    moves: bool,
+    masks: [u32; 2],
+    surface: Surface,
+}
+
+/// What a geom brings into a contact.
+#[derive(Clone, Copy, Debug)]
+struct Surface {
+    priority: i32,
+    condim: u8,
+    friction: [f64; 3],
+    restitution: f64,
+    margin: f64,
+    gap: f64,
+    softness: Softness,
+    solmix: f64,
+    spring: ContactSpring,
+}
+
+/// Leader of each body's rigid group, and whether the group moves. A body with joints, or posed by the user, leads itself; any other has
+/// its parent's leader. The world leads what is fixed to it.
+pub fn weld_groups(model: &Description) -> (Vec<usize>, Vec<bool>) {
+    let mut moves = vec![false; model.bodies.len()];
+    for joint in &model.joints {
+        moves[joint.body] = true;
+    }
+    let mut group = vec![0; model.bodies.len()];
+    for (i, body) in model.bodies.iter().enumerate().skip(1) {
+        group[i] = if moves[i] || body.mocap { i } else { group[body.parent] };
+    }
+    (group, moves)
+}
+
+const fn rank(shape: &Shape) -> u8 {
+    match shape {
+        Shape::Plane => 0,
+        Shape::HeightField { .. } => 1,
+        Shape::Sphere { .. } => 2,
+        Shape::Capsule { .. } => 3,
+        Shape::Ellipsoid { .. } => 4,
+        Shape::Cylinder { .. } => 5,
+        Shape::Box { .. } => 6,
+        Shape::Mesh { .. } => 7,
+    }
+}
+
+impl Filter {
+    /// Collision filter of a description.
+    pub fn new(model: &Description) -> Self {
+        let (group, moves) = weld_groups(model);
+        let tag = |g: &Geom| Tag {
+            rank: rank(&g.shape),
+            body: g.body,
+            group: group[g.body],
+            parent: group[model.bodies[group[g.body]].parent],
+            moves: moves[group[g.body]],
+            masks: [g.contype, g.conaffinity],
+            surface: Surface {
+                priority: g.priority,
+                condim: g.condim,
+                friction: g.friction,
+                restitution: g.restitution,
+                margin: g.margin,
+                gap: g.gap,
+                softness: g.softness,
+                solmix: g.solmix,
+                spring: g.spring,
+            },
+        };
+        let tags = model.geoms.iter().map(tag).collect();
+        let bodies = |geoms: [usize; 2]| geoms.map(|g| model.geoms[g].body);
+        let overlaps = || model.excluded_overlaps.iter().map(|o| o.geoms);
+        let links = overlaps().map(bodies).filter(|b| !b.contains(&0));
+        let with_world = overlaps().filter(|&g| bodies(g).contains(&0));
+        let mut filter = Self {
+            tags,
+            pairs: model.pairs.clone(),
+            explicit: BTreeMap::new(),
+            excluded: both_ways(model.excludes.iter().copied()),
+            overlapping_bodies: both_ways(links),
+            overlapping_geoms: both_ways(with_world),
+        };
+        for (k, pair) in model.pairs.iter().enumerate() {
+            filter.explicit.entry(filter.ordered(pair.geoms)).or_insert(k);
+        }
+        filter
+    }
+
+    fn is_excluded_overlap(&self, geoms: [usize; 2]) -> bool {
+        self.overlapping_geoms.contains(&geoms) || self.overlapping_bodies.contains(&geoms.map(|g| self.tags[g].body))
+    }
+
+    /// The two geoms in the order of [`GeomPair::geoms`].
+    #[inline]
+    pub fn ordered(&self, [a, b]: [usize; 2]) -> [usize; 2] {
+        let key = |g: usize| (self.tags[g].rank, g);
+        if key(a) <= key(b) { [a, b] } else { [b, a] }
+    }
+
+    /// Whether the two geoms collide, and if not, the first filter that drops them. Geoms in the order of [`GeomPair`].
+    pub(super) fn verdict(&self, geoms: [usize; 2]) -> Verdict {
+        let [a, b] = geoms.map(|g| &self.tags[g]);
+        if a.group == b.group {
+            Verdict::SameGroup
+        } else if !a.moves && !b.moves {
+            Verdict::BothStill
+        } else if b.rank <= 1 {
+            Verdict::NoShapes
+        } else if self.is_excluded_overlap(geoms) {
+            Verdict::Overlap
+        } else if self.explicit.contains_key(&geoms) {
+            Verdict::Explicit
+        } else if a.group != 0 && b.group != 0 && (a.group == b.parent || b.group == a.parent) {
+            Verdict::ParentAndChild
+        } else if self.excluded.contains(&[a.body, b.body]) {
+            Verdict::Excluded
+        } else if a.masks[0] & b.masks[1] == 0 && b.masks[0] & a.masks[1] == 0 {
+            Verdict::Masks
+        } else {
+            Verdict::Collides
+        }
+    }
+
+    /// Whether the two geoms collide by an explicit pair.
+    pub fn is_explicit(&self, geoms: [usize; 2]) -> bool {
+        self.explicit.contains_key(&geoms)
+    }
+
+    /// Index of the explicit pair of two geoms, in the order of [`GeomPair`].
+    pub(super) fn explicit_pair(&self, geoms: [usize; 2]) -> Option<usize> {
+        self.explicit.get(&geoms).copied()
+    }
+
+    /// Geoms of the explicit pairs.
+    pub fn explicit(&self) -> impl Iterator<Item = [usize; 2]> + '_ {
+        self.explicit.keys().copied()
+    }
+
+    /// Order of the two geoms' priorities, of which the higher gives the friction (equal ones the larger friction), and rows of their
+    /// contact.
+    #[inline(always)]
+    pub fn precedence(&self, geoms: [usize; 2]) -> (Ordering, u8) {
+        precedence(geoms.map(|g| &self.tags[g].surface))
+    }
+
+    /// Whether a contact of the two geoms is rigid.
+    #[inline(always)]
+    pub fn is_rigid(&self, [a, b]: [usize; 2]) -> bool {
+        self.tags[a].surface.spring.is_rigid() && self.tags[b].surface.spring.is_rigid()
+    }
+
+    /// The two geoms as a pair, if they collide. Geoms in the order of [`GeomPair`].
+    pub fn pair(&self, geoms: [usize; 2]) -> Option<GeomPair> {
+        match self.verdict(geoms) {
+            Verdict::Collides => Some(mix(geoms, geoms.map(|g| &self.tags[g].surface))),
+            Verdict::Explicit => {
+                let p = &self.pairs[self.explicit[&geoms]];
+                let &Pair { condim, friction, margin, gap, softness, solref_friction, anisotropy, spring, .. } = p;
+                let restitution = bounce(spring, p.restitution);
+                Some(GeomPair { geoms, condim, friction, restitution, margin, gap, softness, solref_friction, anisotropy, spring })
+            }
+            _ => None,
+        }
+    }
+}
+
+fn both_ways(pairs: impl Iterator<Item = [usize; 2]>) -> HashSet<[usize; 2]> {
+    pairs.flat_map(|[a, b]| [[a, b], [b, a]]).collect()
+}
+
+/// Whose friction counts in a contact of two geoms without an explicit pair, the larger if neither goes first; and the contact's rows
+/// (MuJoCo `mj_contactParam`).
+fn precedence([a, b]: [&Surface; 2]) -> (Ordering, u8) {
+    let order = a.priority.cmp(&b.priority);
+    let condim = match order {
+        Ordering::Greater => a.condim,
+        Ordering::Less => b.condim,
+        Ordering::Equal => a.condim.max(b.condim),
+    };
+    (order, condim)
+}
+
+/// Restitution of a contact: what a spring stores and its damper loses is its own law.
+fn bounce(spring: ContactSpring, restitution: f64) -> f64 {
+    if spring.is_rigid() { restitution } else { 0.0 }
+}
+
+/// The contact parameters of two geoms without an explicit pair.
+fn mix(geoms: [usize; 2], [a, b]: [&Surface; 2]) -> GeomPair {
+    let (order, condim) = precedence([a, b]);
+    let friction = match order {
+        Ordering::Greater => a.friction,
+        Ordering::Less => b.friction,
+        Ordering::Equal => std::array::from_fn(|k| a.friction[k].max(b.friction[k])),
+    };
+    let softness = match order {
+        Ordering::Greater => a.softness,
+        Ordering::Less => b.softness,
+        Ordering::Equal => Softness::mix(a.softness, b.softness, mixing_share([a.solmix, b.solmix])),
+    };
+    let spring = ContactSpring::in_series([a.spring, b.spring]);
+    GeomPair {
+        geoms,
+        condim,
+        friction,
+        restitution: bounce(spring, a.restitution.max(b.restitution)),
+        margin: a.margin + b.margin,
+        gap: a.gap + b.gap,
+        softness,
+        solref_friction: [0.0; 2],
+        anisotropy: [1.0; 2],
+        spring,
+    }
+}
+
+impl Description {
+    /// The geom pairs that can collide, ascending by their geoms. An explicit pair replaces what the filters say; of two explicit pairs
+    /// of the same geoms the first counts. Pairs that no degree of freedom can move against each other are never in the list.
+    pub fn collision_pairs(&self) -> Vec<GeomPair> {
+        let filter = Filter::new(self);
+        let mut pairs: Vec<GeomPair> = self.geom_pairs().filter_map(|g| filter.pair(g)).collect();
+        pairs.sort_by_key(|p| p.geoms);
+        pairs
+    }
+
+    /// How many geom pairs each filter drops, and how many remain.
+    pub(super) fn pair_census(&self) -> BTreeMap<Verdict, usize> {
+        let filter = Filter::new(self);
+        let mut census = BTreeMap::new();
+        for geoms in self.geom_pairs() {
+            *census.entry(filter.verdict(geoms)).or_insert(0) += 1;
+        }
+        census
+    }
+
+    /// Every two geoms, each pair in the order of [`GeomPair::geoms`].
+    fn geom_pairs(&self) -> impl Iterator<Item = [usize; 2]> + '_ {
+        let ranked = |a: usize, b: usize| if rank(&self.geoms[a].shape) <= rank(&self.geoms[b].shape) { [a, b] } else { [b, a] };
+        (0..self.geoms.len()).flat_map(move |a| (a + 1..self.geoms.len()).map(move |b| ranked(a, b)))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::{BodyBuilder, GeomBuilder, JointBuilder, Model, ModelBuilder, WORLD};
+    use super::*;
+
+    fn ball(name: &str) -> GeomBuilder {
+        GeomBuilder::sphere(name, 0.1)
+    }
+
+    /// A floor, two balls on an arm, one of them welded on, and a user-posed hand with a ball hanging from it.
+    fn scene() -> ModelBuilder {
+        let mut scene = Model::builder("filters");
+        scene.geom(WORLD, GeomBuilder::plane("floor"));
+        let arm = scene.body(WORLD, BodyBuilder::new("arm").joint(JointBuilder::hinge("shoulder", [0.0, 1.0, 0.0])).geom(ball("upper")));
+        scene.body(arm, BodyBuilder::new("plate").geom(ball("welded")));
+        scene.body(arm, BodyBuilder::new("lower").joint(JointBuilder::hinge("elbow", [0.0, 1.0, 0.0])).geom(ball("lower")));
+        let hand = scene.body(WORLD, BodyBuilder::new("hand").mocap().geom(ball("hand")));
+        scene.body(hand, BodyBuilder::new("bob").joint(JointBuilder::ball("string")).geom(ball("bob")));
+        scene
+    }
+
+    fn names(model: &Model) -> Vec<[&str; 2]> {
+        model.collision_pairs().iter().map(|p| p.geoms.map(|g| model.geoms[g].name.as_str())).collect()
+    }
+
+    #[test]
+    fn filters_are_those_of_mujoco() {
+        let model = scene().finish().unwrap();
+        let expected = [
+            ["floor", "upper"],
+            ["floor", "welded"],
+            ["floor", "lower"],
+            ["floor", "bob"],
+            ["upper", "hand"],
+            ["upper", "bob"],
+            ["welded", "hand"],
+            ["welded", "bob"],
+            ["lower", "hand"],
+            ["lower", "bob"],
+        ];
+        assert_eq!(names(&model), expected);
+        let census = model.pair_census();
+        assert_eq!(census.values().sum::<usize>(), 15);
+        assert_eq!(census[&Verdict::ParentAndChild], 3, "upper-lower, welded-lower, hand-bob");
+        assert_eq!((census[&Verdict::SameGroup], census[&Verdict::BothStill]), (1, 1));
+    }
+
+    #[test]
+    fn explicit_pairs_bypass_filters_and_excludes_drop() {
+        let mut scene = scene();
+        scene.exclude("arm", "hand").pair("lower", "upper", [0.3, 0.0, 0.0]);
+        let model = scene.finish().unwrap();
+        let found = names(&model);
+        assert!(found.contains(&["upper", "lower"]) && !found.contains(&["upper", "hand"]) && found.contains(&["welded", "hand"]));
+        let pairs = model.collision_pairs();
+        assert!(pairs.windows(2).all(|w| w[0].geoms < w[1].geoms));
+        assert_eq!(pairs.iter().find(|p| p.geoms == [1, 3]).unwrap().friction[0], 0.3);
+    }
+
+    #[test]
+    fn masks_meet_one_way() {
+        let mut scene = Model::builder("masks");
+        scene.geom(WORLD, GeomBuilder::plane("floor").masks(2, 0));
+        let free = |name: &str| BodyBuilder::new(name).joint(JointBuilder::free(""));
+        scene.body(WORLD, free("a").geom(ball("a").masks(0, 2)));
+        scene.body(WORLD, free("b").geom(ball("b").masks(1, 1)));
+        assert_eq!(names(&scene.finish().unwrap()), [["floor", "a"]]);
+    }
+
+    #[test]
+    fn parameters_combine() {
+        let mut scene = Model::builder("mix");
+        scene.geom(WORLD, GeomBuilder::plane("floor").friction([0.5, 0.02, 0.0]).condim(1).margin(0.05).gap(0.03).restitution(0.5));
+        let free = |name: &str| BodyBuilder::new(name).joint(JointBuilder::free(""));
+        let plain = ball("plain").friction([1.0, 0.01, 0.0]).margin(0.02).gap(0.01).restitution(0.2);
+        scene.body(WORLD, free("plain").geom(plain));
+        scene.body(WORLD, free("first").geom(ball("first").priority(1).friction([0.1, 0.0, 0.0]).condim(3)));
+        let pairs = scene.finish().unwrap().collision_pairs();
+        assert_eq!((pairs[0].condim, pairs[0].friction, pairs[0].restitution), (3, [1.0, 0.02, 0.0], 0.5));
+        assert_eq!((pairs[0].margin, pairs[0].gap), (0.05 + 0.02, 0.03 + 0.01));
+        assert_eq!((pairs[1].condim, pairs[1].friction), (3, [0.1, 0.0, 0.0]));
+    }
+
+    #[test]
+    fn simpler_shape_comes_first() {
+        let mut scene = Model::builder("order");
+        let free = |name: &str| BodyBuilder::new(name).joint(JointBuilder::free(""));
+        scene.body(WORLD, free("a").geom(GeomBuilder::capsule("capsule", 0.1, 0.2)));
+        scene.body(WORLD, free("b").geom(ball("sphere")));
+        assert_eq!(names(&scene.finish().unwrap()), [["sphere", "capsule"]]);
+    }
+}

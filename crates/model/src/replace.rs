@@ -1,0 +1,527 @@
+//! Models with other numbers: one table of fields, read and written alike.
+
+use crate::hulls::Source;
+use crate::pair_overrides::PairOverrides;
+use crate::{Body, Description, Equality, Geom, Joint, Model, ModelError, Pair, Shape, Tendon};
+
+/// Hands every number of a field, in order, to a visitor that may change it.
+type Visit = fn(&mut Description, &mut dyn FnMut(&mut f64));
+
+/// An array of numbers of a model.
+#[derive(Clone, Copy, Debug)]
+pub struct Field {
+    /// Name, in MuJoCo's vocabulary.
+    pub name: &'static str,
+    /// What it holds, and its unit.
+    pub what: &'static str,
+    /// Numbers of every element.
+    width: Option<usize>,
+    visit: Visit,
+}
+
+const fn scalar(name: &'static str, what: &'static str, visit: Visit) -> Field {
+    Field { name, what, width: None, visit }
+}
+
+const fn rows(name: &'static str, width: usize, what: &'static str, visit: Visit) -> Field {
+    Field { name, what, width: Some(width), visit }
+}
+
+/// Every field that [`Model::replace`] writes and [`Model::field`] reads.
+pub const REPLACEABLE: &[Field] = &[
+    rows("gravity", 1, "gravitational acceleration, m/s^2", |m, f| m.gravity.iter_mut().for_each(f)),
+    scalar("timestep", "default time step, s", |m, f| f(&mut m.timestep)),
+    rows("qpos0", 1, "configuration at reset", |m, f| m.qpos0.iter_mut().for_each(f)),
+    rows("qpos_spring", 1, "configuration in which springs rest", |m, f| m.qpos_spring.iter_mut().for_each(f)),
+    scalar("density", "density of the medium, kg/m^3", |m, f| f(&mut m.medium.density)),
+    scalar("viscosity", "viscosity of the medium, Pa s", |m, f| f(&mut m.medium.viscosity)),
+    rows("wind", 1, "velocity of the medium, m/s", |m, f| m.medium.wind.iter_mut().for_each(f)),
+    rows("body_gravcomp", 1, "share of its weight that is held up", |m, f| m.bodies.iter_mut().for_each(|b| f(&mut b.gravcomp))),
+    rows("geom_surfacevel", 6, "velocity of the surface, m/s and rad/s", |m, f| each_geom(m, f, |g| &mut g.surface_velocity)),
+    rows("body_mass", 1, "mass, kg", |m, f| each_body(m, f, |b| std::slice::from_mut(&mut b.mass))),
+    rows("body_inertia", 3, "principal moments of inertia, kg m^2", |m, f| each_body(m, f, |b| &mut b.inertia)),
+    rows("body_ipos", 3, "centre of mass in the body's frame, m", |m, f| each_body(m, f, |b| &mut b.ipos)),
+    rows("body_iquat", 4, "orientation of the principal axes", |m, f| each_body(m, f, |b| &mut b.iquat)),
+    rows("body_pos", 3, "position in the parent's frame, m", |m, f| each_body(m, f, |b| &mut b.pos)),
+    rows("body_quat", 4, "orientation in the parent's frame", |m, f| each_body(m, f, |b| &mut b.quat)),
+    rows("geom_friction", 3, "sliding (1), torsional (m), rolling (m) friction", |m, f| each_geom(m, f, |g| &mut g.friction)),
+    rows("geom_restitution", 1, "coefficient of restitution", |m, f| each_geom(m, f, |g| std::slice::from_mut(&mut g.restitution))),
+    rows("geom_margin", 1, "distance at which a contact pushes, m", |m, f| each_geom(m, f, |g| std::slice::from_mut(&mut g.margin))),
+    rows("geom_gap", 1, "distance beyond the margin that is reported, m", |m, f| each_geom(m, f, |g| std::slice::from_mut(&mut g.gap))),
+    rows("geom_solref", 2, "reference acceleration of contacts by MuJoCo's law", |m, f| each_geom(m, f, |g| &mut g.softness.solref)),
+    rows("geom_solimp", 5, "impedance of contacts by MuJoCo's law", |m, f| each_geom(m, f, |g| &mut g.softness.solimp)),
+    rows("geom_solmix", 1, "weight of a geom's softness in a pair", |m, f| each_geom(m, f, |g| std::slice::from_mut(&mut g.solmix))),
+    rows("geom_stiffness", 1, "stiffness of the surface, N/m; infinity is rigid", |m, f| {
+        each_geom(m, f, |g| std::slice::from_mut(&mut g.spring.stiffness))
+    }),
+    rows("geom_damping", 1, "damping of the surface, N s/m", |m, f| each_geom(m, f, |g| std::slice::from_mut(&mut g.spring.damping))),
+    rows("pair_dim", 1, "rows of an explicit pair's contacts", |m, f| m.pairs.iter_mut().for_each(|p| whole(&mut p.condim, f))),
+    rows("pair_friction", 3, "sliding (1), torsional (m), rolling (m) friction of an explicit pair", |m, f| {
+        each_pair(m, f, |p| &mut p.friction)
+    }),
+    rows(
+        "pair_anisotropy",
+        2,
+        "friction along the second tangent per that along the first, of sliding and rolling, by MuJoCo's law",
+        |m, f| each_pair(m, f, |p| &mut p.anisotropy),
+    ),
+    rows("pair_restitution", 1, "coefficient of restitution of an explicit pair", |m, f| {
+        each_pair(m, f, |p| std::slice::from_mut(&mut p.restitution))
+    }),
+    rows("pair_margin", 1, "distance at which an explicit pair's contact pushes, m", |m, f| {
+        each_pair(m, f, |p| std::slice::from_mut(&mut p.margin))
+    }),
+    rows("pair_gap", 1, "distance beyond the margin of an explicit pair that is reported, m", |m, f| {
+        each_pair(m, f, |p| std::slice::from_mut(&mut p.gap))
+    }),
+    rows("pair_solref", 2, "reference acceleration of an explicit pair's contacts by MuJoCo's law", |m, f| {
+        each_pair(m, f, |p| &mut p.softness.solref)
+    }),
+    rows(
+        "pair_solreffriction",
+        2,
+        "stiffness and damping of an explicit pair's friction by MuJoCo's law; zeros where it is that of the normal",
+        |m, f| each_pair(m, f, |p| &mut p.solref_friction),
+    ),
+    rows("pair_solimp", 5, "impedance of an explicit pair's contacts by MuJoCo's law", |m, f| each_pair(m, f, |p| &mut p.softness.solimp)),
+    rows("pair_stiffness", 1, "stiffness of an explicit pair's contacts, N/m; infinity is rigid", |m, f| {
+        each_pair(m, f, |p| std::slice::from_mut(&mut p.spring.stiffness))
+    }),
+    rows("pair_damping", 1, "damping of an explicit pair's contacts, N s/m", |m, f| {
+        each_pair(m, f, |p| std::slice::from_mut(&mut p.spring.damping))
+    }),
+    rows("geom_size", 3, "radius, half length; or half sizes; or semi-axes; 0 where the shape has no number; m", |m, f| {
+        m.geoms.iter_mut().for_each(|g| size(g, f));
+    }),
+    rows("geom_pos", 3, "position in the body's frame, m", |m, f| each_geom(m, f, |g| &mut g.pos)),
+    rows("geom_quat", 4, "orientation in the body's frame", |m, f| each_geom(m, f, |g| &mut g.quat)),
+    rows("geom_condim", 1, "rows of a contact", |m, f| m.geoms.iter_mut().for_each(|g| whole(&mut g.condim, f))),
+    rows("geom_concave", 1, "whether a mesh collides as its triangles (1) or as its convex hull (0)", |m, f| {
+        m.geoms.iter_mut().for_each(|g| match &mut g.shape {
+            Shape::Mesh { concave, .. } => flag(concave, f),
+            _ => flag(&mut false, f),
+        });
+    }),
+    rows("jnt_stiffness", 1, "spring stiffness, N/m or N m/rad", |m, f| m.joints.iter_mut().for_each(|j| f(&mut j.stiffness))),
+    rows("jnt_range", 2, "lowest and highest position, m or rad", |m, f| m.joints.iter_mut().for_each(|j| bounds(&mut j.range, f))),
+    rows("jnt_actfrcrange", 2, "bounds of the sum of actuator forces, N or N m", |m, f| {
+        m.joints.iter_mut().for_each(|j| bounds(&mut j.actuator_force_range, f));
+    }),
+    rows("jnt_velocity_limit", 1, "highest speed that the source allows, rad/s or m/s, not enforced; infinity is none", |m, f| {
+        m.joints.iter_mut().for_each(|j| bound(&mut j.velocity_limit, f));
+    }),
+    rows("jnt_solref", 2, "reference acceleration of limits by MuJoCo's law", |m, f| each_joint(m, f, |j| &mut j.limit_softness.solref)),
+    rows("jnt_solimp", 5, "impedance of limits by MuJoCo's law", |m, f| each_joint(m, f, |j| &mut j.limit_softness.solimp)),
+    rows("dof_damping", 1, "viscous damping, N s/m or N m s/rad", |m, f| each_dof(m, f, |j| &mut j.damping)),
+    rows("dof_armature", 1, "added inertia, kg or kg m^2", |m, f| each_dof(m, f, |j| &mut j.armature)),
+    rows("dof_frictionloss", 1, "dry friction, N or N m", |m, f| each_dof(m, f, |j| &mut j.frictionloss)),
+    rows("dof_solref", 2, "reference acceleration of dry friction by MuJoCo's law", |m, f| {
+        each_dofs(m, f, |j| &mut j.friction_softness.solref)
+    }),
+    rows("dof_solimp", 5, "impedance of dry friction by MuJoCo's law", |m, f| each_dofs(m, f, |j| &mut j.friction_softness.solimp)),
+    rows("tendon_range", 2, "lowest and highest length", |m, f| m.tendons.iter_mut().for_each(|t| bounds(&mut t.range, f))),
+    rows("tendon_stiffness", 1, "spring stiffness", |m, f| each_tendon(m, f, |t| std::slice::from_mut(&mut t.stiffness))),
+    rows("tendon_lengthspring", 2, "lengths between which the spring is slack", |m, f| each_tendon(m, f, |t| &mut t.spring_length)),
+    rows("tendon_damping", 1, "viscous damping", |m, f| each_tendon(m, f, |t| std::slice::from_mut(&mut t.damping))),
+    rows("tendon_armature", 1, "added inertia", |m, f| each_tendon(m, f, |t| std::slice::from_mut(&mut t.armature))),
+    rows("tendon_frictionloss", 1, "dry friction, N", |m, f| each_tendon(m, f, |t| std::slice::from_mut(&mut t.frictionloss))),
+    rows("eq_active0", 1, "1 for an equality that acts, else 0", |m, f| m.equalities.iter_mut().for_each(|e| flag(&mut e.active, f))),
+    rows("eq_data", 11, "anchors, pose and torquescale, or polynomial, as MuJoCo lays them out", |m, f| {
+        for equality in &mut m.equalities {
+            let mut data = equality.data();
+            data.iter_mut().for_each(&mut *f);
+            equality.set_data(&data);
+        }
+    }),
+    rows("eq_solref", 2, "reference acceleration of equalities by MuJoCo's law", |m, f| each_equality(m, f, |e| &mut e.softness.solref)),
+    rows("eq_solimp", 5, "impedance of equalities by MuJoCo's law", |m, f| each_equality(m, f, |e| &mut e.softness.solimp)),
+    rows("eq_stiffness", 1, "infinity for a hard equality, else a spring's", |m, f| {
+        m.equalities.iter_mut().for_each(|e| f(&mut e.stiffness))
+    }),
+    rows("eq_damping", 1, "damping beside the spring of a soft equality", |m, f| m.equalities.iter_mut().for_each(|e| f(&mut e.damping))),
+    scalar("impratio", "ratio of the impedance of friction to that of normal forces by MuJoCo's law", |m, f| f(&mut m.soft.impratio)),
+    scalar("noslip_iterations", "sweeps at the most that take the slip out of friction by MuJoCo's law", |m, f| {
+        whole(&mut m.soft.noslip.iterations, f);
+    }),
+    scalar("noslip_tolerance", "relative improvement at which the noslip sweeps stop", |m, f| f(&mut m.soft.noslip.tolerance)),
+    rows("actuator_gear", 1, "scale of length, velocity and force", |m, f| m.actuators.iter_mut().for_each(|a| f(&mut a.gear))),
+    rows("actuator_gain", 3, "affine gain", |m, f| m.actuators.iter_mut().flat_map(|a| &mut a.gain).for_each(f)),
+    rows("actuator_bias", 3, "affine bias", |m, f| m.actuators.iter_mut().flat_map(|a| &mut a.bias).for_each(f)),
+    rows("actuator_ctrlrange", 2, "bounds of the control", |m, f| m.actuators.iter_mut().for_each(|a| bounds(&mut a.ctrl_range, f))),
+    rows("actuator_forcerange", 2, "bounds of the force, N or N m", |m, f| {
+        m.actuators.iter_mut().for_each(|a| bounds(&mut a.force_range, f));
+    }),
+];
+
+/// Fields that the inverse weights of MuJoCo's law follow: they are computed anew.
+const MOVES_WEIGHTS: [&str; 8] = ["qpos0", "body_mass", "body_inertia", "body_ipos", "body_iquat", "body_pos", "body_quat", "dof_armature"];
+
+fn each_body(model: &mut Description, f: &mut dyn FnMut(&mut f64), get: fn(&mut Body) -> &mut [f64]) {
+    model.bodies.iter_mut().flat_map(get).for_each(f);
+}
+
+fn each_geom(model: &mut Description, f: &mut dyn FnMut(&mut f64), get: fn(&mut Geom) -> &mut [f64]) {
+    model.geoms.iter_mut().flat_map(get).for_each(f);
+}
+
+fn each_pair(model: &mut Description, f: &mut dyn FnMut(&mut f64), get: fn(&mut Pair) -> &mut [f64]) {
+    model.pairs.iter_mut().flat_map(get).for_each(f);
+}
+
+fn each_joint(model: &mut Description, f: &mut dyn FnMut(&mut f64), get: fn(&mut Joint) -> &mut [f64]) {
+    model.joints.iter_mut().flat_map(get).for_each(f);
+}
+
+fn each_equality(model: &mut Description, f: &mut dyn FnMut(&mut f64), get: fn(&mut Equality) -> &mut [f64]) {
+    model.equalities.iter_mut().flat_map(get).for_each(f);
+}
+
+fn each_tendon(model: &mut Description, f: &mut dyn FnMut(&mut f64), get: fn(&mut Tendon) -> &mut [f64]) {
+    model.tendons.iter_mut().flat_map(get).for_each(f);
+}
+
+/// A joint's numbers once for each of its degrees of freedom; the last ones written stay.
+fn each_dofs(model: &mut Description, f: &mut dyn FnMut(&mut f64), get: fn(&mut Joint) -> &mut [f64]) {
+    for joint in &mut model.joints {
+        let now = get(joint).to_vec();
+        for _ in 0..joint.kind.nv() {
+            let mut values = now.clone();
+            values.iter_mut().for_each(&mut *f);
+            get(joint).copy_from_slice(&values);
+        }
+    }
+}
+
+/// A joint's number once for each of its degrees of freedom; the last one written stays.
+fn each_dof(model: &mut Description, f: &mut dyn FnMut(&mut f64), get: fn(&mut Joint) -> &mut f64) {
+    for joint in &mut model.joints {
+        let now = *get(joint);
+        for _ in 0..joint.kind.nv() {
+            let mut value = now;
+            f(&mut value);
+            *get(joint) = value;
+        }
+    }
+}
+
+/// What the medium takes a geom for follows its size.
+fn size(geom: &mut Geom, f: &mut dyn FnMut(&mut f64)) {
+    let before = geom.semi_axes();
+    let [mut none, mut nor] = [0.0; 2];
+    let numbers: [&mut f64; 3] = match &mut geom.shape {
+        Shape::Sphere { radius } => [radius, &mut none, &mut nor],
+        Shape::Capsule { radius, half_length } | Shape::Cylinder { radius, half_length } => [radius, half_length, &mut none],
+        Shape::Ellipsoid { radii: [a, b, c] } | Shape::Box { half: [a, b, c] } => [a, b, c],
+        Shape::Plane | Shape::Mesh { .. } | Shape::HeightField { .. } => {
+            (0..3).for_each(|_| f(&mut 0.0));
+            return;
+        }
+    };
+    numbers.into_iter().for_each(f);
+    let after = geom.semi_axes();
+    if let (Some(medium), Some(axes), true) = (&mut geom.fluid, after, before != after) {
+        medium.axes = axes;
+    }
+}
+
+/// No range is one from -inf to inf.
+fn bounds(range: &mut Option<[f64; 2]>, f: &mut dyn FnMut(&mut f64)) {
+    const NONE: [f64; 2] = [f64::NEG_INFINITY, f64::INFINITY];
+    let mut ends = range.unwrap_or(NONE);
+    ends.iter_mut().for_each(f);
+    *range = (ends != NONE).then_some(ends);
+}
+
+/// No bound is one at infinity.
+fn bound(limit: &mut Option<f64>, f: &mut dyn FnMut(&mut f64)) {
+    let mut value = limit.unwrap_or(f64::INFINITY);
+    f(&mut value);
+    *limit = (value != f64::INFINITY).then_some(value);
+}
+
+/// A whole number; what is written saturates.
+fn whole<T: Copy + Into<f64> + Saturates>(number: &mut T, f: &mut dyn FnMut(&mut f64)) {
+    let mut value = (*number).into();
+    f(&mut value);
+    *number = T::saturated(value);
+}
+
+/// A whole number made of any.
+trait Saturates {
+    fn saturated(value: f64) -> Self;
+}
+
+impl Saturates for u8 {
+    fn saturated(value: f64) -> Self {
+        value as Self
+    }
+}
+
+impl Saturates for u32 {
+    fn saturated(value: f64) -> Self {
+        value as Self
+    }
+}
+
+/// 0 or 1; what is written is taken for 1 unless it is 0.
+fn flag(set: &mut bool, f: &mut dyn FnMut(&mut f64)) {
+    let mut value = f64::from(u8::from(*set));
+    f(&mut value);
+    *set = value != 0.0;
+}
+
+impl Field {
+    /// Its shape in words: "(ngeom, 3)"; empty for a scalar.
+    pub fn axes(&self) -> String {
+        let width = match self.width {
+            None => return String::new(),
+            Some(1) => String::new(),
+            Some(width) => format!(" {width}"),
+        };
+        let count = match self.name.split_once('_').map_or(self.name, |(kind, _)| kind) {
+            "body" => "nbody",
+            "geom" => "ngeom",
+            "jnt" => "njnt",
+            "dof" => "nv",
+            "tendon" => "ntendon",
+            "eq" => "neq",
+            "pair" => "npair",
+            "actuator" => "nu",
+            "qpos0" | "qpos" => "nq",
+            _ => "3",
+        };
+        format!("({count},{width})")
+    }
+
+    /// Its shape in this model: `[]` for a scalar, `[n]`, or `[n, width]`.
+    pub fn shape(&self, model: &Description) -> Vec<usize> {
+        let count = self.read(model).len();
+        match self.width {
+            None => vec![],
+            Some(1) => vec![count],
+            Some(width) => vec![count / width, width],
+        }
+    }
+
+    fn read(&self, model: &Description) -> Vec<f64> {
+        self.read_in(&mut model.clone())
+    }
+
+    /// As [`Field::read`], without a copy of the model; it stays what it is.
+    fn read_in(&self, model: &mut Description) -> Vec<f64> {
+        let mut values = vec![];
+        (self.visit)(model, &mut |x| values.push(*x));
+        values
+    }
+
+    fn place(&self) -> String {
+        format!("field {:?}", self.name)
+    }
+}
+
+pub(super) fn find(name: &str) -> Result<&'static Field, ModelError> {
+    REPLACEABLE.iter().find(|f| f.name == name).ok_or_else(|| {
+        let known: Vec<&str> = REPLACEABLE.iter().map(|f| f.name).collect();
+        ModelError::invalid(format!("field {name:?}"), "there is no such field", format!("choose one of: {}", known.join(", ")))
+    })
+}
+
+impl Model {
+    /// The shape of a field and its numbers, row by row; `None` when there is no such field in [`REPLACEABLE`]. A range that is not there
+    /// reads -inf to inf.
+    pub fn field(&self, name: &str) -> Option<(Vec<usize>, Vec<f64>)> {
+        find(name).ok().map(|field| (field.shape(self), field.read(self)))
+    }
+
+    /// Whether the finite numbers of all fields are at most `most`, in magnitude.
+    ///
+    /// # Errors
+    /// [`ModelError::Invalid`] for the first that is not.
+    pub fn check_range(&self, most: f64) -> Result<(), ModelError> {
+        let mut model = self.description.clone();
+        for field in REPLACEABLE {
+            let values = field.read_in(&mut model);
+            if let Some(k) = values.iter().position(|x| x.is_finite() && x.abs() > most) {
+                let what = format!("number {k} is {:e}, which 32 bits cannot hold", values[k]);
+                return Err(ModelError::invalid(field.place(), what, format!("give at most {most:e}, or choose 64 bits")));
+            }
+        }
+        Ok(())
+    }
+
+    /// A model with other numbers in one field, validated like any other: see [`REPLACEABLE`]. If this model leaves nothing out that
+    /// changes the motion, the new one may not either.
+    ///
+    /// # Errors
+    /// [`ModelError::Invalid`] when there is no such field, with both shapes when there are too few or too many numbers, for what the model
+    /// cannot hold, and for numbers of a geom that an explicit pair overrides; otherwise as [`Description::finish`].
+    pub fn replace(&self, name: &str, values: &[f64]) -> Result<Self, ModelError> {
+        self.replace_all(&[(name, values)])
+    }
+
+    /// As [`Model::replace`] for several fields at once: only the result needs to be valid, not what is between.
+    ///
+    /// Contacts of an explicit pair have the pair's numbers, whatever its geoms have. So other numbers of a field such as `geom_friction`
+    /// for a geom of a pair need those of the pair, `pair_friction`, in the same call: other ones, or the model's.
+    ///
+    /// # Errors
+    /// As [`Model::replace`].
+    pub fn replace_all(&self, fields: &[(&str, &[f64])]) -> Result<Self, ModelError> {
+        let mut model = self.description.clone();
+        for &(name, values) in fields {
+            write(&mut model, find(name)?, values)?;
+            if MOVES_WEIGHTS.contains(&name) {
+                model.soft.inverse_weights = None;
+            }
+        }
+        PairOverrides::new(self, fields.iter().map(|field| field.0)).check(fields)?;
+        let strict = !self.omitted.iter().any(|o| o.changes_motion);
+        // No field is of a mesh.
+        model.finish_with(strict, Source::Same(&self.hulls))
+    }
+}
+
+pub(super) fn write(model: &mut Description, field: &Field, values: &[f64]) -> Result<(), ModelError> {
+    let count = field.read_in(model).len();
+    if values.len() != count {
+        let shape = field.shape(model);
+        let what = format!("got {} numbers for shape {shape:?}", values.len());
+        return Err(ModelError::invalid(field.place(), what, format!("give {count} numbers, {}", field.what)));
+    }
+    let mut next = values.iter();
+    (field.visit)(model, &mut |x| *x = *next.next().expect("as many as were counted"));
+    let held = field.read_in(model);
+    match (0..count).find(|&k| held[k].to_bits() != values[k].to_bits()) {
+        Some(k) => Err(ModelError::invalid(
+            field.place(),
+            format!("number {k} is {}, which the model cannot hold: it would become {}", values[k], held[k]),
+            if field.name == "eq_data" {
+                "give 0 where the kind of equality has no number"
+            } else if field.name.starts_with("dof_") {
+                "give all degrees of freedom of a ball or free joint the same value"
+            } else if field.name == "geom_concave" {
+                "give 0 or 1, and 1 only to meshes"
+            } else if field.name == "geom_size" {
+                "give 0 where the shape has no number: to planes, meshes and height fields, and beyond a ball's radius"
+            } else {
+                "give whole numbers in range"
+            },
+        )),
+        None => Ok(()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::finish::tests::{hollow, rich_model};
+    use super::*;
+
+    #[test]
+    fn every_field_reads_back_what_is_written() {
+        let model = rich_model();
+        for field in REPLACEABLE {
+            let (shape, values) = model.field(field.name).unwrap();
+            assert_eq!(shape.iter().product::<usize>(), values.len(), "{}", field.name);
+            assert!(!values.is_empty(), "{} is not in the test's model", field.name);
+            assert_eq!(model.replace(field.name, &values).unwrap(), model, "{}", field.name);
+        }
+    }
+
+    #[test]
+    fn shapes_are_those_of_the_elements() {
+        let model = rich_model();
+        let shape = |name: &str| model.field(name).unwrap().0;
+        assert_eq!(shape("timestep"), []);
+        assert_eq!(shape("gravity"), [3]);
+        assert_eq!(shape("qpos0"), [model.nq()]);
+        assert_eq!(shape("body_mass"), [model.bodies.len()]);
+        assert_eq!(shape("geom_friction"), [model.geoms.len(), 3]);
+        assert_eq!(shape("jnt_range"), [model.joints.len(), 2]);
+        assert_eq!(shape("dof_damping"), [model.nv()]);
+        assert_eq!(shape("actuator_ctrlrange"), [model.nu(), 2]);
+    }
+
+    #[test]
+    fn values_arrive_at_their_elements() {
+        let model = rich_model();
+        let geom = (0..model.geoms.len()).find(|g| model.pairs.iter().all(|pair| !pair.geoms.contains(g))).unwrap();
+        let mut friction = model.field("geom_friction").unwrap().1;
+        friction[3 * geom] = 0.25;
+        assert_eq!(model.replace("geom_friction", &friction).unwrap().geoms[geom].friction[0], 0.25);
+        let mut range = model.field("actuator_ctrlrange").unwrap().1;
+        assert_eq!(range, [-1.0, 1.0, f64::NEG_INFINITY, f64::INFINITY]);
+        range[..2].copy_from_slice(&[f64::NEG_INFINITY, f64::INFINITY]);
+        assert_eq!(model.replace("actuator_ctrlrange", &range).unwrap().actuators[0].ctrl_range, None);
+        let mut damping = model.field("dof_damping").unwrap().1;
+        damping[..6].fill(0.7);
+        assert_eq!(model.replace("dof_damping", &damping).unwrap().joints[0].damping, 0.7);
+    }
+
+    #[test]
+    fn errors_name_field_shapes_and_remedy() {
+        let text = |name: &str, values: &[f64]| rich_model().replace(name, values).unwrap_err().to_string();
+        let error = text("geom_friction", &[1.0; 4]);
+        assert!(error.contains("field \"geom_friction\"") && error.contains("4 numbers") && error.contains("[7, 3]"), "{error}");
+        assert!(text("colour", &[]).contains("body_mass"));
+        let mut damping = rich_model().field("dof_damping").unwrap().1;
+        damping[0] = 5.0;
+        assert!(text("dof_damping", &damping).contains("same value"));
+        assert!(text("geom_condim", &[3.5; 7]).contains("whole numbers"));
+        assert!(text("body_mass", &[-1.0; 7]).contains("mass is -1 kg"));
+        assert!(text("timestep", &[f64::NAN]).contains("timestep is NaN"));
+    }
+
+    #[test]
+    fn a_model_with_omissions_can_be_replaced() {
+        let loose = hollow().finish(false).unwrap();
+        assert!(!loose.omitted.is_empty());
+        let gravity = [0.0, 0.0, -1.62];
+        assert_eq!(loose.replace("gravity", &gravity).unwrap().omitted, loose.omitted);
+    }
+
+    #[test]
+    fn numbers_that_a_kind_of_equality_lacks_are_refused() {
+        let model = rich_model();
+        let mut data = model.field("eq_data").unwrap().1;
+        data[0] = 0.25;
+        assert_eq!(model.replace("eq_data", &data).unwrap().equalities[0].data()[0], 0.25);
+        data[10] = 1.0;
+        let error = model.replace("eq_data", &data).unwrap_err().to_string();
+        assert!(error.contains("number 10 is 1") && error.contains("give 0"), "{error}");
+    }
+
+    #[test]
+    fn sizes_are_those_of_the_shape_and_the_medium_sees_them() {
+        let mut model = rich_model();
+        model.description.geoms[1].fluid = Some(crate::Ellipsoid {
+            share: 1.0,
+            blunt_drag: 0.5,
+            slender_drag: 0.25,
+            angular_drag: 1.5,
+            kutta_lift: 1.0,
+            magnus_lift: 1.0,
+            virtual_mass: [1e-3; 3],
+            virtual_inertia: [1e-5; 3],
+            axes: [0.1; 3],
+        });
+        let mut sizes = model.field("geom_size").unwrap().1;
+        assert_eq!(sizes[..9], [0.0, 0.0, 0.0, 0.1, 0.0, 0.0, 0.05, 0.3, 0.0]);
+        sizes[3] = 0.2;
+        let larger = model.replace("geom_size", &sizes).unwrap();
+        assert_eq!(larger.geoms[1].shape, Shape::Sphere { radius: 0.2 });
+        assert_eq!(larger.geoms[1].fluid.unwrap().axes, [0.2; 3]);
+        sizes[5] = 0.2;
+        let error = model.replace("geom_size", &sizes).unwrap_err().to_string();
+        assert!(error.contains("number 5 is 0.2") && error.contains("beyond a ball's radius"), "{error}");
+    }
+
+    #[test]
+    fn several_fields_need_only_fit_together() {
+        let model = rich_model();
+        let mut inertia = model.field("body_inertia").unwrap().1;
+        inertia[6..9].copy_from_slice(&[1.0, 1.0, 2.0]);
+        let mass = vec![1.0; model.bodies.len()];
+        let both = model.replace_all(&[("body_inertia", &inertia), ("body_mass", &mass)]).unwrap();
+        assert_eq!((both.bodies[2].mass, both.bodies[2].inertia), (1.0, [1.0, 1.0, 2.0]));
+    }
+}

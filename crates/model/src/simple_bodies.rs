@@ -1,0 +1,49 @@
+//! Simple bodies, for which MuJoCo stores only the diagonal of the mass matrix.
+
+use crate::{JointKind, Model};
+
+/// Largest position difference, m, or quaternion difference of two equal frames: `kFrameEps` of MuJoCo's compiler.
+const FRAME_EPSILON: f64 = 1e-6;
+
+/// Largest component of an axis that counts as zero: `mjEPS` of MuJoCo's compiler.
+const AXIS_EPSILON: f64 = 1e-14;
+
+/// Whether each body is simple, by the rule of MuJoCo's compiler (`body_simple`).
+///
+/// A simple body has no child body, and its parent is the world or fixed to it. Its inertial frame is its body frame. Its joints are at the
+/// origin, along the axes of the frame, and a rotation comes last.
+pub fn simple_bodies(model: &Model) -> Vec<bool> {
+    let mut simple: Vec<bool> =
+        (0..model.bodies.len()).map(|b| b > 0 && has_principal_frame(model, b) && is_child_of_world(model, b)).collect();
+    for body in &model.bodies {
+        simple[body.parent] = false;
+    }
+    let mut rotates = vec![false; model.bodies.len()];
+    for joint in &model.joints {
+        let scalar = matches!(joint.kind, JointKind::Slide | JointKind::Hinge);
+        let aligned = joint.axis.iter().filter(|x| x.abs() > AXIS_EPSILON).count() == 1;
+        if rotates[joint.body] || !is_zero(joint.pos) || scalar && !aligned {
+            simple[joint.body] = false;
+        }
+        rotates[joint.body] |= matches!(joint.kind, JointKind::Ball | JointKind::Hinge);
+    }
+    simple
+}
+
+/// Whether all components are zero within [`FRAME_EPSILON`].
+fn is_zero(x: [f64; 3]) -> bool {
+    x.iter().all(|x| x.abs() < FRAME_EPSILON)
+}
+
+/// Whether the inertial frame of a body is its body frame.
+fn has_principal_frame(model: &Model, body: usize) -> bool {
+    let body = &model.bodies[body];
+    let [w, x, y, z] = body.iquat;
+    is_zero(body.ipos) && is_zero([x, y, z]) && (w.abs() - 1.0).abs() < FRAME_EPSILON
+}
+
+/// Whether the parent of a body is the world, or a child of the world without joints.
+fn is_child_of_world(model: &Model, body: usize) -> bool {
+    let parent = model.bodies[body].parent;
+    parent == 0 || model.bodies[parent].parent == 0 && model.joints.iter().all(|joint| joint.body != parent)
+}

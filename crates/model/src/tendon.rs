@@ -1,0 +1,30 @@
+//! Fixed tendons.
+
+use serde::{Deserialize, Serialize};
+
+use crate::softness::Softness;
+
+/// A fixed tendon: its length is a linear combination of scalar joint positions. Its unit u is that of the combination.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Tendon {
+    /// Name; may be empty.
+    pub name: String,
+    /// Joint and coefficient.
+    pub joints: Vec<(usize, f64)>,
+    /// Lowest and highest length, u.
+    pub range: Option<[f64; 2]>,
+    /// Spring stiffness, N/u.
+    pub stiffness: f64,
+    /// Lengths between which the spring is slack, u.
+    pub spring_length: [f64; 2],
+    /// Viscous damping, N s/u.
+    pub damping: f64,
+    /// Inertia that moves with the length, N s^2/u.
+    pub armature: f64,
+    /// Dry friction, N.
+    pub frictionloss: f64,
+    /// Softness of the limit by MuJoCo's law.
+    pub limit_softness: Softness,
+    /// Softness of dry friction by MuJoCo's law.
+    pub friction_softness: Softness,
+}

@@ -1,0 +1,216 @@
+//! Variants of a model: other numbers, the same structure. What environments of one batch may differ in.
+
+use std::fmt;
+use std::str::FromStr;
+
+use crate::pair_overrides::PairOverrides;
+use crate::replace::{find, write};
+use crate::{Actuator, Body, Field, Geom, Joint, Model, ModelError, label};
+
+/// A field of [`REPLACEABLE`](crate::REPLACEABLE) that environments may each have for themselves, see
+/// `Simulation::randomize`. `"body_mass".parse()` gives one by its name in MuJoCo's vocabulary.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[non_exhaustive]
+pub enum Parameter {
+    /// Gravitational acceleration in the world frame, m/s^2: (num_envs, 3).
+    Gravity,
+    /// Masses, kg: (num_envs, nbody). The inertia stays as it is.
+    BodyMass,
+    /// Centres of mass in the bodies' frames, m: (num_envs, nbody, 3).
+    BodyIpos,
+    /// Principal moments of inertia, kg m^2: (num_envs, nbody, 3).
+    BodyInertia,
+    /// Sliding (1), torsional (m) and rolling (m) friction: (num_envs, ngeom, 3).
+    GeomFriction,
+    /// Coefficients of restitution: (num_envs, ngeom).
+    GeomRestitution,
+    /// Sliding (1), torsional (m) and rolling (m) friction of explicit pairs: (num_envs, npair, 3).
+    PairFriction,
+    /// Coefficients of restitution of explicit pairs: (num_envs, npair).
+    PairRestitution,
+    /// Sizes as the shapes have them, m: (num_envs, ngeom, 3). Masses stay as they are.
+    GeomSize,
+    /// Positions in the bodies' frames, m: (num_envs, ngeom, 3). Masses stay as they are.
+    GeomPos,
+    /// Spring stiffness, N/m or N m/rad: (num_envs, njnt).
+    JointStiffness,
+    /// Lowest and highest positions, m or rad: (num_envs, njnt, 2).
+    JointRange,
+    /// Viscous damping, N s/m or N m s/rad: (num_envs, nv).
+    DofDamping,
+    /// Inertia added to the diagonal of the mass matrix, kg or kg m^2: (num_envs, nv).
+    DofArmature,
+    /// Dry friction, N or N m: (num_envs, nv).
+    DofFrictionLoss,
+    /// Affine gain of the force: (num_envs, nu, 3).
+    ActuatorGain,
+    /// Affine bias of the force: (num_envs, nu, 3).
+    ActuatorBias,
+}
+
+impl Parameter {
+    /// All of them.
+    pub const ALL: [Self; 17] = [
+        Self::Gravity,
+        Self::BodyMass,
+        Self::BodyIpos,
+        Self::BodyInertia,
+        Self::GeomFriction,
+        Self::GeomRestitution,
+        Self::PairFriction,
+        Self::PairRestitution,
+        Self::GeomSize,
+        Self::GeomPos,
+        Self::JointStiffness,
+        Self::JointRange,
+        Self::DofDamping,
+        Self::DofArmature,
+        Self::DofFrictionLoss,
+        Self::ActuatorGain,
+        Self::ActuatorBias,
+    ];
+
+    /// Name of the field, as in Python.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Gravity => "gravity",
+            Self::BodyMass => "body_mass",
+            Self::BodyIpos => "body_ipos",
+            Self::BodyInertia => "body_inertia",
+            Self::GeomFriction => "geom_friction",
+            Self::GeomRestitution => "geom_restitution",
+            Self::PairFriction => "pair_friction",
+            Self::PairRestitution => "pair_restitution",
+            Self::GeomSize => "geom_size",
+            Self::GeomPos => "geom_pos",
+            Self::JointStiffness => "jnt_stiffness",
+            Self::JointRange => "jnt_range",
+            Self::DofDamping => "dof_damping",
+            Self::DofArmature => "dof_armature",
+            Self::DofFrictionLoss => "dof_frictionloss",
+            Self::ActuatorGain => "actuator_gain",
+            Self::ActuatorBias => "actuator_bias",
+        }
+    }
+}
+
+impl fmt::Display for Parameter {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
+impl FromStr for Parameter {
+    type Err = ModelError;
+
+    /// # Errors
+    /// [`ModelError::Invalid`] when there is no field of that name, or when it is the same in all environments.
+    fn from_str(name: &str) -> Result<Self, ModelError> {
+        find(name)?;
+        Self::ALL.into_iter().find(|parameter| parameter.name() == name).ok_or_else(|| {
+            let what = "it is the same in all environments of a simulation";
+            let known = Self::ALL.map(Self::name).join(", ");
+            let remedy = format!("choose one of: {known}; or make a simulation of model.replace({name:?}, ..)");
+            ModelError::invalid(format!("field {name:?}"), what, remedy)
+        })
+    }
+}
+
+/// Variants of a model that differ in the numbers of some fields, made one after the other in the same place: assets are copied once.
+pub struct Variants<'a> {
+    base: &'a Model,
+    model: Model,
+    fields: Vec<&'static Field>,
+    overrides: PairOverrides<'a>,
+}
+
+impl<'a> Variants<'a> {
+    /// Variants in these fields.
+    ///
+    /// # Errors
+    /// [`ModelError::Invalid`] for a name that is no field.
+    pub fn new<'n>(base: &'a Model, names: impl IntoIterator<Item = &'n str>) -> Result<Self, ModelError> {
+        let fields: Vec<&'static Field> = names.into_iter().map(find).collect::<Result<_, _>>()?;
+        let overrides = PairOverrides::new(base, fields.iter().map(|field| field.name));
+        Ok(Self { base, model: base.clone(), fields, overrides })
+    }
+
+    /// The variant with these numbers, field by field; `None` is the base's own.
+    ///
+    /// # Errors
+    /// As [`Model::replace`], and [`ModelError::Invalid`] where a number would give the model rows or terms that the base does not have.
+    pub fn with(&mut self, values: &[Option<&[f64]>], own: &[Vec<f64>]) -> Result<&Model, ModelError> {
+        let mut given = Vec::with_capacity(values.len());
+        for ((field, values), own) in self.fields.iter().zip(values).zip(own) {
+            write(self.model.trusted_mut(), field, values.unwrap_or(own))?;
+            given.extend(values.map(|values| (field.name, values)));
+        }
+        self.overrides.check(&given)?;
+        self.model.check_parameters()?;
+        same_structure(self.base, &self.model)?;
+        self.model.check_inertia()?;
+        Ok(&self.model)
+    }
+}
+
+/// What a compiled model leaves out of a model because of its numbers must be left out of its variants too.
+fn same_structure(base: &Model, model: &Model) -> Checked {
+    base.joints.iter().zip(&model.joints).enumerate().try_for_each(|(i, (old, new))| joint(i, old, new))?;
+    base.bodies.iter().zip(&model.bodies).enumerate().try_for_each(|(i, (old, new))| body(i, old, new))?;
+    base.geoms.iter().zip(&model.geoms).enumerate().try_for_each(|(i, (old, new))| geom(i, old, new))?;
+    base.actuators.iter().zip(&model.actuators).enumerate().try_for_each(|(i, (old, new))| actuator(i, old, new))
+}
+
+type Checked = Result<(), ModelError>;
+
+/// `field` of the element `place` is `new`, which asks for something that the model lacks.
+fn lacks(place: String, field: &str, new: &str, lack: &str, first: &str) -> Checked {
+    let remedy = format!("give the model {first} there first, with model.replace({field:?}, ..), and make the simulation of that");
+    Err(ModelError::invalid(place, format!("{field} is {new}, and the model has {lack}"), remedy))
+}
+
+fn joint(i: usize, old: &Joint, new: &Joint) -> Checked {
+    let place = || format!("joint {:?}", label(&new.name, i));
+    if new.frictionloss > 0.0 && old.frictionloss == 0.0 {
+        return lacks(place(), "dof_frictionloss", &new.frictionloss.to_string(), "no dry friction there", "some");
+    }
+    if new.stiffness != 0.0 && old.stiffness == 0.0 {
+        return lacks(place(), "jnt_stiffness", &new.stiffness.to_string(), "no spring there", "one");
+    }
+    match (old.range, new.range) {
+        (None, Some(range)) => lacks(place(), "jnt_range", &format!("{range:?}"), "no limit there", "one"),
+        (Some(range), None) => {
+            let what = format!("jnt_range is no limit, and the model has one of {range:?} there");
+            Err(ModelError::invalid(place(), what, "give a range that is never reached"))
+        }
+        _ => Ok(()),
+    }
+}
+
+fn body(i: usize, old: &Body, new: &Body) -> Checked {
+    if (old.mass > 0.0) == (new.mass > 0.0) {
+        return Ok(());
+    }
+    let what = format!("body_mass is {} kg, and the model's is {} kg", new.mass, old.mass);
+    let remedy = "give every body that has mass in the model some, however little, and the others none";
+    Err(ModelError::invalid(format!("body {:?}", label(&new.name, i)), what, remedy))
+}
+
+fn geom(i: usize, old: &Geom, new: &Geom) -> Checked {
+    if old.shape == new.shape || new.fluid.is_none() {
+        return Ok(());
+    }
+    let what = "geom_size differs from the model's, and the medium acts on the geom as an ellipsoid, whose forces would not follow";
+    let remedy = "leave its size as it is, or take fluidshape=\"ellipsoid\" from it";
+    Err(ModelError::invalid(format!("geom {:?}", label(&new.name, i)), what, remedy))
+}
+
+fn actuator(i: usize, old: &Actuator, new: &Actuator) -> Checked {
+    let moves = |a: &Actuator| [a.gain[1], a.gain[2], a.bias[1], a.bias[2]].iter().any(|&x| x != 0.0);
+    if !moves(new) || moves(old) {
+        return Ok(());
+    }
+    let (place, new) = (format!("actuator {:?}", label(&new.name, i)), format!("{:?}", new.bias));
+    let lack = "an actuator there whose force does not depend on its length or velocity";
+    lacks(place, "actuator_bias", &new, lack, "a small number in place of a 0")
+}

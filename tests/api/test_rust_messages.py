@@ -1,4 +1,4 @@
-"""Messages of the core name the calls of Rust, and the bindings say them with Python's."""
+"""Messages of the core and of the crates below it name the calls of Rust, and the bindings say them with Python's."""
 
 import re
 from pathlib import Path
@@ -8,6 +8,7 @@ import pytest
 import stepper
 
 ROOT = Path(__file__).parents[2]
+SOURCES = sorted(path for crate in ("geometry", "model", "core") for path in (ROOT / "crates" / crate / "src").rglob("*.rs"))
 PYTHON = re.compile(r"Stepper\(|strict=False|=\.\.\.|contact=\\?\"|method='|\bget_state|Options\.|reset\(qpos")
 
 
@@ -16,19 +17,14 @@ def code(source: str) -> list[str]:
 
 
 def test_the_core_does_not_speak_python():
-    found = [
-        f"{path.relative_to(ROOT)}: {line.strip()}"
-        for path in sorted((ROOT / "crates/core/src").rglob("*.rs"))
-        for line in code(path.read_text())
-        if PYTHON.search(line)
-    ]
+    found = [f"{path.relative_to(ROOT)}: {line.strip()}" for path in SOURCES for line in code(path.read_text()) if PYTHON.search(line)]
     assert not found, "\n".join(found)
 
 
 def test_every_phrase_that_is_translated_is_said():
     phrases = re.findall(r'^    \("((?:[^"\\]|\\.)*)",', (ROOT / "crates/python/src/phrases.rs").read_text(), re.MULTILINE)
     assert len(phrases) > 10
-    sources = [re.sub(r"\\\n\s*", "", path.read_text()) for path in (ROOT / "crates/core/src").rglob("*.rs")]
+    sources = [re.sub(r"\\\n\s*", "", path.read_text()) for path in SOURCES]
     assert [phrase for phrase in phrases if not any(phrase in source for source in sources)] == []
 
 

@@ -8,7 +8,8 @@ DENY := 0.20.2
 
 .PHONY: demo test wheel bench loading many-contacts floors atlas corpus adapters identify studies study-libraries fuzz training gymnasium viewer check advisories build format clean
 
-# The main job: 1,024 humanoids, beside MuJoCo.
+# The main job: 1,024 humanoids, beside MuJoCo. It compiles the CPU level of this machine alone, in less than half the time of all levels.
+demo: export STEPPER_ONE_LEVEL := native
 demo: build
 	$(BIN)/stepper demo
 

@@ -121,6 +121,7 @@ mod sensing;
 mod stages;
 mod step;
 mod step_derivative;
+mod tuning;
 
 pub use actuation::{ActuatorSpec, Motor, Servo};
 pub use analysis::derived::DerivedQuantity;

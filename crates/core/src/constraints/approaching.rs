@@ -15,12 +15,7 @@ use crate::constraints::equality::RowInput;
 use crate::math::lanes::each_of;
 use crate::math::spatial::*;
 use crate::options::StepSettings;
-
-/// Approach speed below which a touching contact counts as resting, in solver tolerances. A solved contact at rest moves by at most one.
-const RESTING_SPEED_RATIO: f64 = 10.0;
-
-/// Cosine of the angle between two normals of a pair above which both contacts are coplanar. 0.9999 is 0.8 degrees.
-const COPLANAR_COSINE: f64 = 0.9999;
+use crate::tuning::{COPLANAR_COSINE, RESTING_SPEED_RATIO};
 
 /// Normal speed below which a touching contact counts as resting, m/s.
 pub(crate) fn resting_speed(options: &StepSettings) -> f64 {

@@ -17,15 +17,6 @@ use crate::constraints::worst_row::WorstRows;
 use crate::dynamics::inertia::{MassMatrix, NewtonEuler};
 use crate::math::spatial::*;
 
-/// Compliance of a demand of positions, relative to its mobility. A demand along a row that moves as freely as its fellows is met but for a
-/// thousandth; the motion that it asks for is at most 1 / (2 sqrt(DAMPING)), 16 times what it would be if the row did.
-pub(crate) const DAMPING: f64 = 1e-3;
-
-/// Length over which a correction of positions turns its own row, m. The distance that a correction moves, over this length, is added to
-/// its relative compliance: an arm that is stretched towards what it cannot reach would swing to and fro about the end of its reach without
-/// it (the curvature times what is left, which Gauss and Newton's linearisation leaves out; Nocedal & Wright 2006, section 10.3).
-pub(crate) const ARM: f64 = 0.1;
-
 /// The constraint problem of a step, and which of the model's elements its rows belong to.
 #[derive(Clone, Debug)]
 pub struct Constraints<R: Real> {

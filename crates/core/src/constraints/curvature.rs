@@ -20,13 +20,7 @@ use crate::collision::surface_velocity;
 use crate::constraints::constraint_set::{AssemblyInput, Constraints};
 use crate::constraints::equality::RowInput;
 use crate::math::spatial::*;
-
-/// Overlap of a contact beyond which it takes no part, m: that of [`Status::DEEP`](crate::Status::DEEP).
-///
-/// Bodies so deep in one another do not roll, they jam: an impulse along which nothing moves lies within the cone of friction. What the
-/// rows of friction demand must then be the motion of some joints, or no impulse meets it, and those of the solver grow without bound.
-/// Kappa is no such motion: of 16 problems of jammed arms that were not solved, 14 are solved at once with demands that are.
-const DEEP_OVERLAP: f64 = 1e-3;
+use crate::tuning::MAX_CURVED_OVERLAP;
 
 /// A body's velocity field at a contact.
 #[derive(Clone, Copy)]
@@ -62,7 +56,7 @@ impl<R: Real> Constraints<R> {
                 let slot = &contacts.data[k];
                 let n = slot.point.normal;
                 let axes = [n, slot.tangent, cross(n, slot.tangent)];
-                let deep = slot.point.distance.lt(-R::of(DEEP_OVERLAP));
+                let deep = slot.point.distance.lt(-R::of(MAX_CURVED_OVERLAP));
                 let lanes = active.and(R::Mask::from_bits(self.moving)).and_not(deep);
                 let lanes = match self.impacts.last() {
                     Some(impact) => lanes.and_not(impact.lanes),

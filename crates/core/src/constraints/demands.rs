@@ -5,10 +5,7 @@ use stepper_real::{Mask, Real};
 
 use crate::constraints::constraint_set::Constraints;
 use crate::options::{Stabilization, StepSettings};
-
-/// Fastest return to a joint's range from outside by the split form, relative to that of an overlap: it moves positions alone. With the
-/// default of 1 m/s, half a radian takes some 0.07 s.
-const LIMIT_RETURN: f64 = 10.0;
+use crate::tuning::LIMIT_RETURN;
 
 impl<R: Real> Constraints<R> {
     /// The biases of a contact's normal row at distance `phi` (see the module): of the velocity solve and of the position solve. Where a

@@ -22,6 +22,7 @@ use crate::compile::LaneModel;
 use crate::constraints::constraint_set::Constraints;
 use crate::dynamics::inertia::MassMatrix;
 use crate::math::spatial::*;
+use crate::tuning::MIN_REMAINING_LENGTH;
 
 impl<R: Real> Constraints<R> {
     /// Finds the eliminated equalities that share a degree of freedom with `support`. Adds their support to it, with zeros in `column`.
@@ -321,11 +322,6 @@ impl<R: Real> Constraints<R> {
         }
     }
 }
-
-/// Ratio of the squared length of a row after elimination to that before, below which equalities may block its motion. With a thousandth of
-/// the mobility left, impulses are a million times too large and depend on rounding. A light body coupled to a heavy one leaves the same
-/// ratio. Therefore the same ratio also applies to the square of every entry, which decides.
-const MIN_REMAINING_LENGTH: f64 = 1e-6;
 
 /// Ratio of the squared length of a row after elimination to that before, below which the row is projected twice. In 32 bits one projection
 /// leaves an error of 1e-6 along the equalities there. That error moves a light body relative to the heavy one it is coupled to.

@@ -15,15 +15,13 @@ use stepper_real::{Mask, Real, Scalar};
 use stepper_solve::{EntryScales, RowScales, velocity_rounding};
 
 use crate::compile::{Combination, CompiledEquality, EqualityBlock, EqualityRows, LaneModel, ModelStructure, Spring};
-use crate::constraints::constraint_set::{ARM, AssemblyInput, Constraints, DAMPING};
+use crate::constraints::constraint_set::{AssemblyInput, Constraints};
 use crate::constraints::elimination::trace_ratio;
 use crate::dynamics::inertia::MassMatrix;
 use crate::dynamics::kinematics::Kinematics;
 use crate::math::spatial::*;
 use crate::options::{Stabilization, StepSettings};
-
-/// Error that the position solve leaves alone, m or rad: far below what anyone measures, so that a loop at rest costs no second solve.
-const NEGLIGIBLE_ERROR: f64 = 1e-11;
+use crate::tuning::{CORRECTION_ARM, DAMPING, NEGLIGIBLE_ERROR};
 
 /// Three rows, or one in the first component.
 pub(crate) struct EqualityJacobian<R: Real> {
@@ -85,7 +83,7 @@ impl<R: Real> Constraints<R> {
         // directions, which a linearised solve does not know, and their demands would no longer be met at the end of the step.
         let way = self.demands.iter().fold(R::zero(), |most, demand| most.max(demand[2].abs())) * input.assembly.h;
         let split = input.options.stabilization == Stabilization::Split;
-        let damping = if split { R::of(DAMPING) + way * R::of(1.0 / ARM) } else { R::zero() };
+        let damping = if split { R::of(DAMPING) + way * R::of(1.0 / CORRECTION_ARM) } else { R::zero() };
         let entries = EntryScales { squares: &mut self.entry_scales, coefficients: &mut self.coefficient_scales };
         let decided = self.problem.scalars.orthogonalise(
             start..start + block.rows,

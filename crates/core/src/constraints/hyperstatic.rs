@@ -19,25 +19,7 @@ use crate::collision::contact_set::Contacts;
 use crate::compile::ModelStructure;
 use crate::constraints::assembled_rows::AssembledRows;
 use crate::math::spatial::*;
-
-/// Number of contacts between two bodies from which on their forces are not determined.
-const MIN_SHARED_CONTACTS: usize = 3;
-
-/// Speed of a loaded contact from which on it slips, m/s: then friction's torque depends on how the load is distributed.
-const SLIPS: f64 = 1e-6;
-
-/// Length of a row of unit length that is left when others are taken out, below which it is rounding, in 64 bits and in 32.
-const DEPENDENT: [f64; 2] = [1e-7, 1e-6];
-
-/// Part of the largest normal impulse by which a share must change to be changed, in 64 bits and in 32: less is rounding.
-const SHARES_CHANGE: [f64; 2] = [1e-12, 1e-5];
-
-/// Largest number of contacts that are shared together: the work grows with the cube of it.
-const MOST_SHARED: usize = 64;
-
-/// Largest number of contacts of an environment in which a patch that is new is solved by Newton's method: in a heap of ten boxes, whose 45
-/// contacts come and go, that would be half of the step.
-const MOST_NEW: usize = 24;
+use crate::tuning::{DEPENDENT_LENGTH, MAX_NEW_CONTACTS, MAX_SHARED_CONTACTS, MIN_SHARE_CHANGE, MIN_SHARED_CONTACTS, SLIP_SPEED};
 
 /// Patches of all lanes: contacts between the same two bodies, of which at least one is loose.
 #[derive(Clone, Debug)]
@@ -118,7 +100,7 @@ impl<R: Real> Patches<R> {
             patches: Vec::with_capacity(n.div_ceil(MIN_SHARED_CONTACTS) * R::LANES),
             pairs: Vec::with_capacity(n),
             of_contact: Vec::with_capacity(n),
-            points: Vec::with_capacity(n.min(MOST_SHARED)),
+            points: Vec::with_capacity(n.min(MAX_SHARED_CONTACTS)),
             rows: vec![],
             sums: vec![],
             coordinates: vec![],
@@ -183,7 +165,7 @@ impl<R: Real> Patches<R> {
         iterate: &Iterate<R>,
     ) -> R::Mask {
         let mut lanes = 0;
-        for patch in self.patches.iter().filter(|p| contacts.count[p.lane] <= MOST_NEW) {
+        for patch in self.patches.iter().filter(|p| contacts.count[p.lane] <= MAX_NEW_CONTACTS) {
             let own = || patch.contacts::<R>(&self.slots, assembled_slots, problem);
             let unloaded = |i: usize| iterate.contacts[i][0].lane(patch.lane) <= R::Scalar::default();
             let closes = |i: usize| problem.contacts.velocity(&problem.contacts[i], &iterate.w)[0].lane(patch.lane) < R::Scalar::default();
@@ -213,7 +195,7 @@ impl<R: Real> Patches<R> {
         let Self { patches, slots, velocities, .. } = self;
         for patch in patches.iter_mut().filter(|p| all >> p.lane & 1 == 1) {
             let lane = patch.lane;
-            let slips = |i: usize| iterate.contacts[i][0].lane(lane).to_f64() > 0.0 && slip(of_lane(&velocities[i], lane)) > SLIPS;
+            let slips = |i: usize| iterate.contacts[i][0].lane(lane).to_f64() > 0.0 && slip(of_lane(&velocities[i], lane)) > SLIP_SPEED;
             patch.slips = patch.contacts::<R>(slots, assembled.slots, assembled.problem).any(slips);
             slipping |= u32::from(patch.slips) << lane;
         }
@@ -255,7 +237,7 @@ impl<R: Real> Patches<R> {
                     slips |= self.patches[p].slips;
                 }
             }
-            if slips && self.points.len() <= MOST_SHARED && self.distribute(lane, assembled.problem) {
+            if slips && self.points.len() <= MAX_SHARED_CONTACTS && self.distribute(lane, assembled.problem) {
                 self.scatter(lane, assembled.problem, iterate);
                 changed = true;
             }
@@ -269,7 +251,7 @@ impl<R: Real> Patches<R> {
         let lane = patches[patch].lane;
         for i in patches[patch].contacts::<R>(slots, assembled.slots, assembled.problem) {
             let (velocity, before) = (of_lane(&velocities[i], lane), iterate.contacts[i][0].lane(lane).to_f64());
-            points.push(Point { contact: i, velocity, before, shared: 0.0, free: before > 0.0 || velocity[0] <= SLIPS });
+            points.push(Point { contact: i, velocity, before, shared: 0.0, free: before > 0.0 || velocity[0] <= SLIP_SPEED });
         }
     }
 
@@ -310,7 +292,7 @@ impl<R: Real> Patches<R> {
                 (p.free, p.shared, negative) = (false, 0.0, true);
             }
             if !negative {
-                return self.points.iter().any(|p| (p.shared - p.before).abs() > SHARES_CHANGE[precision::<R>()] * most);
+                return self.points.iter().any(|p| (p.shared - p.before).abs() > MIN_SHARE_CHANGE[precision::<R>()] * most);
             }
         }
         false
@@ -354,7 +336,7 @@ impl<R: Real> Patches<R> {
     fn least_norm(&mut self, total: f64) -> bool {
         let Self { points, rows, sums, done, .. } = self;
         let (n, m) = (points.len(), sums.len());
-        let dependent = DEPENDENT[precision::<R>()];
+        let dependent = DEPENDENT_LENGTH[precision::<R>()];
         points.iter_mut().for_each(|p| p.shared = 0.0);
         done.clear();
         done.resize(m, false);
@@ -382,7 +364,7 @@ impl<R: Real> Patches<R> {
             let lambda = &mut iterate.contacts[p.contact];
             let most = p.shared * problem.contacts[p.contact].mu.lane(lane).to_f64();
             let slip = slip(p.velocity);
-            let friction = if slip > SLIPS {
+            let friction = if slip > SLIP_SPEED {
                 [-p.velocity[1] / slip * most, -p.velocity[2] / slip * most]
             } else {
                 let held = [lambda[1].lane(lane).to_f64(), lambda[2].lane(lane).to_f64()];

@@ -13,9 +13,7 @@
 use stepper_real::{Mask, Real};
 
 use crate::options::StepSettings;
-
-/// Part of a step after its end in which an impact still counts as one of it.
-const END_TOLERANCE: f64 = 1e-6;
+use crate::tuning::END_TOLERANCE;
 
 /// The flight of a contact through a step.
 #[derive(Clone, Copy, Debug)]

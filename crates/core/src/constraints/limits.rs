@@ -6,10 +6,7 @@ use crate::compile::LaneModel;
 use crate::constraints::constraint_set::{AssemblyInput, Constraints};
 use crate::dynamics::inertia::MassMatrix;
 use crate::options::StepSettings;
-
-/// How far a joint limit is looked ahead beyond what the free velocity closes, rad or m: impulses of contacts can turn a joint towards its
-/// limit in the same step.
-pub(crate) const LIMIT_SLACK: f64 = 0.01;
+use crate::tuning::LIMIT_LOOK_AHEAD;
 
 impl<R: Real> Constraints<R> {
     /// Limits: the nearer end of each range, where it can be reached within the step.
@@ -31,7 +28,7 @@ impl<R: Real> Constraints<R> {
             let phi = R::select(low, below, above);
             let v = assembly.v_free[limit.dof] * sign;
             let closing = (-v).max(R::zero()) * (assembly.h + assembly.h);
-            let active = assembly.alive.and(phi.le(closing + R::of(LIMIT_SLACK)));
+            let active = assembly.alive.and(phi.le(closing + R::of(LIMIT_LOOK_AHEAD)));
             if active.none() {
                 self.scalar_impulse[i] = R::zero();
                 continue;

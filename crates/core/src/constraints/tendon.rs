@@ -5,9 +5,9 @@ use stepper_real::{Mask, Real};
 use crate::compile::CompiledTendon;
 use crate::constraints::constraint_set::Constraints;
 use crate::constraints::equality::{RowInput, RowLaw, SpringRow, limit_law, spring_law};
-use crate::constraints::limits::LIMIT_SLACK;
 use crate::dynamics::kinematics::quat_at;
 use crate::math::spatial::*;
+use crate::tuning::LIMIT_LOOK_AHEAD;
 
 impl<R: Real> Constraints<R> {
     /// Adds the rows of all tendons that have some.
@@ -64,7 +64,7 @@ impl<R: Real> Constraints<R> {
     fn reach(&mut self, input: RowInput<'_, R>, phi: R, free: R) -> Option<(R::Mask, R, R)> {
         let h = input.assembly.h;
         let closing = (-free).max(R::zero()) * (h + h);
-        let active = input.assembly.alive.and(phi.le(closing + R::of(LIMIT_SLACK)));
+        let active = input.assembly.alive.and(phi.le(closing + R::of(LIMIT_LOOK_AHEAD)));
         if active.none() {
             return None;
         }

@@ -12,9 +12,7 @@ use crate::math::spatial::*;
 use crate::options::StepSettings;
 use crate::stages::s05_solve::solve_to;
 use crate::stages::s06_integrate_velocity::integrate_velocity;
-
-/// Residual above which the impulses are not trusted, m/s. The energy of the lane is then limited, as in a step that is too long.
-const MAX_TRUSTED_RESIDUAL: f64 = 1e-2;
+use crate::tuning::{MAX_TRUSTED_RESIDUAL, TARGET_RATIO};
 
 /// Lanes whose impulses do not determine the kinetic energy.
 ///
@@ -31,9 +29,6 @@ pub(crate) fn ambiguous<R: Real>(options: &StepSettings, s: &Workspace<R>, resid
         },
     )
 }
-
-/// Residual of the second solve, relative to the largest residual at which the impulses determine the energy.
-const TARGET_RATIO: f64 = 0.1;
 
 /// Solves lanes again whose residual meets the tolerance but leaves the energy ambiguous.
 ///

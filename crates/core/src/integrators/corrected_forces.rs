@@ -14,6 +14,7 @@ use crate::probe::{Probe, Span};
 use crate::stages::s01_actuate::actuate;
 use crate::stages::s04_assemble::assemble_demands;
 use crate::stages::s05_solve::Estimate;
+use crate::tuning::MAX_IMPACT_ROTATION;
 
 /// Compares where servos are on their bounds with what an estimate of the impulses says, which takes the place of those of the last step
 /// where the two differ. Returns whether they do in any lane.
@@ -117,9 +118,6 @@ pub(crate) fn take_forces_again<R: Real>(compiled: &LaneModel<R>, scheme: &Schem
     assemble_demands(compiled, &s.free_motion.smooth.mass, &mut s.constraints, &mut s.work.free_change, None, everywhere);
 }
 
-/// Turn by a blow within the step beyond which the velocity after it says nothing of the forces in it, rad.
-const MAX_BLOW_TURN: f64 = 0.1;
-
 /// Leaves the `change` by impulses out of what is to be expected in lanes in which it turns by so much that it makes the motion faster than
 /// the step resolves: forces of that motion would feed it.
 fn leave_out_blows<R: Real>(scheme: &Scheme<R>, v_free: &[R], change: &mut [R]) {
@@ -132,7 +130,7 @@ fn leave_out_blows<R: Real>(scheme: &Scheme<R>, v_free: &[R], change: &mut [R]) 
                 free = free.max(v.abs());
                 pushed = pushed.max((v + change).abs());
             }
-            let blow = (scheme.h * most).gt(R::of(MAX_BLOW_TURN)).and(pushed.gt(free));
+            let blow = (scheme.h * most).gt(R::of(MAX_IMPACT_ROTATION)).and(pushed.gt(free));
             if blow.any() {
                 for change in change {
                     *change = R::select(blow, R::zero(), *change);

@@ -11,6 +11,7 @@ use crate::integrators::workspace::Workspace;
 use crate::probe::{Counter, Probe, Span};
 use crate::stages::s01_actuate::{actuate, advance_activation, regather};
 use crate::stages::s03_detect::detect;
+use crate::tuning::SATURATION_PASSES;
 
 /// Stage 3. Returns the lanes that are taken too far from the beginning of the step.
 #[inline(always)]
@@ -117,9 +118,6 @@ pub(crate) fn implicit<'a, R: Real>(
     let servos: &[R] = if scheme.corrects || compiled.actuator_dynamics > 0 { &actuator_forces.weight } else { &[] };
     Implicit { weights: scheme.joints(compiled), servos, arms: &actuator_forces.arms, drag_at: scheme.corrects.then_some(v) }
 }
-
-/// How often servos are looked at again after others have reached their bounds.
-const SATURATION_PASSES: usize = 4;
 
 /// Takes the stiffness from servos whose force would exceed its bounds, and with it the mass matrix that they had part in.
 fn saturate_servos<R: Real>(compiled: &LaneModel<R>, scheme: &Scheme<R>, s: &mut Workspace<R>) {

@@ -22,22 +22,7 @@ use crate::probe::{Probe, Span};
 use crate::stages::s04_assemble::assemble_demands;
 use crate::stages::s05_solve::solve;
 use crate::stages::s06_integrate_velocity::integrate_velocity;
-
-/// Change of a link's velocity by the jump in inertial forces from which on it is worth a second solution, rad/s or m/s.
-const MIN_VELOCITY_ERROR: f64 = 1e-5;
-
-/// So many times what smooth forces change in a step makes a change an impact: below that, the error of the rule is that of the smooth
-/// motion.
-const MIN_IMPACT_RATIO: f64 = 10.0;
-/// Turn within a step beyond which the velocity after the step says nothing of the forces in it, rad: then another solution is no better.
-const MAX_RESOLVED_TURN: f64 = 0.02;
-/// Solutions at the most: each takes the inertial forces at the velocity of the one before, which errs by the time step times as much.
-const PASSES: usize = 3;
-
-/// Placements at the time of the first impact at the most. Newton's method: bodies that pass one another obliquely come near along a curve.
-const PLACEMENTS: usize = 4;
-/// Part of a step within which the time of the impact is that of the placement.
-const PLACEMENT_TOLERANCE: f64 = 1e-3;
+use crate::tuning::{IMPACT_PASSES, MAX_PLACEMENTS, MAX_RESOLVED_ROTATION, MIN_IMPACT_RATIO, MIN_VELOCITY_ERROR, PLACEMENT_TOLERANCE};
 
 /// Takes the lanes in which elastic contacts strike at the time of the first impact.
 pub(crate) fn place_at_impacts<R: Real>(
@@ -48,7 +33,7 @@ pub(crate) fn place_at_impacts<R: Real>(
     probe: impl Probe,
 ) {
     s.impacts.lanes = R::Mask::splat(false);
-    for pass in 0..PLACEMENTS {
+    for pass in 0..MAX_PLACEMENTS {
         let elastic = |k: usize| s.evaluation.contacts.elastic(k).any();
         if !(0..s.evaluation.contacts.slots()).any(elastic) {
             return;
@@ -186,7 +171,7 @@ pub(crate) fn solve_impacts<R: Real>(
     s: &mut Workspace<R>,
     mut outcome: Outcome<R>,
 ) -> Outcome<R> {
-    for pass in 0..PASSES {
+    for pass in 0..IMPACT_PASSES {
         let lanes = lanes_to_solve_again(scheme, s, pass == 0);
         if lanes.none() {
             break;
@@ -215,7 +200,7 @@ fn lanes_to_solve_again<R: Real>(scheme: &Scheme<R>, s: &Workspace<R>, first: bo
             }
             let apart = if first { pushed * pushed * R::of(0.25) } else { R::zero() };
             let change = jump.max(pushed);
-            let impact = change.gt(smooth * R::of(MIN_IMPACT_RATIO)).and((scheme.h * change).lt(R::of(MAX_RESOLVED_TURN)));
+            let impact = change.gt(smooth * R::of(MIN_IMPACT_RATIO)).and((scheme.h * change).lt(R::of(MAX_RESOLVED_ROTATION)));
             let matters = impact.and((scheme.h * (jump * fastest).max(apart)).gt(R::of(MIN_VELOCITY_ERROR)));
             // Equalities near singular positions change as suddenly, but nothing strikes there.
             let slots = s.constraints.slots.iter().map(|slot| slot.1).chain(s.constraints.rolling_slots.iter().map(|slot| slot.1));

@@ -16,7 +16,6 @@ use stepper_real::{Mask, Real, Scalar};
 use crate::collision::contact_set::Contacts;
 use crate::compile::{LaneModel, ModelStructure};
 use crate::constraints::islands::Islands;
-use crate::constraints::{ARM, DAMPING};
 use crate::dynamics::mocap;
 use crate::integrators::scheme::Scheme;
 use crate::integrators::workspace::Workspace;
@@ -24,13 +23,7 @@ use crate::math::lanes::each_of;
 use crate::options::StepSettings;
 use crate::probe::NoProbe;
 use crate::stages::s03_detect::detect;
-
-/// Relative decrease of the penalties below which a correction is reverted. Evidence: a wheel 0.1 m inside the base of Unitree's G1-D
-/// decreases them by less than 1e-7 per step. With 0.1 ms, a slide between two walls still reaches 0.5 % of their middle.
-const MIN_DECREASE: f64 = 2e-7;
-
-/// Lower bound on this relative decrease, in machine epsilons of the lanes: depths are differences of positions.
-const MIN_DECREASE_ROUNDINGS: f64 = 1e3;
+use crate::tuning::{CORRECTION_ARM, DAMPING, MIN_BAUMGARTE, MIN_DECREASE, MIN_DECREASE_ROUNDINGS};
 
 /// Reverts the correction in `work.q_corrected`, in the lanes `infeasible`, for islands whose overlap it does not reduce.
 #[cold]
@@ -87,12 +80,9 @@ pub(crate) fn revert_ineffective_corrections<R: Real>(
     }
 }
 
-/// Least fraction of an overlap that counts as removed per step; keeps the division below finite without correction.
-const MIN_BAUMGARTE: f64 = 2e-7;
-
 /// Penalty of an overlap, or of a joint limit violation as a length, of `x` m.
 fn penalty(options: &StepSettings, x: f64) -> f64 {
-    let x0 = DAMPING * ARM / options.baumgarte.max(MIN_BAUMGARTE);
+    let x0 = DAMPING * CORRECTION_ARM / options.baumgarte.max(MIN_BAUMGARTE);
     x - x0 * (x / x0).ln_1p()
 }
 
@@ -125,13 +115,13 @@ fn add_overlaps<R: Real>(
     }
 }
 
-/// Adds to each island the penalties of joint limit violations. One radian counts as the length [`ARM`].
+/// Adds to each island the penalties of joint limit violations. One radian counts as the length [`CORRECTION_ARM`].
 fn add_limits<R: Real>(compiled: &LaneModel<R>, options: &StepSettings, q: &[R], lane: usize, islands: &mut Islands, pose: usize) {
     for (i, limit) in compiled.limits.iter().enumerate() {
         let [lowest, highest] = compiled.params.limit(i);
         let violation = (lowest - q[limit.q]).max(q[limit.q] - highest).lane(lane).to_f64() - options.slop;
         if violation > 0.0 {
-            islands.add_penalty([Some(compiled.dofs[limit.dof].tree), None], pose, penalty(options, ARM * violation));
+            islands.add_penalty([Some(compiled.dofs[limit.dof].tree), None], pose, penalty(options, CORRECTION_ARM * violation));
         }
     }
 }

@@ -27,23 +27,14 @@ use crate::stages::s05_solve::{fastest, is_estimated};
 use crate::stages::s06_integrate_velocity::integrate_velocity;
 use crate::stages::s07_integrate_position::integrate_position;
 use crate::stages::s08_stabilise::{Solved, damp_rows, find_correction};
+use crate::tuning::{BOUND_DISTANCE, EXPECTED_VELOCITY_WEIGHT, SOLVED_RESIDUAL};
 
 /// Number of a constraint that is none.
 const NOBODY: u64 = u64::MAX;
 
-/// Residual with which a step counts as solved, m/s: modes are certain, and what the response is wrong by is of this order.
-const SOLVED: f64 = 1e-9;
-
-/// Weight of an error of the expected velocity, relative to the motion within the step, rad or m: estimates are the rougher the less moves,
-/// since inertial forces are quadratic in velocities. At 1e2 their error counts with 1e-11 m/s.
-const EXPECTED: f64 = 1e2;
-
-/// Part of the bounds of a correction of positions that it may not come near to, so that beside the state it is within them, too.
-const NEAR_BOUND: f64 = 1e-3;
-
 /// Lanes in which a residual is that of a solution.
 pub(crate) fn is_solved<R: Real>(options: &StepSettings, residual: R) -> R::Mask {
-    residual.le(R::of(SOLVED.max(10.0 * options.tolerance)))
+    residual.le(R::of(SOLVED_RESIDUAL.max(10.0 * options.tolerance)))
 }
 
 /// A solution with hard contact, and how its impulses follow the rows.
@@ -130,7 +121,7 @@ impl<R: Real> HardResponse<R> {
         let estimated = is_estimated(&s.state.v, self.scheme.h).bits();
         // What rests expects the velocity by the impulses of the step before.
         let follows = if matters { estimated & self.has_expected(options, s, R::one()).bits() } else { !estimated };
-        let inertia = self.has_expected(options, s, self.scheme.h * fastest(&s.state.v) * R::of(EXPECTED));
+        let inertia = self.has_expected(options, s, self.scheme.h * fastest(&s.state.v) * R::of(EXPECTED_VELOCITY_WEIGHT));
         lanes & (follows | if matters { 0 } else { inertia.bits() })
     }
 
@@ -277,7 +268,7 @@ impl<R: Real> HardResponse<R> {
         let excess = find_correction(compiled, options, &solved, room.iterate, &s.next.v, &mut s.work.correction);
         if let Pass::Solve { lanes } = pass {
             // Slowed down, it follows from its fastest joint.
-            *lanes &= !self.corrected | excess.lt(R::of(1.0 - NEAR_BOUND)).bits();
+            *lanes &= !self.corrected | excess.lt(R::of(1.0 - BOUND_DISTANCE)).bits();
         }
         displace(compiled, &s.next.q, &s.work.correction, self.scheme.h, &mut s.work.q_corrected);
         let corrected = R::Mask::from_bits(self.corrected);

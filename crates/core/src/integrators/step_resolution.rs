@@ -22,35 +22,10 @@ use crate::dynamics::inertia::{NewtonEuler, link_forces};
 use crate::dynamics::kinematics::{Kinematics, kinetic_energy};
 use crate::math::spatial::*;
 use crate::model::JointKind;
-
-/// Joint rotation per step above which the convergence of the corrector is checked, rad.
-const FAST_ROTATION: f64 = 0.5;
-
-/// Largest joint rotation per step after an unresolved step, rad.
-const MAX_ROTATION: f64 = 1.0;
-
-/// Change of the velocity by the corrector, relative to the velocity, above which it has not converged.
-const MAX_RELATIVE_CHANGE: f64 = 0.25;
-
-/// Joint rotation per step above which the energy balance may be computed, rad. Chains that gain energy rotate by 0.07 and more.
-const BALANCE_ROTATION: f64 = 0.05;
-
-/// Change of the velocity by the corrector, relative to the velocity, above which the energy balance is computed. Evidence: robots under
-/// random control exceed it in less than 1 % of their steps. Chains of 5 to 40 links that gain a tenth of their energy exceed it in the
-/// steps that gain most.
-const BALANCE_RELATIVE_CHANGE: f64 = 0.05;
-
-/// Relative growth rate of the kinetic energy by the error of the step above which the step is unresolved, 1/s. Evidence: eleven chains
-/// that gain more than a tenth within 0.1 s reach 10 to 300 / s. Twelve robots under random control at 2, 5 and 10 ms stay below 8 / s
-/// without impacts.
-const MAX_GROWTH_RATE: f64 = 10.0;
-
-/// Upper bound on this growth in one step, relative to the kinetic energy.
-const MAX_GROWTH: f64 = 0.1;
-
-/// Change of the velocity by constraints, relative to the velocity, above which the allowed growth is doubled. Impulses act at one
-/// configuration of the step, so that an impact changes the energy with either sign. Evidence: up to 15 / s at 10 ms.
-const IMPACT_RELATIVE_CHANGE: f64 = 0.1;
+use crate::tuning::{
+    BALANCE_RELATIVE_CHANGE, BALANCE_ROTATION, FAST_ROTATION, IMPACT_RELATIVE_CHANGE, MAX_GROWTH, MAX_GROWTH_RATE, MAX_IMPULSE_ROTATION,
+    MAX_RELATIVE_CHANGE, MAX_ROTATION,
+};
 
 /// Lanes in which the corrector has not converged, and lanes that need an energy balance.
 ///
@@ -78,9 +53,6 @@ pub fn assess_corrector<R: Real>(compiled: &LaneModel<R>, v: &[R], v_free: &[R],
         },
     )
 }
-
-/// Joint rotation per step by constraint impulses above which the step is unresolved, rad.
-const MAX_IMPULSE_ROTATION: f64 = std::f64::consts::PI;
 
 /// Lanes in which constraint impulses rotate a hinge or ball joint by more than half a turn per step.
 ///

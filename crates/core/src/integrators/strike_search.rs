@@ -11,9 +11,7 @@ use crate::constraints::constraint_set::Constraints;
 use crate::dynamics::kinematics::Kinematics;
 use crate::math::lanes::each_of;
 use crate::options::StepSettings;
-
-/// Difference of two times of first touch, as a fraction of the path, below which both pairs count as first.
-const SIMULTANEOUS_FRACTION: f64 = 2e-3;
+use crate::tuning::SIMULTANEOUS_FRACTION;
 
 /// Candidate pairs of deferred contacts, and the lanes in which they collide.
 #[derive(Clone, Debug)]

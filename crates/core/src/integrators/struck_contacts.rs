@@ -12,16 +12,7 @@ use crate::integrators::workspace::{Evaluation, Workspace};
 use crate::options::StepSettings;
 use crate::stages::s05_solve::{Estimate, solve};
 use crate::stages::s06_integrate_velocity::integrate_velocity;
-
-/// Number of solves that activate pairs in order of first touch. Later solves activate every colliding pair.
-const ORDERED_PASSES: usize = 6;
-
-/// Largest number of predictions that activate pairs. The solves of stage 5 activate the others.
-const MAX_PREDICTIONS: usize = 3;
-
-/// Fraction of the linearised overlap that the true overlap must exceed in a predicted motion. A prediction leaves part of gravity
-/// unsupported: less than a tenth of a fast approach.
-const PREDICTED_MARGIN: f64 = 0.1;
+use crate::tuning::{MAX_PREDICTIONS, ORDERED_PASSES, PREDICTED_MARGIN};
 
 /// Activates the contacts that collide in the predicted motion, and repeats the prediction with them.
 #[inline(always)]

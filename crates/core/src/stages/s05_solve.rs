@@ -8,6 +8,10 @@ use crate::compile::LaneModel;
 use crate::constraints::{AssembledRows, Constraints, SolverWorkspace};
 use crate::math::spatial::*;
 use crate::options::{Solver, StepSettings};
+use crate::tuning::{
+    ESTIMATE_ERROR, ESTIMATE_ITERATIONS, ESTIMATE_RATIO, MAX_ESTIMATE_TOLERANCE, MIN_TOLERANCE, RELATIVE_TOLERANCE, REST_MOTION,
+    ROUGH_ITERATIONS, ROUGH_MOTION, STRUCTURE_MOTION,
+};
 
 /// Solves the lanes `lanes` to the tolerance and leaves the impulses where the next step finds its warm start.
 ///
@@ -106,33 +110,6 @@ fn share_loads<R: Real>(
     }
 }
 
-/// Sweeps of a rough estimate: trajectories have the errors that they have with an estimate that is solved for
-/// (docs/decisions/visible_state.md).
-const ROUGH_SWEEPS: u32 = 2;
-
-/// Motion within a step, rad or m, from which on a rough estimate is enough where there are several trees: what moves less may be a
-/// structure of many bodies, which only the impulses of the step before hold.
-const STRUCTURE_MOTION: f64 = 1e-3;
-
-/// Motion within a step, rad or m, up to which a rough estimate is enough: in a longer step an error of the velocity feeds the motion.
-const ROUGH_MOTION: f64 = 0.3;
-
-/// Sweeps of an estimate that is solved for, at the most.
-const ESTIMATE_SWEEPS: u32 = 16;
-
-/// Tolerated error of the free velocity due to an estimate that is solved for, m/s, and beside the tolerance of the step: of who asks for
-/// less than the default, the estimate is as much better. An error d of the estimated velocity changes the effect of inertial forces by
-/// about h |v| d, so sweeps stop at ESTIMATE_ERROR / (h |v|).
-const ESTIMATE_ERROR: f64 = 1e-5;
-const ESTIMATE_RATIO: f64 = 10.0;
-
-/// Motion within a step (h times the fastest velocity, rad or m) below which inertial forces are negligible: such a lane is at rest and
-/// makes no sweeps.
-const REST_MOTION: f64 = 1e-6;
-
-/// Loosest tolerance of an estimate that is solved for, m/s.
-const ROUGHEST_ESTIMATE: f64 = 1e-2;
-
 /// How the impulses of a step are estimated before forces that depend on the velocity are taken.
 #[derive(Clone, Copy, Debug)]
 pub struct Estimate<R: Real> {
@@ -158,8 +135,8 @@ impl<R: Real> Estimate<R> {
             #[inline(always)]
             || {
                 let turn = h * fastest(v);
-                let slow = (turn * R::of(ROUGHEST_ESTIMATE)).le(R::of(error));
-                let tolerance = R::select(slow, R::of(ROUGHEST_ESTIMATE), R::of(error) / R::select(slow, R::one(), turn));
+                let slow = (turn * R::of(MAX_ESTIMATE_TOLERANCE)).le(R::of(error));
+                let tolerance = R::select(slow, R::of(MAX_ESTIMATE_TOLERANCE), R::of(error) / R::select(slow, R::one(), turn));
                 let moving = is_moving(turn);
                 let rough = turn.gt(R::of(least)).and(turn.lt(R::of(ROUGH_MOTION))).and_not(constraints.patches.lanes());
                 Self { moving, rough: if exact { R::Mask::splat(false) } else { rough }, tolerance }
@@ -181,10 +158,10 @@ impl<R: Real> Estimate<R> {
         let Constraints { problem, iterate, .. } = constraints;
         let [rough, solved] = [lanes.and(self.rough), lanes.and_not(self.rough)];
         if rough.any() {
-            stepper_solve::gauss_seidel::sweep_from_none(problem, iterate, ROUGH_SWEEPS, rough);
+            stepper_solve::gauss_seidel::sweep_from_none(problem, iterate, ROUGH_ITERATIONS, rough);
         }
         if solved.any() {
-            let sweeps = if options.is_tight() { ESTIMATE_SWEEPS.max(options.iterations) } else { ESTIMATE_SWEEPS };
+            let sweeps = if options.is_tight() { ESTIMATE_ITERATIONS.max(options.iterations) } else { ESTIMATE_ITERATIONS };
             let settings = stepper_solve::gauss_seidel::SweepSettings { sweeps, tolerance: self.tolerance };
             stepper_solve::gauss_seidel::estimate(problem, iterate, settings, solved, solved.and(self.moving));
         }
@@ -224,13 +201,6 @@ pub(crate) fn fastest<R: Real>(v: &[R]) -> R {
     fastest
 }
 
-/// Residual relative to the speed of the fastest degree of freedom. A residual of r moves joints at up to some 60 r (measured on ants at
-/// rest), so that this lets what creeps decay.
-const RELATIVE_TOLERANCE: f64 = 1e-3;
-
-/// Least residual at which a lane with patches stops, m/s, in 64 bits.
-const LEAST_TOLERANCE: f64 = 1e4 * f64::EPSILON;
-
 /// Residual at which each lane stops, m/s; never below what rounding leaves of velocities of order one. In 32 bits that is more than the
 /// default tolerance, at which heavy boxes creep into light ones below them: lanes with `patches` go on.
 fn tolerance<R: Real>(options: &StepSettings, v: &[R], patches: R::Mask) -> R {
@@ -238,7 +208,7 @@ fn tolerance<R: Real>(options: &StepSettings, v: &[R], patches: R::Mask) -> R {
         #[inline(always)]
         || {
             let epsilon = <R::Scalar as Scalar>::EPSILON.to_f64();
-            let least = R::select(patches, R::of((10.0 * epsilon).max(LEAST_TOLERANCE)), R::of(1e4 * epsilon));
+            let least = R::select(patches, R::of((10.0 * epsilon).max(MIN_TOLERANCE)), R::of(1e4 * epsilon));
             (fastest(v) * R::of(RELATIVE_TOLERANCE)).max(least).min(R::of(options.tolerance))
         },
     )

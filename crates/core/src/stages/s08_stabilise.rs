@@ -14,48 +14,17 @@ use stepper_solve::{Damping, Iterate, Outcome, Problem, Settings, System};
 
 use crate::collision::contact_set::Contacts;
 use crate::compile::{LaneModel, ModelStructure};
-use crate::constraints::{ARM, AssembledRows, DAMPING, SolverWorkspace};
+use crate::constraints::{AssembledRows, SolverWorkspace};
 use crate::dynamics::inertia::MassMatrix;
 use crate::dynamics::kinematics::displace;
 use crate::math::lanes::each_of;
 use crate::math::spatial::*;
 use crate::model::JointKind;
 use crate::options::{Solver, Stabilization, StepSettings};
-
-/// Residual that is enough for a correction, m/s: a fraction of a micrometre a step, and the next step sees what is left of the overlap.
-/// Who asks for less than the default tolerance wants the step as a smooth function, and gets this many times what was asked for.
-const CORRECTION_TOLERANCE: f64 = 1e-4;
-const CORRECTION_RATIO: f64 = 100.0;
-
-/// Correction below which who wants a smooth step has no damping, m/s or rad/s: rounding leaves 1e-14 of demands that are the same, and
-/// whether a contact that corrects nothing is damped matters where others move it (1e-8 m of a quadruped's step).
-const NEGLIGIBLE_CORRECTION: f64 = 1e-12;
-
-/// Residual above which Newton's method goes on where sweeps stop, m/s: they can leave a hundredth of a radian a step where two limbs are
-/// jammed. Below it, it would cost more than the correction is worth (humanoids under random control: 4 % of the step).
-const NEWTON_THRESHOLD: f64 = 1e-2;
-
-/// Sweeps from the impulses of stage 5, which differ by the correction alone, to [`CORRECTION_TOLERANCE`].
-const SWEEPS: u32 = 10;
-
-/// Newton steps of an island that is corrected, at the most. With 5 a gripper that begins within its palm stays where it is, with 6 it
-/// gives way (test_impossible_demands.py): the convex problem of the first slips takes as many. Of 120 jammed pairs of arms 8 and 50 leave
-/// the same overlaps after a second, within 0.1 %, and a Stretch that begins jammed is not solved by 700 either.
-const NEWTON_STEPS: u32 = 8;
-
-/// Bound of what a correction moves, relative to `max_correction_speed`; of what it turns, over the length ARM: 5 m/s and 50 rad/s by
-/// default.
-const MAX_SPEED_RATIO: f64 = 5.0;
-
-/// Largest turn of a joint by the correction of one step, rad: farther away the rows say nothing of where positions go.
-const LARGEST_TURN: f64 = 1.0;
-
-/// Change of a velocity by constraints, relative to the bounds of a correction, that may be Baumgarte's bias at its worst: 20 m/s or 200
-/// rad/s by default.
-const BAUMGARTE_LIMIT: f64 = 4.0;
-
-/// Demand that is worth a proof that it cannot be met, m/s.
-const MIN_UNMET_DEMAND: f64 = 1e-2;
+use crate::tuning::{
+    BAUMGARTE_LIMIT, CORRECTION_ARM, CORRECTION_ITERATIONS, CORRECTION_NEWTON_STEPS, CORRECTION_NEWTON_THRESHOLD, CORRECTION_RATIO,
+    CORRECTION_TOLERANCE, DAMPING, MAX_CORRECTION_ROTATION, MAX_SPEED_RATIO, MIN_UNMET_DEMAND, NEGLIGIBLE_CORRECTION,
+};
 
 /// Bounds of the motion of a correction.
 #[derive(Clone, Copy, Debug)]
@@ -70,14 +39,14 @@ impl<R: Real> Bounds<R> {
     #[inline(always)]
     fn new(options: &StepSettings, h: R) -> Self {
         let shift = R::of((MAX_SPEED_RATIO * options.max_correction_speed).max(1e-9));
-        Self { shift, turn: (shift * R::of(1.0 / ARM)).min(R::of(LARGEST_TURN) / h) }
+        Self { shift, turn: (shift * R::of(1.0 / CORRECTION_ARM)).min(R::of(MAX_CORRECTION_ROTATION) / h) }
     }
 
     /// Changes of velocities beyond which Baumgarte's bias is held for their cause, whatever the time step.
     #[inline(always)]
     fn absurd(options: &StepSettings) -> Self {
         let shift = R::of((BAUMGARTE_LIMIT * MAX_SPEED_RATIO * options.max_correction_speed).max(1e-9));
-        Self { shift, turn: shift * R::of(1.0 / ARM) }
+        Self { shift, turn: shift * R::of(1.0 / CORRECTION_ARM) }
     }
 
     /// Bound of each degree of freedom of a joint: shifts come first in a free joint.
@@ -213,7 +182,12 @@ fn correct<R: Real>(
     let tight = CORRECTION_RATIO * options.tolerance;
     let (tolerance, sweeps, newton, rough) = match options.is_tight() {
         true => (tight, sweeps, newton, tight),
-        false => (options.tolerance.max(CORRECTION_TOLERANCE), sweeps.min(SWEEPS), newton.min(NEWTON_STEPS), NEWTON_THRESHOLD),
+        false => (
+            options.tolerance.max(CORRECTION_TOLERANCE),
+            sweeps.min(CORRECTION_ITERATIONS),
+            newton.min(CORRECTION_NEWTON_STEPS),
+            CORRECTION_NEWTON_THRESHOLD,
+        ),
     };
     let newton = if options.solver == Solver::Newton { options.iterations } else { newton };
     let threshold = if options.solver == Solver::Newton { tolerance } else { tolerance.max(rough) };
@@ -249,7 +223,7 @@ pub(crate) fn damp_rows<R: Real>(
     room: &mut SolverWorkspace<'_, R>,
 ) {
     let negligible = R::of(if options.is_tight() { NEGLIGIBLE_CORRECTION } else { 0.0 });
-    let damping = Damping { ratio: R::of(DAMPING), bending: solved.h * R::of(1.0 / ARM), negligible };
+    let damping = Damping { ratio: R::of(DAMPING), bending: solved.h * R::of(1.0 / CORRECTION_ARM), negligible };
     R::vectorize(
         #[inline(always)]
         || {

@@ -18,10 +18,7 @@ use crate::options::{Integrator, StepSettings};
 use crate::probe::{Counter, Probe, Span};
 use crate::stages::s01_actuate::actuate;
 use crate::stages::s03_detect::detect;
-
-/// Time by which contacts are looked ahead where a step is differentiated, s: displaced states have the contacts of the solution, also
-/// where these open. Gravity alone covers ten displacements in it.
-const LOOK_AHEAD: f64 = 1e-3;
+use crate::tuning::LOOK_AHEAD;
 
 /// Stages 1 to 5 at the state in `s.state`: the acceleration with constraints, left in the soft system. It starts from the impulse of the
 /// last step, or from the acceleration before.

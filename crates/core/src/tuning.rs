@@ -1,0 +1,254 @@
+//! Constants of the step: thresholds, bounds and iteration counts, each with its unit and its evidence.
+//!
+//! Users cannot change these numbers. [`crate::options`] has those that they can.
+
+// Stage 5: the estimate of impulses before forces that depend on the velocity are computed.
+
+/// Gauss-Seidel iterations of a rough estimate. Trajectories have the same errors as with a solved estimate
+/// (docs/decisions/visible_state.md).
+pub(crate) const ROUGH_ITERATIONS: u32 = 2;
+
+/// Motion within a step below which several trees get a solved estimate, rad or m. They may be a structure of many bodies, which only the
+/// impulses of the last step support.
+pub(crate) const STRUCTURE_MOTION: f64 = 1e-3;
+
+/// Motion within a step above which a rough estimate is not enough, rad or m. In a longer step an error of the velocity feeds the motion.
+pub(crate) const ROUGH_MOTION: f64 = 0.3;
+
+/// Largest number of Gauss-Seidel iterations of a solved estimate.
+pub(crate) const ESTIMATE_ITERATIONS: u32 = 16;
+
+/// Error of the free velocity by a solved estimate, m/s, at the default tolerance of the step.
+///
+/// An error d of the estimated velocity changes the effect of inertial forces by about h |v| d. The iterations therefore stop at
+/// `ESTIMATE_ERROR / (h |v|)`.
+pub(crate) const ESTIMATE_ERROR: f64 = 1e-5;
+
+/// Error of the free velocity by a solved estimate, relative to the tolerance of the step, below the default tolerance.
+pub(crate) const ESTIMATE_RATIO: f64 = 10.0;
+
+/// Motion within a step below which inertial forces are negligible, rad or m. Such a lane is at rest and keeps its impulses as estimate.
+pub(crate) const REST_MOTION: f64 = 1e-6;
+
+/// Largest tolerance of a solved estimate, m/s.
+pub(crate) const MAX_ESTIMATE_TOLERANCE: f64 = 1e-2;
+
+// Stage 5: the solve.
+
+/// Tolerance of the solve relative to the speed of the fastest degree of freedom. A residual r moves joints at up to 60 r (ants at rest),
+/// so that creep decays.
+pub(crate) const RELATIVE_TOLERANCE: f64 = 1e-3;
+
+/// Smallest tolerance of lanes with shared loads, m/s, in double precision.
+pub(crate) const MIN_TOLERANCE: f64 = 1e4 * f64::EPSILON;
+
+/// Time by which contacts are looked ahead where a step is differentiated, s. Displaced states then have the contacts of the solution, also
+/// where these open. Gravity covers ten displacements in it.
+pub(crate) const LOOK_AHEAD: f64 = 1e-3;
+
+// Servos on the bounds of their force.
+
+/// Largest number of passes over the servos after others have reached their bounds.
+pub(crate) const SATURATION_PASSES: usize = 4;
+
+// Contacts that approach each other within the step.
+
+/// Approach speed below which a touching contact counts as resting, in solver tolerances. A solved contact at rest moves by at most one.
+pub(crate) const RESTING_SPEED_RATIO: f64 = 10.0;
+
+/// Cosine of the angle between two normals of a pair above which both contacts are coplanar. 0.9999 is 0.8 degrees.
+pub(crate) const COPLANAR_COSINE: f64 = 0.9999;
+
+/// Difference of two times of first touch, as a fraction of the path, below which both pairs count as first.
+pub(crate) const SIMULTANEOUS_FRACTION: f64 = 2e-3;
+
+/// Number of solves that activate pairs in order of first touch. Later solves activate every colliding pair.
+pub(crate) const ORDERED_PASSES: usize = 6;
+
+/// Largest number of predictions that activate pairs. The solves of stage 5 activate the others.
+pub(crate) const MAX_PREDICTIONS: usize = 3;
+
+/// Fraction of the linearised overlap that the true overlap must exceed in a predicted motion. A prediction leaves part of gravity
+/// unsupported: less than a tenth of a fast approach.
+pub(crate) const PREDICTED_MARGIN: f64 = 0.1;
+
+// Impacts within the step.
+
+/// Change of a link's velocity by the jump of inertial forces above which the step is solved again, rad/s or m/s.
+pub(crate) const MIN_VELOCITY_ERROR: f64 = 1e-5;
+
+/// Ratio of a velocity change to that by smooth forces above which it is an impact. Below it, smooth motion causes the error of the rule.
+pub(crate) const MIN_IMPACT_RATIO: f64 = 10.0;
+
+/// Rotation within a step above which the velocity after the step does not give the forces in it, rad. Another solution is then no better.
+pub(crate) const MAX_RESOLVED_ROTATION: f64 = 0.02;
+
+/// Rotation by an impact within a step above which the velocity after it does not give the forces in it, rad.
+pub(crate) const MAX_IMPACT_ROTATION: f64 = 0.1;
+
+/// Largest number of solutions. Each takes inertial forces at the velocity of the last one; its error is smaller by a factor of the step.
+pub(crate) const IMPACT_PASSES: usize = 3;
+
+/// Largest number of placements at the time of the first impact. Newton's method: bodies that pass each other obliquely approach on a
+/// curve.
+pub(crate) const MAX_PLACEMENTS: usize = 4;
+
+/// Difference between the time of an impact and that of the placement below which the placement is accepted, as a fraction of the step.
+pub(crate) const PLACEMENT_TOLERANCE: f64 = 1e-3;
+
+/// Time after the end of the step until which an impact still belongs to it, as a fraction of the step.
+pub(crate) const END_TOLERANCE: f64 = 1e-6;
+
+// Steps that are too long for the motion.
+
+/// Joint rotation per step above which the convergence of the corrector is checked, rad.
+pub(crate) const FAST_ROTATION: f64 = 0.5;
+
+/// Largest joint rotation per step after an unresolved step, rad.
+pub(crate) const MAX_ROTATION: f64 = 1.0;
+
+/// Change of the velocity by the corrector, relative to the velocity, above which it has not converged.
+pub(crate) const MAX_RELATIVE_CHANGE: f64 = 0.25;
+
+/// Joint rotation per step above which the energy balance may be computed, rad. Chains that gain energy rotate by 0.07 and more.
+pub(crate) const BALANCE_ROTATION: f64 = 0.05;
+
+/// Change of the velocity by the corrector, relative to the velocity, above which the energy balance is computed. Robots under random
+/// control exceed it in less than 1 % of their steps. Chains of 5 to 40 links exceed it in the steps in which they gain most energy.
+pub(crate) const BALANCE_RELATIVE_CHANGE: f64 = 0.05;
+
+/// Relative growth rate of the kinetic energy by the error of the step above which the step is unresolved, 1/s. Eleven chains that gain
+/// more than a tenth within 0.1 s reach 10 to 300 / s. Twelve robots under random control at 2, 5 and 10 ms stay below 8 / s without
+/// impacts.
+pub(crate) const MAX_GROWTH_RATE: f64 = 10.0;
+
+/// Upper bound on this growth in one step, relative to the kinetic energy.
+pub(crate) const MAX_GROWTH: f64 = 0.1;
+
+/// Change of the velocity by constraints, relative to the velocity, above which the allowed growth is doubled. Impulses act at one
+/// configuration of the step, so that an impact changes the energy with either sign: up to 15 / s at 10 ms.
+pub(crate) const IMPACT_RELATIVE_CHANGE: f64 = 0.1;
+
+/// Joint rotation per step by constraint impulses above which the step is unresolved, rad.
+pub(crate) const MAX_IMPULSE_ROTATION: f64 = std::f64::consts::PI;
+
+/// Residual above which the impulses are not trusted, m/s. The energy of the lane is then limited, as in a step that is too long.
+pub(crate) const MAX_TRUSTED_RESIDUAL: f64 = 1e-2;
+
+/// Residual of the second solve, relative to the largest residual at which the impulses determine the energy.
+pub(crate) const TARGET_RATIO: f64 = 0.1;
+
+// Stage 8: the correction of positions.
+
+/// Residual of a correction, m/s, at the default tolerance. It is a fraction of a micrometre per step, and the next step corrects the rest.
+pub(crate) const CORRECTION_TOLERANCE: f64 = 1e-4;
+
+/// Residual of a correction relative to the tolerance of the step, below the default tolerance.
+pub(crate) const CORRECTION_RATIO: f64 = 100.0;
+
+/// Correction below which a row has no damping, m/s or rad/s, below the default tolerance.
+///
+/// Rounding leaves 1e-14 of equal demands. Damping a contact that corrects nothing changes the step where other contacts move it (1e-8 m
+/// for a quadruped).
+pub(crate) const NEGLIGIBLE_CORRECTION: f64 = 1e-12;
+
+/// Residual above which Newton's method continues after Gauss-Seidel iterations, m/s. They can leave a hundredth of a radian per step where
+/// two limbs are jammed. Below it, Newton's method costs more than it corrects (humanoids under random control: 4 % of the step).
+pub(crate) const CORRECTION_NEWTON_THRESHOLD: f64 = 1e-2;
+
+/// Largest number of Gauss-Seidel iterations of a correction. They begin with the impulses of stage 5.
+pub(crate) const CORRECTION_ITERATIONS: u32 = 10;
+
+/// Largest number of Newton steps of a corrected island. With 5 a gripper that begins within its palm stays there, with 6 it opens
+/// (test_impossible_demands.py). Of 120 jammed pairs of arms 8 and 50 steps leave the same overlaps after a second, within 0.1 %.
+pub(crate) const CORRECTION_NEWTON_STEPS: u32 = 8;
+
+/// Largest displacement rate by a correction relative to `max_correction_speed`, and largest rotation rate over [`CORRECTION_ARM`]: 5 m/s
+/// and 50 rad/s by default.
+pub(crate) const MAX_SPEED_RATIO: f64 = 5.0;
+
+/// Largest joint rotation by the correction of one step, rad. The rows are linear and invalid beyond it.
+pub(crate) const MAX_CORRECTION_ROTATION: f64 = 1.0;
+
+/// Velocity change by constraints, relative to the bounds of a correction, that Baumgarte's bias may cause: 20 m/s or 200 rad/s by default.
+pub(crate) const BAUMGARTE_LIMIT: f64 = 4.0;
+
+/// Unmet demand above which the engine tries to prove that the demands are infeasible, m/s.
+pub(crate) const MIN_UNMET_DEMAND: f64 = 1e-2;
+
+/// Compliance of a position demand relative to its mobility. A row that moves as freely as the others is corrected but for a thousandth.
+/// Its motion is at most 1 / (2 sqrt(DAMPING)) of the correction: 16 times.
+pub(crate) const DAMPING: f64 = 1e-3;
+
+/// Length over which a correction rotates its own row, m. The corrected distance over this length is added to the relative compliance.
+///
+/// Without it, an arm that is stretched towards a place out of reach oscillates: Gauss and Newton's linearisation leaves out the product of
+/// curvature and residual (Nocedal & Wright 2006, section 10.3).
+pub(crate) const CORRECTION_ARM: f64 = 0.1;
+
+/// Largest rate of return to a joint's range by the split form, relative to that of an overlap. It moves positions alone. With the default
+/// of 1 m/s, half a radian takes 0.07 s.
+pub(crate) const LIMIT_RETURN: f64 = 10.0;
+
+/// Error of an equality that is not corrected, m or rad. A loop at rest then needs no position solve.
+pub(crate) const NEGLIGIBLE_ERROR: f64 = 1e-11;
+
+/// Relative decrease of the penalties below which a correction is reverted. A wheel 0.1 m inside the base of Unitree's G1-D decreases them
+/// by less than 1e-7 per step. With 0.1 ms, a slide between two walls still reaches 0.5 % of their middle.
+pub(crate) const MIN_DECREASE: f64 = 2e-7;
+
+/// Lower bound on this relative decrease, in machine epsilons of the lanes: depths are differences of positions.
+pub(crate) const MIN_DECREASE_ROUNDINGS: f64 = 1e3;
+
+/// Smallest fraction of an overlap that counts as removed per step. It keeps a division finite without correction.
+pub(crate) const MIN_BAUMGARTE: f64 = 2e-7;
+
+// Rows.
+
+/// Distance of a joint from its limit, beyond the motion in the free velocity, within which the limit has a row, rad or m. Impulses of
+/// contacts can rotate a joint towards its limit in the same step.
+pub(crate) const LIMIT_LOOK_AHEAD: f64 = 0.01;
+
+/// Ratio of the squared length of a row after elimination to that before, below which equalities may block its motion. With a thousandth of
+/// the mobility left, impulses are a million times too large and depend on rounding. A light body coupled to a heavy one leaves the same
+/// ratio. Therefore the same ratio also applies to the square of every entry, which decides.
+pub(crate) const MIN_REMAINING_LENGTH: f64 = 1e-6;
+
+/// Overlap of a contact above which its curvature has no effect, m: the depth of [`Status::DEEP`](crate::Status::DEEP).
+///
+/// Such bodies are jammed and do not roll. The demands of friction rows must then be the motion of some joints, or no impulse meets them.
+/// Of 16 unsolved problems of jammed arms, 14 are solved at once without curvature.
+pub(crate) const MAX_CURVED_OVERLAP: f64 = 1e-3;
+
+// Loads that redundant supports share.
+
+/// Smallest number of contacts between two bodies at which statics does not determine their forces.
+pub(crate) const MIN_SHARED_CONTACTS: usize = 3;
+
+/// Speed of a loaded contact above which it slips, m/s. The torque of friction then depends on the distribution of the load.
+pub(crate) const SLIP_SPEED: f64 = 1e-6;
+
+/// Remaining length of a unit row after elimination of others below which the row is dependent, in double and in single precision.
+pub(crate) const DEPENDENT_LENGTH: [f64; 2] = [1e-7, 1e-6];
+
+/// Smallest change of a share, relative to the largest normal impulse, that is applied, in double and in single precision.
+pub(crate) const MIN_SHARE_CHANGE: [f64; 2] = [1e-12, 1e-5];
+
+/// Largest number of contacts that share their loads. The work grows with the cube of it.
+pub(crate) const MAX_SHARED_CONTACTS: usize = 64;
+
+/// Largest number of contacts of an environment in which Newton's method solves a new contact group. In a heap of ten boxes with 45
+/// contacts it would take half of the step.
+pub(crate) const MAX_NEW_CONTACTS: usize = 24;
+
+// Derivatives of the step.
+
+/// Largest residual with which a step counts as solved, m/s. Modes are then certain, and the error of the response is of this order.
+pub(crate) const SOLVED_RESIDUAL: f64 = 1e-9;
+
+/// Weight of an error of the expected velocity, relative to the motion within the step, rad or m. Inertial forces are quadratic in
+/// velocities, so that estimates of slow motion are rough. At 1e2 their error counts with 1e-11 m/s.
+pub(crate) const EXPECTED_VELOCITY_WEIGHT: f64 = 1e2;
+
+/// Relative distance from the bounds of a correction below which its derivative is undefined.
+pub(crate) const BOUND_DISTANCE: f64 = 1e-3;

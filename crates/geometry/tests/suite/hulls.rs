@@ -68,7 +68,7 @@ const PREDICTION: f64 = 0.02;
 
 fn meet(a: &ConvexShape, pa: &Pose, b: &ConvexShape, pb: &Pose, known: Option<Known>, approach: Option<Approach>) -> Manifold {
     let mut out = Manifold::default();
-    collide(a, pa, b, pb, Reach { prediction: PREDICTION, known, approach }, &mut out, &mut Room::default());
+    collide(a, pa, b, pb, Reach { known, approach, ..PREDICTION.into() }, &mut out, &mut Room::default());
     out
 }
 

@@ -153,8 +153,10 @@ proptest! {
         let theirs = query::contact(&pa, &*ga, &pb, &*gb, f64::MAX).unwrap().expect("within reach");
         let excess = theirs.dist - nearest.distance;
         prop_assert!(excess > -ROUNDING, "{nearest:?}, parry {theirs:?}");
-        // No direction has more room: so parry's normal is not a shorter way out of an overlap.
-        prop_assert!(room(&a, &b, theirs.normal1.to_array()) < nearest.distance + ROUNDING, "{nearest:?}, parry {theirs:?}");
+        // No direction has more room than the normal: parry's is not a shorter way out of an overlap. Rounding turns a normal between
+        // points that are a nanometre apart by 1e-6, as in `is_distance`.
+        let [along, other] = [nearest.normal, theirs.normal1.to_array()].map(|n| room(&a, &b, n));
+        prop_assert!(other < nearest.distance + ROUNDING && along > nearest.distance - 1e-6, "{nearest:?}, parry {theirs:?}");
         if nearest.distance > APART {
             prop_assert!(excess < EXCESS, "{nearest:?}, parry {theirs:?}");
             let bound = turned(nearest.distance, excess.max(0.0) + 1e-14); // rounding of lengths of 2 m

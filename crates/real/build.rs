@@ -1,5 +1,5 @@
-//! `STEPPER_ONE_LEVEL=avx512` (or `avx2`, `baseline`) builds the kernels of that CPU level only, in less than half the time. `native` is the
-//! fastest level of the machine that builds.
+//! `STEPPER_ONE_LEVEL=avx512` (or `avx2`, `baseline`) builds the kernels of that CPU level only, in less than half the time. `native` is
+//! the fastest level of the machine that builds.
 
 const LEVELS: [&str; 3] = ["avx512", "avx2", "baseline"];
 

@@ -15,7 +15,7 @@ use crate::dynamics::kinematics::{displace, quat_at};
 use crate::integrators::devices::Devices;
 use crate::integrators::held_overlaps::{HeldOverlaps, compare_overlaps};
 use crate::integrators::mujoco;
-use crate::integrators::renewed::Renewed;
+use crate::integrators::recomputed::Recomputed;
 use crate::integrators::response::{HardResponse, is_solved};
 use crate::integrators::workspace::{State, Workspace};
 use crate::math::lanes::{MAX_LANES, each_of};
@@ -52,11 +52,11 @@ pub enum StatePart {
 
 impl StatePart {
     /// What is another where a coordinate of it is displaced.
-    fn renews(self) -> Renewed {
+    fn renews(self) -> Recomputed {
         match self {
-            Self::Qpos => Renewed::Configuration,
-            Self::Qvel => Renewed::Velocity,
-            Self::Act | Self::Ctrl => Renewed::Forces,
+            Self::Qpos => Recomputed::Configuration,
+            Self::Qvel => Recomputed::Velocity,
+            Self::Act | Self::Ctrl => Recomputed::Forces,
         }
     }
 }
@@ -157,7 +157,7 @@ enum LawResponse<R: Real> {
 }
 
 impl<R: Real> StepDerivative<R> {
-    /// Room for a compiled model.
+    /// Workspace for a compiled model.
     pub(crate) fn new(compiled: &LaneModel<R>, options: &StepSettings, max_contacts: usize) -> Self {
         let zeros = |n: usize| vec![R::zero(); n];
         let [nq, nv, na] = [compiled.nq, compiled.nv, compiled.na];
@@ -189,8 +189,8 @@ impl<R: Real> StepDerivative<R> {
         let mut sound = self.settle(compiled, options, s, solved);
         let columns: Vec<(StatePart, usize)> = query.parts.iter().flat_map(|&part| (0..self.width(part)).map(move |i| (part, i))).collect();
         // What changes forces alone comes first, at the rows of the solution, and then what leaves the configuration where it is.
-        for renewed in [Renewed::Forces, Renewed::Velocity, Renewed::Configuration] {
-            for (c, &(part, i)) in columns.iter().enumerate().filter(|(_, (part, _))| part.renews() == renewed) {
+        for recomputed in [Recomputed::Forces, Recomputed::Velocity, Recomputed::Configuration] {
+            for (c, &(part, i)) in columns.iter().enumerate().filter(|(_, (part, _))| part.renews() == recomputed) {
                 let offsets = self.offsets(query, alive, c, columns.len());
                 for (point, &offset) in offsets[..query.points].iter().enumerate() {
                     sound = self.evaluate(compiled, options, s, (part, i, offset), sound, &mut |near| rows.note(near, (c, columns.len())));
@@ -265,7 +265,7 @@ impl<R: Real> StepDerivative<R> {
         if let LawResponse::Hard(response) = &mut self.law {
             sound = response.settle(compiled, options, s, sound);
         }
-        sound = self.respond(compiled, options, s, Renewed::Configuration, sound, &mut |_| {});
+        sound = self.respond(compiled, options, s, Recomputed::Configuration, sound, &mut |_| {});
         self.find_changes(compiled, s, 0);
         R::vectorize(
             #[inline(always)]
@@ -333,18 +333,18 @@ impl<R: Real> StepDerivative<R> {
         compiled: &LaneModel<R>,
         options: &StepSettings,
         s: &mut Workspace<R>,
-        renewed: Renewed,
+        recomputed: Recomputed,
         lanes: u32,
         near: &mut dyn FnMut(Followed),
     ) -> u32 {
         match &mut self.law {
-            LawResponse::Hard(response) => response.follow(compiled, options, s, renewed, lanes, near),
+            LawResponse::Hard(response) => response.follow(compiled, options, s, recomputed, lanes, near),
             LawResponse::Mujoco(solution) => {
-                if renewed == Renewed::Configuration {
+                if recomputed == Recomputed::Configuration {
                     s.poses.begin();
                 }
-                mujoco::respond_step(compiled, options, s, solution, renewed);
-                if renewed == Renewed::Configuration { compare_overlaps(compiled, s, lanes, near) } else { lanes }
+                mujoco::respond_step(compiled, options, s, solution, recomputed);
+                if recomputed == Recomputed::Configuration { compare_overlaps(compiled, s, lanes, near) } else { lanes }
             }
         }
     }

@@ -47,14 +47,14 @@ impl AdmissibleSet {
     }
 
     /// Natural-map residual |lambda - P_K(lambda - rho u)| / rho at the velocities `v`, De Saxce's term not included, m/s, with the first
-    /// component times `firmness`. A NaN stays.
-    pub(crate) fn natural_residual(&self, lambda: &[f64], v: &[f64], rho: f64, firmness: f64) -> f64 {
+    /// component times `rigid_fraction`. A NaN stays.
+    pub(crate) fn natural_residual(&self, lambda: &[f64], v: &[f64], rho: f64, rigid_fraction: f64) -> f64 {
         match *self {
             Self::Interval { lo, hi } => {
                 let moved = lambda[0] - rho * v[0];
                 // Written so that a NaN stays.
                 let mapped = if moved < lo { lo } else { moved };
-                (lambda[0] - if mapped > hi { hi } else { mapped }).abs() * firmness / rho
+                (lambda[0] - if mapped > hi { hi } else { mapped }).abs() * rigid_fraction / rho
             }
             Self::Cone { mu } => {
                 let n = lambda[0] - rho * (v[0] + mu * norm(&v[1..]));
@@ -62,7 +62,7 @@ impl AdmissibleSet {
                 let tangent = moved().fold(0.0, |sum, x| sum + x * x).sqrt();
                 let (height, scale) = ConeRegion::of(n, tangent, mu).image(n, tangent, mu);
                 let apart = lambda[1..].iter().zip(moved()).fold(0.0, |sum, (l, x)| sum + (l - x * scale).powi(2));
-                (((lambda[0] - height) * firmness).powi(2) + apart).sqrt() / rho
+                (((lambda[0] - height) * rigid_fraction).powi(2) + apart).sqrt() / rho
             }
         }
     }

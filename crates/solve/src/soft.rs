@@ -26,5 +26,5 @@ pub use cone::Cone;
 pub use contact::SoftContact;
 pub use lane_solver::LaneSolver;
 pub use newton::{Effort, SoftOutcome, SoftSolver};
-pub use noslip::{ContactVisit, SlipEffort, SlipRoom};
+pub use noslip::{ContactVisit, SlipCapacity, SlipEffort};
 pub use problem::{Metric, SoftContacts, SoftProblem, SoftRow};

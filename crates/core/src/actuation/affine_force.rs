@@ -51,9 +51,9 @@ impl<R: Real> AffineForce<R> {
     /// The force without what the mass matrix does, and what it does: stiffness and damping against the motion are implicit, the rest is
     /// not.
     #[inline(always)]
-    pub(crate) fn implied(&self, motion: &Motion<R>, gauge: Gauge<R>, weights: ImplicitWeights<R>) -> (R, R) {
+    pub(crate) fn implicit_force(&self, motion: &Motion<R>, effective_inertia: EffectiveInertia<R>, weights: ImplicitWeights<R>) -> (R, R) {
         let (stiffness, damping) = ((-self.slope).max(R::zero()), (-self.rate).max(R::zero()));
-        let share = weights.share(gauge.rate(damping));
+        let share = weights.share(effective_inertia.rate(damping));
         let drag = weights.drag(share, stiffness);
         let velocity = self.rate * motion.velocity + damping * (motion.velocity - motion.before) - drag * motion.before;
         let weight = damping * weights.damping * (R::one() + share) + stiffness * weights.stiffness + drag * weights.step;
@@ -63,14 +63,14 @@ impl<R: Real> AffineForce<R> {
 
 /// What an actuator moves.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Gauge<R> {
+pub(crate) struct EffectiveInertia<R> {
     /// Inverse of the inertia along its moment, 1/kg or 1/(kg m^2) over the square of its gear.
     pub(super) mobility: R,
     /// Rate at which the joints' damping slows it down, 1/s.
     pub(super) slowing: R,
 }
 
-impl<R: Real> Gauge<R> {
+impl<R: Real> EffectiveInertia<R> {
     /// A sum to which a dof is added; `slowing` is weighted by the mobilities.
     #[inline(always)]
     pub(super) fn with(self, arm: R, inertia: R, damping: R) -> Self {

@@ -2,7 +2,7 @@
 
 use stepper_real::{Mask, Real};
 
-use crate::actuation::affine_force::{ActuatorDynamics, Gauge};
+use crate::actuation::affine_force::{ActuatorDynamics, EffectiveInertia};
 use crate::compile::CompiledActuatorDynamics;
 use crate::dynamics::implicit_weights::ImplicitWeights;
 
@@ -18,7 +18,7 @@ pub(super) struct Region<R: Real> {
     /// Velocity before the step.
     before: R,
     /// What it moves.
-    gauge: Gauge<R>,
+    effective_inertia: EffectiveInertia<R>,
     /// Lanes at a limit of the effort.
     held: R::Mask,
     /// Lanes at the motor's curve.
@@ -30,16 +30,16 @@ pub(super) struct Region<R: Real> {
 impl<R: Real> Default for Region<R> {
     fn default() -> Self {
         let never = R::Mask::splat(false);
-        let gauge = Gauge { mobility: R::zero(), slowing: R::zero() };
-        Self { law: (R::zero(), R::zero()), before: R::zero(), gauge, held: never, curve: never, upper: never }
+        let effective_inertia = EffectiveInertia { mobility: R::zero(), slowing: R::zero() };
+        Self { law: (R::zero(), R::zero()), before: R::zero(), effective_inertia, held: never, curve: never, upper: never }
     }
 }
 
 impl<R: Real> Region<R> {
     /// Takes up the law: its force and weight, the velocity before the step, and what it moves.
     #[inline(always)]
-    pub(super) fn take(&mut self, law: (R, R), before: R, gauge: Gauge<R>) {
-        (self.law, self.before, self.gauge) = (law, before, gauge);
+    pub(super) fn take(&mut self, law: (R, R), before: R, effective_inertia: EffectiveInertia<R>) {
+        (self.law, self.before, self.effective_inertia) = (law, before, effective_inertia);
     }
 
     /// Where a step begins: a law without stiffness is as it is at the velocity before the step, one with is free.
@@ -89,7 +89,7 @@ impl<R: Real> Region<R> {
         let curve = R::select(self.upper, numbers.stall, -numbers.stall) - numbers.drag * self.before;
         let force = R::select(self.curve, curve, R::select(self.held, held, self.law.0));
         let weight = R::select(self.held, R::zero(), self.law.1);
-        let drag = numbers.drag * weights.damping * (R::one() + weights.share(self.gauge.rate(numbers.drag)));
+        let drag = numbers.drag * weights.damping * (R::one() + weights.share(self.effective_inertia.rate(numbers.drag)));
         (force, R::select(self.curve, drag, weight))
     }
 }

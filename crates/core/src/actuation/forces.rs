@@ -32,7 +32,7 @@
 
 use stepper_real::{Mask, Real};
 
-use crate::actuation::affine_force::{ActuatorDynamics, AffineForce, Gauge, Motion, outside, reaches, within};
+use crate::actuation::affine_force::{ActuatorDynamics, AffineForce, EffectiveInertia, Motion, outside, reaches, within};
 use crate::actuation::force_limits::Region;
 use crate::compile::{CompiledActuator, CompiledActuatorDynamics, LaneModel, ModelStructure};
 use crate::dynamics::implicit_weights::ImplicitWeights;
@@ -104,12 +104,12 @@ pub struct ActuatorForces<R: Real> {
     /// What every servo adds to the mass matrix along its moment.
     pub weight: Vec<R>,
     /// What every servo moves, where that matters.
-    pub(crate) gauges: Vec<Gauge<R>>,
+    pub(crate) effective_inertias: Vec<EffectiveInertia<R>>,
     /// Lanes in which a servo is at a bound of its force.
     pub(crate) saturated: Vec<R::Mask>,
     /// Lanes in which the sum of actuator forces on a dof is at its bound, for every such dof.
     pub(crate) bounded: Vec<R::Mask>,
-    pub(crate) implied: Vec<R>,
+    pub(crate) implicit_force: Vec<R>,
     /// Force and weight of every servo where nothing bounds it, if any is bounded.
     pub(crate) unbounded: Vec<[R; 2]>,
     /// Lanes in which an actuator that is taken explicitly asks for more than its bounds.
@@ -129,7 +129,7 @@ pub struct ActuatorForces<R: Real> {
 }
 
 impl<R: Real> ActuatorForces<R> {
-    /// Room for a compiled model.
+    /// Workspace for a compiled model.
     pub fn new(compiled: &ModelStructure<R::Scalar>) -> Self {
         let zeros = |n: usize| vec![R::zero(); n];
         let never = |n: usize| vec![R::Mask::splat(false); n];
@@ -138,10 +138,10 @@ impl<R: Real> ActuatorForces<R> {
             joint: zeros(compiled.nv),
             force: zeros(compiled.actuators.len()),
             weight: zeros(compiled.servos.len()),
-            gauges: vec![Gauge { mobility: R::zero(), slowing: R::zero() }; compiled.servos.len()],
+            effective_inertias: vec![EffectiveInertia { mobility: R::zero(), slowing: R::zero() }; compiled.servos.len()],
             saturated: never(compiled.servos.len()),
             bounded: never(compiled.actuator_force_ranges.len()),
-            implied: zeros(if compiled.servos_are_bounded { compiled.actuators.len() } else { 0 }),
+            implicit_force: zeros(if compiled.servos_are_bounded { compiled.actuators.len() } else { 0 }),
             unbounded: vec![[R::zero(); 2]; if compiled.servos_are_bounded { compiled.servos.len() } else { 0 }],
             beyond: never(compiled.actuators.len()),
             cut: never(compiled.actuator_force_ranges.len()),
@@ -165,12 +165,12 @@ impl<R: Real> ActuatorForces<R> {
     }
 
     /// Takes up what servos move, for the mass matrix's diagonal `inertia`.
-    pub fn gauge(&mut self, compiled: &LaneModel<R>, inertia: &[R]) {
+    pub fn compute_effective_inertia(&mut self, compiled: &LaneModel<R>, inertia: &[R]) {
         R::vectorize(
             #[inline(always)]
             || {
                 for k in 0..compiled.servos.len() {
-                    self.gauges[k] = self.gauge_of(compiled, &compiled.actuators[compiled.servos[k].actuator], inertia);
+                    self.effective_inertias[k] = self.gauge_of(compiled, &compiled.actuators[compiled.servos[k].actuator], inertia);
                 }
             },
         )
@@ -178,8 +178,8 @@ impl<R: Real> ActuatorForces<R> {
 
     /// Of several dofs, a mean by their part in the mobility.
     #[inline(always)]
-    fn gauge_of(&self, compiled: &LaneModel<R>, actuator: &CompiledActuator<R::Scalar>, inertia: &[R]) -> Gauge<R> {
-        let mut sum = Gauge { mobility: R::zero(), slowing: R::zero() };
+    fn gauge_of(&self, compiled: &LaneModel<R>, actuator: &CompiledActuator<R::Scalar>, inertia: &[R]) -> EffectiveInertia<R> {
+        let mut sum = EffectiveInertia { mobility: R::zero(), slowing: R::zero() };
         for &(_, dof, arm) in &actuator.moment {
             sum = sum.with(R::splat(arm), inertia[dof], compiled.params.dof(dof).damping);
         }
@@ -188,16 +188,16 @@ impl<R: Real> ActuatorForces<R> {
                 sum = sum.with(arm, inertia[dof], compiled.params.dof(dof).damping);
             }
         }
-        let Gauge { mobility, slowing } = sum;
+        let EffectiveInertia { mobility, slowing } = sum;
         let moves = mobility.gt(R::zero());
         let slowing = R::select(moves, slowing / R::select(moves, mobility, R::one()), R::zero());
-        Gauge { mobility, slowing }
+        EffectiveInertia { mobility, slowing }
     }
 
     /// What a servo moves.
     #[inline(always)]
-    pub(crate) fn gauge_at(&self, servo: usize) -> Gauge<R> {
-        self.gauges[servo]
+    pub(crate) fn effective_inertia_at(&self, servo: usize) -> EffectiveInertia<R> {
+        self.effective_inertias[servo]
     }
 
     /// Takes over the implicit force of a servo, in the lanes in which it is not at a bound.
@@ -221,8 +221,8 @@ impl<R: Real> ActuatorForces<R> {
         numbers: &ActuatorDynamics<R>,
         weights: ImplicitWeights<R>,
     ) {
-        let gauge = self.gauges[servo];
-        self.regions[compiled.index].take(law.implied(motion, gauge, weights), motion.before, gauge);
+        let effective_inertia = self.effective_inertias[servo];
+        self.regions[compiled.index].take(law.implicit_force(motion, effective_inertia, weights), motion.before, effective_inertia);
         if self.fresh {
             self.regions[compiled.index].guess(compiled, numbers);
         }
@@ -323,7 +323,7 @@ impl<R: Real> ActuatorForces<R> {
                         self.unbounded[k] = [self.force[servo.actuator], self.weight[k]];
                     }
                 }
-                self.implied.copy_from_slice(&self.force);
+                self.implicit_force.copy_from_slice(&self.force);
                 for (k, servo) in compiled.servos.iter().enumerate() {
                     let actuator = &compiled.actuators[servo.actuator];
                     let along = self.along(actuator, dv);
@@ -334,11 +334,11 @@ impl<R: Real> ActuatorForces<R> {
                         self.follow(k, servo.actuator, &dynamics, &actuator_dynamics[dynamics.index], weights);
                         new = new.or(moved);
                     }
-                    self.implied[servo.actuator] = self.force[servo.actuator] - self.weight[k] / h * along;
+                    self.implicit_force[servo.actuator] = self.force[servo.actuator] - self.weight[k] / h * along;
                 }
                 for (k, servo) in compiled.servos.iter().enumerate() {
                     let Some(bounds) = compiled.actuators[servo.actuator].force_range else { continue };
-                    let beyond = outside(self.implied[servo.actuator], bounds).and_not(self.saturated[k]);
+                    let beyond = outside(self.implicit_force[servo.actuator], bounds).and_not(self.saturated[k]);
                     new = new.or(beyond);
                     self.stop(compiled, k, beyond);
                 }
@@ -348,7 +348,7 @@ impl<R: Real> ActuatorForces<R> {
                     }
                     let mut sum = R::zero();
                     for &(actuator, arm) in &range.actuators {
-                        sum += R::splat(arm) * self.implied[actuator];
+                        sum += R::splat(arm) * self.implicit_force[actuator];
                     }
                     let beyond = outside(sum, range.bounds).and_not(self.bounded[r]);
                     new = new.or(beyond);
@@ -378,7 +378,7 @@ impl<R: Real> ActuatorForces<R> {
             || {
                 let mut wrong = R::Mask::splat(false);
                 let differ = |a: R::Mask, b: R::Mask| a.and_not(b).or(b.and_not(a));
-                self.implied.copy_from_slice(&self.force);
+                self.implicit_force.copy_from_slice(&self.force);
                 for (k, servo) in compiled.servos.iter().enumerate() {
                     let actuator = &compiled.actuators[servo.actuator];
                     let along = self.along(actuator, dv);
@@ -392,7 +392,7 @@ impl<R: Real> ActuatorForces<R> {
                         }
                         None => self.unbounded[k],
                     };
-                    self.implied[servo.actuator] = force - weight / h * along;
+                    self.implicit_force[servo.actuator] = force - weight / h * along;
                 }
                 for r in 0..compiled.actuator_force_ranges.len() {
                     let range = &compiled.actuator_force_ranges[r];
@@ -401,13 +401,13 @@ impl<R: Real> ActuatorForces<R> {
                     }
                     let mut sum = R::zero();
                     for &(actuator, arm) in &range.actuators {
-                        sum += R::splat(arm) * within(self.implied[actuator], compiled.actuators[actuator].force_range);
+                        sum += R::splat(arm) * within(self.implicit_force[actuator], compiled.actuators[actuator].force_range);
                     }
                     wrong = wrong.or(differ(outside(sum, range.bounds), self.bounded[r]));
                 }
                 for (k, servo) in compiled.servos.iter().enumerate() {
                     let Some(bounds) = compiled.actuators[servo.actuator].force_range else { continue };
-                    let beyond = outside(self.implied[servo.actuator], bounds);
+                    let beyond = outside(self.implicit_force[servo.actuator], bounds);
                     // A servo that a sum holds is at a bound that is not its own.
                     let held = self.held_by_sum(compiled, servo.actuator);
                     wrong = wrong.or(differ(beyond, self.saturated[k]).and_not(held));
@@ -429,13 +429,13 @@ impl<R: Real> ActuatorForces<R> {
         held
     }
 
-    /// Fixes the force of servo `k` at what is implied, within its bounds, in `lanes`.
+    /// Fixes the force of servo `k` at its implicit force, within its bounds, in `lanes`.
     #[inline(always)]
     fn stop(&mut self, compiled: &LaneModel<R>, k: usize, lanes: R::Mask) {
         let actuator = compiled.servos[k].actuator;
-        let held = within(self.implied[actuator], compiled.actuators[actuator].force_range);
+        let held = within(self.implicit_force[actuator], compiled.actuators[actuator].force_range);
         self.force[actuator] = R::select(lanes, held, self.force[actuator]);
-        self.implied[actuator] = R::select(lanes, held, self.implied[actuator]);
+        self.implicit_force[actuator] = R::select(lanes, held, self.implicit_force[actuator]);
         self.weight[k] = R::select(lanes, R::zero(), self.weight[k]);
         self.saturated[k] = self.saturated[k].or(lanes);
     }

@@ -12,7 +12,7 @@ impl<R: Real> ActuatorForces<R> {
     ///
     /// A gear that passes on the share e of its power gives e f to what it drives, and asks f / e of what drives it: against a motion along
     /// f it loses (1 - e) |f|, against one the other way (1/e - 1) |f|. At rest its friction is anything in between.
-    pub fn lose(&mut self, compiled: &LaneModel<R>, actuator_dynamics: &[ActuatorDynamics<R>], expected: bool) {
+    pub fn dissipate(&mut self, compiled: &LaneModel<R>, actuator_dynamics: &[ActuatorDynamics<R>], expected: bool) {
         R::vectorize(
             #[inline(always)]
             || {
@@ -20,7 +20,7 @@ impl<R: Real> ActuatorForces<R> {
                 for (a, actuator) in compiled.actuators.iter().enumerate() {
                     let Some(dynamics) = &actuator.dynamics else { continue };
                     let Some((row, arm)) = dynamics.losses else { continue };
-                    let force = if expected && compiled.servos_are_bounded { self.implied[a] } else { self.force[a] };
+                    let force = if expected && compiled.servos_are_bounded { self.implicit_force[a] } else { self.force[a] };
                     let loss = losses(&actuator_dynamics[dynamics.index], R::splat(arm), force);
                     self.losses[row] = add(self.losses[row], loss);
                 }

@@ -19,7 +19,7 @@ pub struct Memory<S> {
 }
 
 impl<S: Scalar> Memory<S> {
-    /// Makes room.
+    /// Allocates the buffers.
     pub fn with_chains(lanes: usize, alive: u32, numbers: usize, lines: usize, controls: usize) -> Self {
         let zeros = |n: usize| vec![S::default(); n * lanes];
         Self { waiting: alive, numbers: zeros(numbers), cursors: vec![0; lines], applied: zeros(controls) }

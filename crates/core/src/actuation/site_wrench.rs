@@ -94,9 +94,9 @@ fn place<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, wrench: &
     let (mut frame, mut length, mut other) = (mat, R::zero(), pos);
     if let Some(reference) = &wrench.reference {
         let (from, axes) = pose(kinematics, reference);
-        let way = rotate_back(&axes, sub(pos, from));
+        let line = rotate_back(&axes, sub(pos, from));
         let turn = rotate_back(&axes, quat_log(mat_to_quat(&mat_mul_transposed(&mat, &axes))));
-        length = dot(force, way) + dot(torque, turn);
+        length = dot(force, line) + dot(torque, turn);
         (frame, other) = (axes, from);
     }
     let (force, torque) = (rotate(&frame, force), rotate(&frame, torque));

@@ -124,7 +124,7 @@ impl DerivedQuantity {
     }
 }
 
-/// Room of derived quantities.
+/// Workspace of derived quantities.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Derivation<R: Real> {
     /// Orientation of every frame.

@@ -12,7 +12,7 @@ use crate::math::spatial::*;
 use crate::stages::s01_actuate::actuate;
 use crate::stages::s02_smooth::Smooth;
 
-/// What is asked of the smooth dynamics of some environments, one a lane. Room for each is made when it is asked for first.
+/// What is asked of the smooth dynamics of some environments, one a lane. The workspace of each is made at its first use.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct SmoothDynamics<R: Real> {
     inertia: Option<FullMass<R>>,
@@ -103,7 +103,7 @@ impl<R: Real> FullMass<R> {
     }
 }
 
-/// Room for the acceleration without constraints.
+/// Workspace of the acceleration without constraints.
 #[derive(Clone, Debug)]
 struct FreeMotion<R: Real> {
     smooth: Smooth<R>,

@@ -32,13 +32,13 @@ pub(super) fn check_memory(num_envs: usize, bytes_per_env: usize) -> Result<(), 
     }
 }
 
-/// Contacts an environment has room for: what the options say; else all that can exist, up to 16 and some for each body, and up to twice
-/// what the model's own states have.
+/// Number of contacts that an environment has capacity for: what the options say; else all that can exist, up to 16 and some for each body,
+/// and up to twice what the model's own states have.
 ///
 /// A link of a robot has four. A floating body has what a heap of its like brings it: half of the twelve balls that fit around a ball, or
 /// of the six faces of a box in a wall with four points each. Mechanisms whose parts lie on one another (a puzzle, a gripper of many
 /// meshes) have more all the time, and have them in their reset state or a keyframe.
-pub(super) fn room_for_contacts<S: LaneScalar>(model: &Model, compiled: &CompiledModel<S>, settings: &StepSettings, level: Level) -> usize {
+pub(super) fn contact_capacity<S: LaneScalar>(model: &Model, compiled: &CompiledModel<S>, settings: &StepSettings, level: Level) -> usize {
     if let Some(n) = settings.max_contacts {
         return (n as usize).min(compiled.contact_points);
     }
@@ -47,29 +47,29 @@ pub(super) fn room_for_contacts<S: LaneScalar>(model: &Model, compiled: &Compile
     let mut is_ball = vec![true; compiled.nframe()];
     let long = |g: &usize| compiled.params.rotation_reach(*g) != S::ZERO;
     (0..compiled.geoms.len()).filter(long).for_each(|g| is_ball[compiled.geoms[g].frame] = false);
-    let room = compiled.links.iter().enumerate().map(|(l, link)| match is_ball[l + 1] {
+    let capacity = compiled.links.iter().enumerate().map(|(l, link)| match is_ball[l + 1] {
         _ if links_of_tree[link.tree] > 1 => 4,
         true => 6,
         false => 12,
     });
-    let room = 16 + room.sum::<usize>();
-    if compiled.contact_points <= room {
+    let capacity = 16 + capacity.sum::<usize>();
+    if compiled.contact_points <= capacity {
         return compiled.contact_points;
     }
-    room.max(2 * contacts_at_start(model, compiled, settings, room, level)).min(compiled.contact_points)
+    capacity.max(2 * contacts_at_start(model, compiled, settings, capacity, level)).min(compiled.contact_points)
 }
 
-/// The most contacts that a step finds from the reset state or a keyframe; there may be more than `room`.
+/// The most contacts that a step finds from the reset state or a keyframe; there may be more than `capacity`.
 fn contacts_at_start<S: LaneScalar>(
     model: &Model,
     compiled: &CompiledModel<S>,
     settings: &StepSettings,
-    mut room: usize,
+    mut capacity: usize,
     level: Level,
 ) -> usize {
     let settings = StepSettings { solver: Solver::Pgs, iterations: 1, stabilization: Stabilization::None, ..*settings };
     let lanes = S::single(level);
-    let make = |room: usize| S::worker(&WorkerSpec { compiled, settings: &settings, max_contacts: room }, lanes, level);
+    let make = |capacity: usize| S::worker(&WorkerSpec { compiled, settings: &settings, max_contacts: capacity }, lanes, level);
     let overrides = ParameterOverrides::default();
     let call = Call {
         compiled,
@@ -84,23 +84,23 @@ fn contacts_at_start<S: LaneScalar>(
     };
     let still = vec![0.0; compiled.nv];
     let keyframes = model.keyframes.iter().map(|k| [&k.qpos, &k.qvel]);
-    let mut worker = make(room);
+    let mut worker = make(capacity);
     let mut most = 0;
     for [q, v] in std::iter::once([&model.qpos0, &still]).chain(keyframes) {
         let q: Vec<S> = q.iter().map(|&x| S::from_f64(x)).collect();
         loop {
-            let mut group = Group::new(compiled, &q, lanes, 1, 0, room);
+            let mut group = Group::new(compiled, &q, lanes, 1, 0, capacity);
             group.v.iter_mut().step_by(lanes).zip(v).for_each(|(to, &x)| *to = S::from_f64(x));
             worker.forget_state();
             worker.run(&call, &mut group, GroupPosition { first: 0, share_first: 0, share: None });
             most = most.max(group.contact_count[0] as usize);
-            if group.status[0] & Status::CONTACTS_FULL.bits() == 0 || room == compiled.contact_points {
+            if group.status[0] & Status::CONTACTS_FULL.bits() == 0 || capacity == compiled.contact_points {
                 break;
             }
-            // There is room for all that are found, also for those that others make redundant afterwards.
-            most = most.max(room);
-            room = (2 * room).min(compiled.contact_points);
-            worker = make(room);
+            // There is capacity for all that are found, also for those that others make redundant afterwards.
+            most = most.max(capacity);
+            capacity = (2 * capacity).min(compiled.contact_points);
+            worker = make(capacity);
         }
     }
     most

@@ -5,7 +5,7 @@ use stepper_real::Level;
 use crate::actuation::affine_force::ActuatorDynamics;
 use crate::actuation::{ActuatorPipelines, ActuatorSpec};
 use crate::analysis::inverse_weights::inverse_weights;
-use crate::batch::capacity::{bytes_per_env, check_memory, room_for_contacts};
+use crate::batch::capacity::{bytes_per_env, check_memory, contact_capacity};
 use crate::batch::inputs::Field;
 use crate::batch::randomization::ParameterOverrides;
 use crate::batch::state::{Group, StoredContact};
@@ -93,10 +93,10 @@ impl<S: LaneScalar> Batch<S> {
     /// `num_envs` environments at the model's reset state. `threads` 0 means all that this process may use.
     ///
     /// # Errors
-    /// [`Error::Memory`] when there is no room for so many; with `check` only, else the process may end.
+    /// [`Error::Memory`] when the memory is too small; with `check` only, else the process may end.
     pub fn new(model: &Model, settings: StepSettings, num_envs: usize, threads: usize, level: Level, check: bool) -> Result<Self, Error> {
         let compiled = compile(model, &[], &settings);
-        let max_contacts = room_for_contacts(model, &compiled, &settings, level);
+        let max_contacts = contact_capacity(model, &compiled, &settings, level);
         if check {
             check_memory(num_envs, bytes_per_env(&compiled, max_contacts))?;
         }

@@ -33,8 +33,8 @@ pub(super) fn store_mocap_trajectories<R: Real>(call: &Call<'_, R::Scalar>, grou
     R::vectorize(
         #[inline(always)]
         || {
-            for (way, out) in s.mocap_trajectories.iter().zip(group.mocap.chunks_exact_mut(7 * R::LANES)) {
-                R::store_all(&if arrived { way.end() } else { way.pose_at(R::of(s.elapsed)) }, out);
+            for (trajectory, out) in s.mocap_trajectories.iter().zip(group.mocap.chunks_exact_mut(7 * R::LANES)) {
+                R::store_all(&if arrived { trajectory.end() } else { trajectory.pose_at(R::of(s.elapsed)) }, out);
             }
         },
     )

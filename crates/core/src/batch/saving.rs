@@ -44,9 +44,9 @@ impl<S: LaneScalar> Saving for Batch<S> {
             group.part(lane, n).canonical()
         });
         let saved = SavedGroups { num_envs: first.len(), ctrl: ctrl.to_vec(), groups: parts.collect() };
-        // No number takes more than ten bytes, and most take the eight of their memory: room that is made once is copied nowhere.
-        let room = saved.groups.iter().map(Group::bytes).sum::<usize>() + 10 * (saved.ctrl.len() + 2);
-        postcard::to_extend(&saved, Vec::with_capacity(room)).expect("numbers serialise")
+        // No number takes more than ten bytes, and most take the eight of their memory: a buffer of this size is never copied.
+        let capacity = saved.groups.iter().map(Group::bytes).sum::<usize>() + 10 * (saved.ctrl.len() + 2);
+        postcard::to_extend(&saved, Vec::with_capacity(capacity)).expect("numbers serialise")
     }
 
     fn restore(&mut self, bytes: &[u8], envs: &[usize]) -> Result<Vec<f64>, StateMisfit> {

@@ -50,7 +50,7 @@ impl<R: Real, P: Probe> Reader<'_, R, P> {
         let rows = query.out.chunks_exact_mut(self.call.compiled.sensing.width).enumerate();
         if query.truth || self.call.sensor_errors.is_none() {
             self.evaluate(group, s);
-            let truth = &s.sensors.room.truth;
+            let truth = &s.sensors.workspace.truth;
             rows.for_each(|(l, row)| row.iter_mut().zip(truth).for_each(|(out, x)| *out = x.lane(l).to_f64()));
         } else {
             self.begin_observations(group, s);
@@ -59,11 +59,11 @@ impl<R: Real, P: Probe> Reader<'_, R, P> {
         }
     }
 
-    /// Completes the readings after the steps of a control, left in `s.sensors.room.truth`: those of the error models where there are any,
-    /// else the true ones, which stage 9 has made unless they are `unread` because no step was made.
+    /// Completes the readings after the steps of a control, left in `s.sensors.workspace.truth`: those of the error models where there are
+    /// any, else the true ones, which stage 9 has made unless they are `unread` because no step was made.
     pub(super) fn complete_readings(&self, group: &Group<R::Scalar>, s: &mut Workspace<R>, unread: bool) {
         if self.call.sensor_errors.is_some() {
-            load_or_zero(&group.sensing.observation, &mut s.sensors.room.truth);
+            load_or_zero(&group.sensing.observation, &mut s.sensors.workspace.truth);
         } else if unread {
             read_sensors(self.compiled, self.call.settings, s);
         }

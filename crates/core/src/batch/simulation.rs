@@ -92,9 +92,9 @@ impl Simulation {
     ///
     /// # Errors
     /// [`Error::Option`] for an option out of its range; [`Error::NoEnvironments`] for `Some(0)`; [`Error::Level`] when the CPU level asked
-    /// for by `STEPPER_CPU_LEVEL` is not there; [`Error::Memory`] when there is no room for so many environments; [`Error::Model`] for a
-    /// number that 32 bits cannot hold, in that precision; [`Error::Actuator`] for a delay of an actuator that is too long for the time
-    /// step.
+    /// for by `STEPPER_CPU_LEVEL` is not there; [`Error::Memory`] when the memory is too small for that many environments; [`Error::Model`]
+    /// for a number that 32 bits cannot hold, in that precision; [`Error::Actuator`] for a delay of an actuator that is too long for the
+    /// time step.
     pub fn new(
         model: impl Into<Arc<Model>>,
         options: Options,

@@ -223,9 +223,9 @@ struct LaneWorker<R: Real, P: Probe> {
     compiled: LaneModel<R>,
     /// Flags of the steps of a control, per lane.
     flags: Vec<u32>,
-    /// Room of derived quantities, made with the first.
+    /// Workspace of derived quantities, made with the first.
     derivation: Derivation<R>,
-    /// Room of derivatives of the step, made with the first.
+    /// Workspace of derivatives of the step, made with the first.
     derivative: Option<Box<StepDerivative<R>>>,
     max_contacts: usize,
 }
@@ -255,7 +255,7 @@ impl<R: Real, P: Probe> Worker<R::Scalar> for LaneWorker<R, P> {
                     let unread = steps.is_empty();
                     probe.span(Span::Sense, || Reader { call, compiled, first, probe }.complete_readings(group, s, unread));
                 }
-                let readings = if observed { &s.sensors.room.truth[..] } else { &[] };
+                let readings = if observed { &s.sensors.workspace.truth[..] } else { &[] };
                 probe.span(Span::Rollout, || share.write(control, first - share_first, s, readings, flags, residual));
             }
         }

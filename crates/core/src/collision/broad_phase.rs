@@ -1,4 +1,5 @@
-//! Broad phase: which geoms of a crowd are near one another. For many loose bodies the list of all pairs would grow with their square.
+//! Broad phase: which of the dynamic pairs are close to each other. For many loose bodies the list of all pairs would grow with their
+//! square.
 //!
 //! Lane by lane, in scalar code, and stateless: the centres are sorted into cubes as wide as the largest two bounding balls together, so
 //! that whatever can touch is in neighbouring cubes (Ericson 2005, section 7.1). The cubes' keys are sorted, a row of cubes along z is a
@@ -7,7 +8,7 @@
 
 use stepper_real::{Real, Scalar};
 
-use crate::compile::{Crowd, LaneModel};
+use crate::compile::{DynamicPairs, LaneModel};
 use crate::math::spatial::*;
 
 /// Bits of a coordinate of a cube in its key.
@@ -23,7 +24,7 @@ struct Ball {
     moves: bool,
 }
 
-/// Pairs of a crowd that can touch, with room to find them.
+/// Dynamic pairs that can touch, and the workspace that finds them.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Broad {
     balls: Vec<Ball>,
@@ -39,35 +40,35 @@ impl Broad {
     pub(crate) fn find<R: Real>(
         &mut self,
         compiled: &LaneModel<R>,
-        crowd: &Crowd<R::Scalar>,
+        dynamic_pairs: &DynamicPairs<R::Scalar>,
         alive: u32,
         pos: &[V3<R>],
-        way: &[R],
+        displacement: &[R],
         slack: R,
     ) {
         self.found.clear();
         for lane in (0..R::LANES).filter(|l| alive >> l & 1 == 1) {
             self.balls.clear();
-            self.balls.extend(crowd.members.iter().map(|member| {
+            self.balls.extend(dynamic_pairs.members.iter().map(|member| {
                 let g = member.geom;
                 let centre = of_lane(&pos[g], lane);
                 let reach = (compiled.params.bounding_radius(g).lane(lane).to_f64() + member.margin)
-                    + (way[g].lane(lane).to_f64() + slack.lane(lane).to_f64());
+                    + (displacement[g].lane(lane).to_f64() + slack.lane(lane).to_f64());
                 // A hair more than the exact test will ask for, also in single precision.
                 let rounding = 1e-6 * (reach + centre.iter().map(|x| x.abs()).sum::<f64>());
                 Ball { centre, radius: reach + rounding, moves: compiled.geoms[g].frame != 0 }
             }));
-            self.sort_into_cells(crowd);
+            self.sort_into_cells(dynamic_pairs);
             self.visit_neighbours(lane as u64);
             self.visit_loose(lane as u64);
         }
         self.found.sort_unstable();
-        self.merge_lanes(crowd);
+        self.merge_lanes(dynamic_pairs);
     }
 
-    fn sort_into_cells(&mut self, crowd: &Crowd<impl Scalar>) {
+    fn sort_into_cells(&mut self, dynamic_pairs: &DynamicPairs<impl Scalar>) {
         let widest = self.balls.iter().map(|b| b.radius).fold(0.0, f64::max);
-        let limit = widest.min(2.0 * crowd.widest);
+        let limit = widest.min(2.0 * dynamic_pairs.widest);
         let per_metre = 0.5 / limit;
         self.cells.clear();
         self.without_cell.clear();
@@ -112,11 +113,11 @@ impl Broad {
     }
 
     /// Joins the lanes of each pair.
-    fn merge_lanes(&mut self, crowd: &Crowd<impl Scalar>) {
+    fn merge_lanes(&mut self, dynamic_pairs: &DynamicPairs<impl Scalar>) {
         self.pairs.clear();
         for &x in &self.found {
             let (i, j, lane) = ((x >> 36) as usize, (x >> 4) as u32 as usize, x & 15);
-            let number = crowd.number(i, j);
+            let number = dynamic_pairs.number(i, j);
             match self.pairs.last_mut() {
                 Some(last) if last.0 == number => last.1 |= 1 << lane,
                 _ => self.pairs.push((number, 1 << lane)),

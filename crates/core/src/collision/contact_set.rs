@@ -94,7 +94,7 @@ pub struct Contacts<R: Real> {
 }
 
 impl<R: Real> Contacts<R> {
-    /// Room for so many contacts per environment.
+    /// Workspace for a number of contacts per environment.
     pub fn new(capacity: usize) -> Self {
         let z = R::zero();
         let up = [z, z, R::one()];
@@ -109,7 +109,7 @@ impl<R: Real> Contacts<R> {
         }
     }
 
-    /// With room for torques, if the scene has any.
+    /// With buffers for torques, if the scene has any.
     pub fn with_torques(mut self, any: bool) -> Self {
         self.torque = vec![zero(); if any { self.data.len() } else { 0 }];
         self
@@ -146,7 +146,7 @@ impl<R: Real> Contacts<R> {
         SlotPairs { ids: &self.ids[k][..R::LANES], rest: lanes }
     }
 
-    /// Adds the contact to the lanes in `bits`; lanes without room are marked in `full`.
+    /// Adds the contact to the lanes in `bits`; lanes that are full are marked in `full`.
     ///
     /// Pairs come in ascending order; the features of a pair may come in any, and are sorted here.
     #[inline(always)]
@@ -376,7 +376,7 @@ mod tests {
             let distance = id.0 as f64;
             contacts.push(1, id, &ContactPoint { distance, pos: [distance; 3], normal: [0.0, 0.0, 1.0] }, distance, 0.0);
         }
-        assert_eq!((contacts.count[0], contacts.full), (5, 1), "the last one found no room");
+        assert_eq!((contacts.count[0], contacts.full), (5, 1), "the last one was left out");
         let found: Vec<_> = contacts.ids.iter().map(|ids| (ids[0].pair(), ids[0].feature())).collect();
         assert_eq!(found, [(0, 3), (2, 1), (2, 5), (2, 7), (2, u32::MAX)]);
         for (slot, ids) in contacts.data.iter().zip(&contacts.ids) {

@@ -22,7 +22,7 @@ pub struct GeomPoses<R: Real> {
     pub(crate) slack: R,
     /// Listed pairs, cut where the first geom or the margin changes.
     pub(crate) runs: Vec<Range<usize>>,
-    /// Listed pairs that can touch, and the lanes (bits) in which they can; with room for one more.
+    /// Listed pairs that can touch, and the lanes (bits) in which they can; with one unused entry.
     pub(crate) near: Vec<(u32, u32)>,
     /// How many there are.
     pub(crate) near_count: usize,
@@ -49,11 +49,11 @@ pub(crate) struct Placed<R: Real> {
     /// Bound on the way of any point of the geom in two free steps, m.
     pub(crate) travel: Vec<R>,
     /// Bound on the way of any point of the geom from the beginning of the step to where it is taken, m.
-    pub(crate) lead: Vec<R>,
+    pub(crate) displacement: Vec<R>,
     /// Which geoms went by half their thickness in any lane.
     pub(crate) fast: Vec<bool>,
     /// Velocities of the links on that way.
-    pub(crate) led_by: Vec<V6<R>>,
+    pub(crate) displacing_velocity: Vec<V6<R>>,
     /// Ball about the geom's origin that holds it in two free steps (centre, radius), of a plane only its way, m.
     pub(crate) balls: Vec<[R; 4]>,
     pub(crate) velocity: Vec<V6<R>>,
@@ -88,7 +88,7 @@ impl Search {
 }
 
 impl<R: Real> GeomPoses<R> {
-    /// Room for a compiled model; geoms of the world are placed where the model has them.
+    /// Workspace for a compiled model; geoms of the world are placed where the model has them.
     pub fn new(compiled: &LaneModel<R>) -> Self {
         Self {
             placed: Placed::new(compiled),
@@ -151,9 +151,9 @@ impl<R: Real> Placed<R> {
             pos: (0..compiled.geoms.len()).map(|g| compiled.params.geom_pos(g)).collect(),
             mat: compiled.geoms.iter().map(|g| splat(g.mat)).collect(),
             travel: zeros(),
-            lead: zeros(),
+            displacement: zeros(),
             fast: vec![false; compiled.geoms.len()],
-            led_by: vec![zero(); compiled.links.len()],
+            displacing_velocity: vec![zero(); compiled.links.len()],
             balls: vec![zero(); compiled.geoms.len()],
             velocity: vec![zero(); compiled.links.len()],
         }
@@ -194,8 +194,8 @@ impl<R: Real> Placed<R> {
     /// Bounds on the ways of all geoms from the beginning of the step; leaves the velocities of the links on them.
     #[inline(always)]
     pub(crate) fn update_lead(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, v: &[R], time: R) {
-        kinematics.velocities(compiled, v, &mut self.led_by);
-        ways(compiled, kinematics, &self.pos, &self.led_by, time, &mut self.lead);
+        kinematics.velocities(compiled, v, &mut self.displacing_velocity);
+        ways(compiled, kinematics, &self.pos, &self.displacing_velocity, time, &mut self.displacement);
     }
 }
 
@@ -229,8 +229,8 @@ pub(crate) struct Scene<'a, R: Real> {
     pub(crate) poses: &'a Placed<R>,
     pub(crate) h: R,
     pub(crate) slack: R,
-    pub(crate) lead: R,
-    pub(crate) leads: bool,
+    pub(crate) look_ahead: R,
+    pub(crate) looks_ahead: bool,
 }
 
 impl<R: Real> Scene<'_, R> {
@@ -245,10 +245,10 @@ impl<R: Real> Scene<'_, R> {
         contacts: &mut Contacts<R>,
     ) -> R::Mask {
         self.test_pair(index, pair, near, search, contacts);
-        if self.leads { near.and(self.leads_too_far(pair)) } else { R::Mask::splat(false) }
+        if self.looks_ahead { near.and(self.moves_too_far(pair)) } else { R::Mask::splat(false) }
     }
 
-    /// Lanes in which the bounding balls of a pair of the crowd can meet within the step.
+    /// Lanes in which the bounding balls of a dynamic pair can meet within the step.
     #[inline(always)]
     pub(crate) fn can_touch(&self, pair: &CompiledPair<R::Scalar>) -> R::Mask {
         let [a, b] = pair.geoms;
@@ -259,10 +259,10 @@ impl<R: Real> Scene<'_, R> {
 
     /// Lanes in which the way from the beginning of the step is long enough to be through: that of either geom as seen from the other.
     #[inline(always)]
-    fn leads_too_far(&self, pair: &CompiledPair<R::Scalar>) -> R::Mask {
+    fn moves_too_far(&self, pair: &CompiledPair<R::Scalar>) -> R::Mask {
         let [a, b] = pair.geoms;
         let distance = self.compiled.tunnelling_distance(pair.geoms);
-        let far = (self.poses.lead[a] + self.poses.lead[b]).gt(distance);
+        let far = (self.poses.displacement[a] + self.poses.displacement[b]).gt(distance);
         if far.none() {
             return far;
         }
@@ -287,10 +287,12 @@ impl<R: Real> Scene<'_, R> {
     /// bound.
     #[inline(always)]
     pub(crate) fn way_past(&self, a: usize, b: usize) -> R {
-        let (there, here) =
-            (self.motion_at(&self.poses.led_by, b, self.poses.pos[b]), self.motion_at(&self.poses.led_by, a, self.poses.pos[b]));
+        let (there, here) = (
+            self.motion_at(&self.poses.displacing_velocity, b, self.poses.pos[b]),
+            self.motion_at(&self.poses.displacing_velocity, a, self.poses.pos[b]),
+        );
         let spin = norm(sub(there[0], here[0]));
-        (norm(sub(there[1], here[1])) + spin * self.compiled.params.bounding_radius(b)) * self.lead
+        (norm(sub(there[1], here[1])) + spin * self.compiled.params.bounding_radius(b)) * self.look_ahead
     }
 
     /// Motion of a geom (angular, linear where it passes the point `p`) if the links have the velocities `links`.

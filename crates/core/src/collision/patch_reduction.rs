@@ -24,7 +24,7 @@ const PARALLEL: f64 = 1e-9;
 /// have orientations of six digits, which tilt the capsules of one sole by 1e-6.
 const FLAT: f64 = 1e-5;
 
-/// Room to find redundant contacts.
+/// Workspace of the search for redundant contacts.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct PatchReduction {
     /// Patch of every contact of a lane.
@@ -57,7 +57,7 @@ impl PatchReduction {
         }
     }
 
-    /// Clears the room, and makes it large enough for so many contacts: no later call allocates.
+    /// Clears the reduction, and makes it large enough for so many contacts: no later call allocates.
     fn clear(&mut self, contacts: usize) {
         let Self { patches, points, hull, kept } = self;
         patches.clear();
@@ -226,11 +226,11 @@ mod tests {
     proptest! {
         #[test]
         fn what_is_removed_is_a_mean_of_what_stays((points, _) in patch()) {
-            let mut room = PatchReduction { points: points.clone(), kept: vec![true; points.len()], ..PatchReduction::default() };
-            let any = room.mark(0.2);
-            prop_assert_eq!(any, room.kept.iter().any(|kept| !kept));
-            let stay: Vec<&Point> = points.iter().filter(|p| room.kept[p.slot]).collect();
-            for p in points.iter().filter(|p| !room.kept[p.slot]) {
+            let mut reduction = PatchReduction { points: points.clone(), kept: vec![true; points.len()], ..PatchReduction::default() };
+            let any = reduction.mark(0.2);
+            prop_assert_eq!(any, reduction.kept.iter().any(|kept| !kept));
+            let stay: Vec<&Point> = points.iter().filter(|p| reduction.kept[p.slot]).collect();
+            for p in points.iter().filter(|p| !reduction.kept[p.slot]) {
                 let triples = stay.iter().enumerate().flat_map(|(i, a)| {
                     let stay = &stay;
                     stay[..i].iter().enumerate().flat_map(move |(j, b)| stay[..j].iter().map(move |c| [*a, *b, *c]))
@@ -246,9 +246,9 @@ mod tests {
         #[test]
         fn a_flat_patch_keeps_its_corners_alone((points, slope) in patch()) {
             let flat: Vec<Point> = points.iter().map(|p| Point { gap: slope[0] * p.x[0] + slope[1] * p.x[1], ..*p }).collect();
-            let mut room = PatchReduction { points: flat.clone(), kept: vec![true; flat.len()], ..PatchReduction::default() };
-            room.mark(0.2);
-            let stay: Vec<&Point> = flat.iter().filter(|p| room.kept[p.slot]).collect();
+            let mut reduction = PatchReduction { points: flat.clone(), kept: vec![true; flat.len()], ..PatchReduction::default() };
+            reduction.mark(0.2);
+            let stay: Vec<&Point> = flat.iter().filter(|p| reduction.kept[p.slot]).collect();
             // Unless all lie on a line, where the hull has no area and all stay.
             let spread = stay.iter().any(|p| stay.iter().any(|q| {
                 stay.iter().any(|r| ((q.x[0] - p.x[0]) * (r.x[1] - p.x[1]) - (q.x[1] - p.x[1]) * (r.x[0] - p.x[0])).abs() > 1e-9)

@@ -34,12 +34,12 @@ pub struct SeparationCache {
 }
 
 impl SeparationCache {
-    /// Room for so many lanes; none in a scene without pairs of hulls.
+    /// Workspace for a number of lanes; none in a scene without pairs of hulls.
     pub fn new<S: Scalar>(compiled: &ModelStructure<S>, lanes: usize) -> Self {
         let is_hull = |g: usize| compiled.geoms[g].solid.as_ref().is_some_and(Solid::is_hull);
         let listed = compiled.pairs.iter().filter(|p| p.kernel == Kernel::Convex && p.geoms.iter().all(|&g| is_hull(g))).count();
-        let crowded = compiled.crowd.iter().flat_map(|c| &c.members).filter(|m| is_hull(m.geom)).count();
-        let places = (listed + crowded * crowded.saturating_sub(1) / 2).min(PLACES);
+        let dynamic = compiled.dynamic_pairs.iter().flat_map(|c| &c.members).filter(|m| is_hull(m.geom)).count();
+        let places = (listed + dynamic * dynamic.saturating_sub(1) / 2).min(PLACES);
         let lanes = if places == 0 { 0 } else { lanes };
         Self { places, count: vec![0; lanes], held: vec![NONE; places * lanes] }
     }

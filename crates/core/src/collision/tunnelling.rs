@@ -55,8 +55,8 @@ pub fn may_have_passed<R: Real>(
     }
     // If no geom moves farther than stage 3 assumed, the candidate pairs of stage 3 suffice.
     let within_search = beyond_search.and(alive).none();
-    if let (Some(crowd), false) = (&compiled.crowd, within_search) {
-        broad.find(compiled, crowd, alive.bits(), &placed.pos, &placed.lead, slack);
+    if let (Some(dynamic_pairs), false) = (&compiled.dynamic_pairs, within_search) {
+        broad.find(compiled, dynamic_pairs, alive.bits(), &placed.pos, &placed.displacement, slack);
     }
     let placed = &*placed;
     let paths = Path { compiled, kinematics, placed, step, slack };
@@ -73,8 +73,8 @@ pub fn may_have_passed<R: Real>(
                     passed = paths.test(pair, alive, passed, &mut search.narrow);
                 }
             }
-            if let Some(crowd) = &compiled.crowd {
-                for pair in broad.pairs.iter().filter_map(|p| crowd.pair(p.0)) {
+            if let Some(dynamic_pairs) = &compiled.dynamic_pairs {
+                for pair in broad.pairs.iter().filter_map(|p| dynamic_pairs.pair(p.0)) {
                     passed = paths.test(&pair, alive, passed, &mut search.narrow);
                 }
             }
@@ -121,7 +121,7 @@ impl<R: Real> Path<'_, R> {
     #[inline(always)]
     fn exceed_gap(&self, pair: &CompiledPair<R::Scalar>) -> R::Mask {
         let (Self { compiled, kinematics, placed, step, slack }, [a, b]) = (self, pair.geoms);
-        let scene = Scene { compiled, kinematics, poses: placed, h: step.h, slack: *slack, lead: step.h, leads: false };
+        let scene = Scene { compiled, kinematics, poses: placed, h: step.h, slack: *slack, look_ahead: step.h, looks_ahead: false };
         let displacement = scene.way_past(a, b).min(scene.way_past(b, a))
             + placed.arc_deviation(compiled, a, step.h)
             + placed.arc_deviation(compiled, b, step.h);
@@ -170,7 +170,7 @@ impl<R: Real> Path<'_, R> {
                 [angular(motion), linear(motion), cross(angular(motion), arm_from(kinematics.pos[own.frame]))]
             }
             None => {
-                let (motion, tree) = (&placed.led_by[own.frame - 1], compiled.links[own.frame - 1].tree);
+                let (motion, tree) = (&placed.displacing_velocity[own.frame - 1], compiled.links[own.frame - 1].tree);
                 let root_velocity = self.velocity_of_root(tree);
                 [angular(motion), root_velocity, sub(velocity_at(motion, arm_from(kinematics.origin[tree])), root_velocity)]
             }
@@ -187,7 +187,7 @@ impl<R: Real> Path<'_, R> {
             let first = self.compiled.links[*link].joints.start;
             matches!(self.compiled.joints.get(first), Some(CompiledJoint { kind: JointKind::Free | JointKind::Slide, .. }))
         };
-        root.filter(floats).map_or_else(zero, |link| linear(&self.placed.led_by[link]))
+        root.filter(floats).map_or_else(zero, |link| linear(&self.placed.displacing_velocity[link]))
     }
 }
 
@@ -208,7 +208,7 @@ impl<R: Real> Placed<R> {
         )
     }
 
-    /// Updates the bounds on the displacements of the solved step, in `lead`. Returns two sets of lanes.
+    /// Updates the bounds on the displacements of the solved step, in `displacement`. Returns two sets of lanes.
     ///
     /// In the first, some geom moves by more than half its thickness; without one, no pair can pass. In the second, some geom moves farther
     /// than stage 3 assumed.
@@ -217,7 +217,7 @@ impl<R: Real> Placed<R> {
         self.update_lead(compiled, kinematics, v_next, h);
         let [mut any, mut beyond_search] = [R::Mask::splat(false); 2];
         let half = R::of(0.5);
-        for (g, ((&displacement, &travel), fast)) in self.lead.iter().zip(&self.travel).zip(&mut self.fast).enumerate() {
+        for (g, ((&displacement, &travel), fast)) in self.displacement.iter().zip(&self.travel).zip(&mut self.fast).enumerate() {
             let moved = displacement.gt(compiled.params.inscribed_radius(g) * half);
             *fast = moved.any();
             any = any.or(moved);
@@ -233,7 +233,7 @@ impl<R: Real> Placed<R> {
         if !(self.fast[a] || self.fast[b]) {
             return R::Mask::splat(false);
         }
-        let displacement = self.lead[a] + self.lead[b];
+        let displacement = self.displacement[a] + self.displacement[b];
         let far = displacement.gt(min_displacement(compiled, pair));
         if far.none() {
             return far;
@@ -250,7 +250,7 @@ impl<R: Real> Placed<R> {
         if g.frame == 0 || g.frame > compiled.links.len() {
             return R::zero();
         }
-        let w = angular(&self.led_by[g.frame - 1]);
+        let w = angular(&self.displacing_velocity[g.frame - 1]);
         dot(w, w) * h * h * R::of(0.5) * compiled.params.rotation_reach(geom)
     }
 }

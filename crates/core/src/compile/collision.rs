@@ -69,7 +69,7 @@ impl<S> CompiledPair<S> {
 
 /// Geoms that all may meet one another, so many that their pairs are found anew in every step instead of being listed.
 #[derive(Clone, Debug)]
-pub struct Crowd<S> {
+pub struct DynamicPairs<S> {
     /// Its geoms, ascending.
     pub members: Vec<Member>,
     /// Radius of the largest ball about one of them, margin included, m.
@@ -83,7 +83,7 @@ pub struct Crowd<S> {
     scalar: PhantomData<S>,
 }
 
-/// A geom of a crowd.
+/// A geom whose pairs are dynamic.
 #[derive(Clone, Copy, Debug)]
 pub struct Member {
     /// Index into the compiled model's geoms.
@@ -94,7 +94,7 @@ pub struct Member {
     pub margin: f64,
 }
 
-impl<S: Scalar> Crowd<S> {
+impl<S: Scalar> DynamicPairs<S> {
     /// Number of the pair of the members `i` and `j`: ascending with `i`, then `j`.
     pub fn number(&self, i: usize, j: usize) -> usize {
         self.first + i * self.members.len() + j
@@ -134,7 +134,7 @@ impl<S: Scalar> Crowd<S> {
     /// What the contacts of a pair are like, from what the geoms bring (see [`Filter::precedence`]).
     #[inline(always)]
     pub(super) fn contact<R: Real<Scalar = S>>(&self, number: usize, params: &Params<R>) -> ContactParams<R> {
-        let [a, b] = self.members_of(number).expect("a pair of the crowd").map(|m| m.model_geom);
+        let [a, b] = self.members_of(number).expect("a pair of the dynamic pairs").map(|m| m.model_geom);
         let (order, condim) = self.filter.precedence([a, b]);
         let rigid = self.filter.is_rigid([a, b]);
         let (a, b) = (params.member(a), params.member(b));
@@ -165,17 +165,17 @@ impl<S: Scalar> Crowd<S> {
 
 /// Contacts that a geom among many of its like brings: half of twelve neighbours (the kissing number), up to eight points each.
 const NEIGHBOUR_POINTS: usize = 48;
-/// A model with more pairs than this among its geoms of ordinary size makes a crowd of them.
+/// A model with more pairs than this among its geoms of ordinary size finds the pairs of these geoms anew in every step.
 const LISTED_PAIRS: usize = 3000;
-/// How many times larger than the median a geom must be to stay out of the crowd: its cubes would hold everybody.
+/// How many times larger than the median a geom must be to be left out of the dynamic pairs: the cells of its size would hold all geoms.
 const LARGE: f64 = 8.0;
 
-/// Geoms, listed pairs and crowd.
-pub(crate) type Collision<S> = (Vec<CompiledGeom<S>>, Vec<CompiledPair<S>>, Option<Crowd<S>>);
+/// Geoms, listed pairs and dynamic pairs.
+pub(crate) type Collision<S> = (Vec<CompiledGeom<S>>, Vec<CompiledPair<S>>, Option<DynamicPairs<S>>);
 
 pub(crate) fn compile<S: Scalar>(model: &Model, merged: &Merged) -> Collision<S> {
     let filter = Filter::new(model);
-    let among = crowded(model);
+    let among = dynamic(model);
     let mut slot = vec![None; model.geoms.len()];
     let mut geoms: Vec<CompiledGeom<S>> = Vec::new();
     let mut place = |g: usize, geoms: &mut Vec<CompiledGeom<S>>| {
@@ -211,7 +211,7 @@ pub(crate) fn compile<S: Scalar>(model: &Model, merged: &Merged) -> Collision<S>
             geoms[m.geom].keep_solid(model, shape);
         }
     }
-    let crowd = (!members.is_empty()).then(|| Crowd {
+    let dynamic_pairs = (!members.is_empty()).then(|| DynamicPairs {
         widest: members.iter().map(|m| bounding_radius(model, &model.geoms[m.model_geom].shape) + m.margin).fold(0.0, f64::max),
         has_rolling_friction: members.iter().any(|m| model.geoms[m.model_geom].condim > 3),
         members,
@@ -220,7 +220,7 @@ pub(crate) fn compile<S: Scalar>(model: &Model, merged: &Merged) -> Collision<S>
         shapes: model.geoms.iter().map(|g| g.shape.clone()).collect(),
         scalar: PhantomData,
     });
-    (geoms, pairs, crowd)
+    (geoms, pairs, dynamic_pairs)
 }
 
 /// Number of a pair's patch where it has none.
@@ -241,8 +241,8 @@ pub(super) fn patches<S>(geoms: &[CompiledGeom<S>], pairs: &[CompiledPair<S>]) -
     patches
 }
 
-/// For every geom whether it is one of a crowd; none is, where a list of pairs is short.
-fn crowded(model: &Model) -> Vec<bool> {
+/// For every geom whether its pairs are dynamic; none are where the list of pairs is short.
+fn dynamic(model: &Model) -> Vec<bool> {
     let can = |g: &Geom| (g.contype | g.conaffinity) != 0 && !g.shape.is_surface() && !matches!(g.shape, Shape::Plane);
     let size = |g: &Geom| bounding_radius(model, &g.shape);
     let mut sizes: Vec<f64> = model.geoms.iter().filter(|g| can(g)).map(size).collect();
@@ -253,7 +253,7 @@ fn crowded(model: &Model) -> Vec<bool> {
     if n * n.saturating_sub(1) / 2 > LISTED_PAIRS && n < (1 << 16) { among } else { vec![false; model.geoms.len()] }
 }
 
-/// The pairs that can collide, but for those of the crowd with itself: those with torsional or rolling friction first, ascending by their
+/// The pairs that can collide, without the dynamic ones: those with torsional or rolling friction first, ascending by their
 /// geoms.
 ///
 /// Contacts are in the order of their pairs, so that those with six rows have the same slots in all lanes.

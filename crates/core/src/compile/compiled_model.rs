@@ -8,7 +8,7 @@ use std::ops::Deref;
 use stepper_real::Scalar;
 
 use crate::compile::actuators::{CompiledActuator, CompiledActuatorDynamics, CompiledForceRange, CompiledServo};
-use crate::compile::collision::{CompiledGeom, CompiledPair, Crowd};
+use crate::compile::collision::{CompiledGeom, CompiledPair, DynamicPairs};
 use crate::compile::equality::{CompiledTendon, EqualityBlock};
 use crate::compile::merging::Merged;
 use crate::compile::parameters::Params;
@@ -76,14 +76,14 @@ pub struct ModelStructure<S: Scalar> {
     pub bodies: Vec<CompiledBody<S>>,
     /// Geoms that take part in collision.
     pub geoms: Vec<CompiledGeom<S>>,
-    /// Pairs that can collide and for which there is a kernel, in a fixed order; all of them, if there is no crowd.
+    /// Pairs that can collide and for which there is a kernel, in a fixed order; all of them, if none are dynamic.
     pub pairs: Vec<CompiledPair<S>>,
     /// Patch of every listed pair: contacts of pairs with one number join the same two frames. Empty where no pair is in any.
     pub patches: Vec<u32>,
     /// Whether the contacts of any pair are springs.
     pub has_contact_springs: bool,
     /// Geoms whose pairs are too many to list.
-    pub crowd: Option<Crowd<S>>,
+    pub dynamic_pairs: Option<DynamicPairs<S>>,
     /// Which links nothing holds; empty if all are held.
     pub floating: Vec<bool>,
     /// Whether any pair can have torsional or rolling friction.
@@ -148,7 +148,7 @@ impl<S: Scalar> ModelStructure<S> {
     pub fn pair(&self, number: usize) -> CompiledPair<S> {
         match self.pairs.get(number) {
             Some(pair) => *pair,
-            None => self.crowd.as_ref().and_then(|c| c.pair(number)).expect("a contact belongs to a pair"),
+            None => self.dynamic_pairs.as_ref().and_then(|c| c.pair(number)).expect("a contact belongs to a pair"),
         }
     }
 
@@ -157,7 +157,7 @@ impl<S: Scalar> ModelStructure<S> {
     pub fn pair_geoms(&self, number: usize) -> Option<[usize; 2]> {
         match self.pairs.get(number) {
             Some(pair) => Some(pair.geoms),
-            None => self.crowd.as_ref()?.geoms(number),
+            None => self.dynamic_pairs.as_ref()?.geoms(number),
         }
     }
 

@@ -2,7 +2,7 @@
 
 use stepper_real::Scalar;
 
-use crate::compile::collision::Crowd;
+use crate::compile::collision::DynamicPairs;
 use crate::compile::compiled_model::{CompiledModel, ModelStructure};
 use crate::compile::limits::{ball_limits, frictions, limits};
 use crate::compile::merging::Merged;
@@ -29,10 +29,10 @@ impl<S: Scalar> CompiledModel<S> {
         let ball_limits = ball_limits(model, &addresses, &mut scalar_impulses);
         let compiler = equality::Compiler { model, merged: &merged, addresses: &addresses };
         let (equalities, tendons) = (compiler.equalities(&mut scalar_impulses), compiler.tendons(&mut scalar_impulses));
-        let (geoms, pairs, crowd) = collision::compile::<S>(model, &merged);
-        let can_tunnel = crowd.is_some() || pairs.iter().any(|p| !p.geoms.iter().any(|&g| geoms[g].is_plane));
+        let (geoms, pairs, dynamic_pairs) = collision::compile::<S>(model, &merged);
+        let can_tunnel = dynamic_pairs.is_some() || pairs.iter().any(|p| !p.geoms.iter().any(|&g| geoms[g].is_plane));
         let listed: usize = pairs.iter().map(|p| p.kernel.points()).sum();
-        let contact_points = listed + crowd.as_ref().map_or(0, Crowd::contact_points);
+        let contact_points = listed + dynamic_pairs.as_ref().map_or(0, DynamicPairs::contact_points);
         let (links, joints) = (merging::links(model, &merged), merging::joints(model, &addresses));
         let spinners = Self::spinners(&links, &joints);
         let moved_dofs = merged.moved_dofs(model.nv());
@@ -68,11 +68,12 @@ impl<S: Scalar> CompiledModel<S> {
             bodies: merging::bodies(model, &merged),
             patches: collision::patches(&geoms, &pairs),
             geoms,
-            has_rolling_friction: crowd.as_ref().is_some_and(Crowd::has_rolling_friction) || pairs.iter().any(|p| p.condim > 3),
+            has_rolling_friction: dynamic_pairs.as_ref().is_some_and(DynamicPairs::has_rolling_friction)
+                || pairs.iter().any(|p| p.condim > 3),
             has_contact_springs: pairs.iter().any(|p| p.spring.is_some())
-                || crowd.is_some() && model.geoms.iter().any(|g| !g.spring.is_rigid()),
+                || dynamic_pairs.is_some() && model.geoms.iter().any(|g| !g.spring.is_rigid()),
             pairs,
-            crowd,
+            dynamic_pairs,
             limits,
             frictions,
             ball_limits,

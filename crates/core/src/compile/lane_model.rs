@@ -36,8 +36,8 @@ impl<R: Real> LaneModel<R> {
     /// What the contacts of a pair are like.
     #[inline(always)]
     pub fn contact(&self, pair: usize) -> ContactParams<R> {
-        match self.structure.crowd.as_ref() {
-            Some(crowd) if pair >= self.structure.pairs.len() => crowd.contact(pair, &self.params),
+        match self.structure.dynamic_pairs.as_ref() {
+            Some(dynamic_pairs) if pair >= self.structure.pairs.len() => dynamic_pairs.contact(pair, &self.params),
             _ => self.params.listed_contact(pair),
         }
     }
@@ -54,7 +54,8 @@ impl<R: Real> LaneModel<R> {
     #[cold]
     #[inline(never)]
     fn unlisted_soft_contact(&self, softness: &CompiledSoftness<R::Scalar>, pair: usize) -> SoftContactLaw<R::Scalar> {
-        let pair = self.crowd.as_ref().and_then(|crowd| crowd.geom_pair(pair)).expect("a contact belongs to a pair");
+        let pair =
+            self.dynamic_pairs.as_ref().and_then(|dynamic_pairs| dynamic_pairs.geom_pair(pair)).expect("a contact belongs to a pair");
         softness.unlisted(&pair)
     }
 

@@ -94,9 +94,9 @@ impl<S: Scalar> Source<'_, S> {
         listed.map(contact)
     }
 
-    /// What every geom brings into a contact, where there is a crowd.
+    /// What every geom brings into a contact, where pairs are dynamic.
     fn members(&self) -> impl Iterator<Item = ContactParams<f64>> {
-        let geoms = if self.structure.crowd.is_some() { &self.model.geoms[..] } else { &[] };
+        let geoms = if self.structure.dynamic_pairs.is_some() { &self.model.geoms[..] } else { &[] };
         geoms.iter().map(|g| {
             let [mu, torsion, rolling] = g.friction;
             ContactParams { mu, torsion, rolling, restitution: g.restitution }

@@ -142,7 +142,7 @@ parameter_tables! {
     geoms: geom(i) -> GeomParams<T>;
     /// Contacts of a pair that is listed.
     pairs: listed_contact(pair) -> ContactParams<T>;
-    /// What a geom of a crowd brings into its contacts, by its index in the model.
+    /// Contact parameters of a geom of dynamic pairs, by its index in the model.
     members: member(geom) -> ContactParams<T>;
     /// Centre of mass of a body of the model in its frame, m.
     bodies: body_com(body) -> [T; 3];

@@ -73,7 +73,7 @@ pub struct CompiledSoftness<S> {
     pub tendons: Vec<[SoftLaw<S>; 2]>,
     /// Laws of the model's equalities, of translation and of rotation.
     pub equalities: Vec<[SoftLaw<S>; 2]>,
-    /// What laws of the pairs of a crowd are made from.
+    /// Parameters from which the contact laws of dynamic pairs are made.
     pub(super) maker: LawMaker,
     /// Inverse weight of every geom's body, of translation.
     pub(super) geom_weights: Vec<f64>,

@@ -1,4 +1,4 @@
-//! The constraint problem of a step with its room to work: what stage 4 makes, stage 5 solves and stage 8 solves again.
+//! The constraint problem of a step with its workspace: what stage 4 makes, stage 5 solves and stage 8 solves again.
 
 use std::ops::Range;
 
@@ -204,20 +204,20 @@ impl<R: Real> AssemblyInput<'_, R> {
 }
 
 impl<R: Real> Constraints<R> {
-    /// Room for a compiled model.
+    /// Workspace for a compiled model.
     pub fn new(compiled: &ModelStructure<R::Scalar>, max_contacts: usize) -> Self {
         let block = compiled.equalities.iter().map(|b| b.rows).max().unwrap_or(0);
         let rows = compiled.equalities.iter().map(|b| b.rows).sum();
         // With MuJoCo's law a slot is a contact for the lanes that touch the same trees: where there are several, at the most one for each
         // lane, of that lane's own coordinates.
         let parts = if compiled.softness.is_some() && compiled.ntree > 1 { R::LANES } else { 1 };
-        let (soft_contacts, soft_support) = (max_contacts * parts, room(compiled, 0, R::LANES / parts).contact_support);
-        let room = room(compiled, max_contacts, R::LANES);
-        let rolling_contacts = room.rolling_contacts;
+        let (soft_contacts, soft_support) = (max_contacts * parts, capacity_of(compiled, 0, R::LANES / parts).contact_support);
+        let capacity = capacity_of(compiled, max_contacts, R::LANES);
+        let rolling_contacts = capacity.rolling_contacts;
         Self {
-            problem: Problem::new(&room),
-            iterate: Iterate::new(&room),
-            impacts: Vec::with_capacity(max_contacts + room.rolling_contacts),
+            problem: Problem::new(&capacity),
+            iterate: Iterate::new(&capacity),
+            impacts: Vec::with_capacity(max_contacts + capacity.rolling_contacts),
             has_impacts: false,
             newton: Newton::default(),
             constrained: R::Mask::splat(false),
@@ -228,14 +228,14 @@ impl<R: Real> Constraints<R> {
             rebounding: R::Mask::splat(false),
             worst: WorstRows::new(),
             capture: Capture::default(),
-            positions: PositionRows::new(&room),
-            floors: Vec::with_capacity(room.scalars + room.contacts + room.rolling_contacts),
-            reference: Reference::new(&room),
+            positions: PositionRows::new(&capacity),
+            floors: Vec::with_capacity(capacity.scalars + capacity.contacts + capacity.rolling_contacts),
+            reference: Reference::new(&capacity),
             islands: Islands::new(compiled.ntree),
             patches: Patches::new(max_contacts),
-            shared: Snapshot::new(&room),
+            shared: Snapshot::new(&capacity),
             scalar_impulse: vec![R::zero(); compiled.scalar_impulses],
-            owners: Vec::with_capacity(room.scalars),
+            owners: Vec::with_capacity(capacity.scalars),
             slots: Vec::with_capacity(soft_contacts),
             rolling_slots: Vec::with_capacity(if compiled.has_rolling_friction { soft_contacts } else { 0 }),
             sizes: Vec::with_capacity(block),
@@ -270,7 +270,7 @@ impl<R: Real> Constraints<R> {
 
 /// What the rows of a compiled model can take at the most: a contact touches the ancestors of two frames in each of its lanes, and any row
 /// what equalities tie to it.
-fn room<S: Scalar>(compiled: &ModelStructure<S>, contacts: usize, lanes: usize) -> Capacity {
+fn capacity_of<S: Scalar>(compiled: &ModelStructure<S>, contacts: usize, lanes: usize) -> Capacity {
     let coupled = compiled.equalities.iter().filter(|b| b.eliminated).map(|b| b.support.len()).sum::<usize>();
     let with_coupled = |entries: usize| (entries + coupled).min(compiled.nv);
     let depth = |dof: usize| with_coupled(compiled.dofs[dof].depth);
@@ -305,9 +305,9 @@ impl<R: Real> Constraints<R> {
             rebounding: *rebounding,
         };
         let Self { iterate, newton, scalar_impulse, worst, capture, positions, floors, reference, islands, patches, shared, .. } = self;
-        let room =
+        let capacity =
             SolverWorkspace { iterate, newton, scalar_impulse, worst, capture, positions, floors, reference, islands, patches, shared };
-        (rows, room)
+        (rows, capacity)
     }
 
     /// Copies the rows for the position solve.

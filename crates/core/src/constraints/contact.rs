@@ -119,7 +119,7 @@ impl<R: Real> Constraints<R> {
         let curves = assembly.in_the_middle && self.moving != 0;
         let change = if self.has_impacts || curves { self.free_change(assembly) } else { zero() };
         self.half_solve::<3>(compiled, mass);
-        let springs = compiled.has_contact_springs.then(|| self.give_way(input, contacts, k, lanes, [free[0], before[0]]));
+        let springs = compiled.has_contact_springs.then(|| self.comply(input, contacts, k, lanes, [free[0], before[0]]));
         let rigid = springs.as_ref().map_or(active, |row| active.and_not(row.lanes));
         let solved = self.solved_overlaps.as_ref().map(|solved| solved.distance(contacts, k));
         let (mut bias, mut position) = self.biases(options, assembly.gap(slot.point.distance), solved, assembly.h, rigid);

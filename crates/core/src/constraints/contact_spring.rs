@@ -23,7 +23,7 @@ pub(crate) struct GivingRow<R: Real> {
 impl<R: Real> Constraints<R> {
     /// The contacts in slot `k` that are springs, whose normal velocities without constraints and before the step are `free` and `before`;
     /// the normal's row is the first of `column`, half solved.
-    pub(crate) fn give_way(
+    pub(crate) fn comply(
         &self,
         input: RowInput<'_, R>,
         contacts: &Contacts<R>,

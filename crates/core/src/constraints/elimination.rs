@@ -153,7 +153,7 @@ impl<R: Real> Constraints<R> {
             any = any.or(short[n]);
         }
         if any.any() {
-            self.eliminate_again(mass, targets, &mut lengths, short);
+            self.repeat_elimination(mass, targets, &mut lengths, short);
         }
         lengths
     }
@@ -165,7 +165,7 @@ impl<R: Real> Constraints<R> {
     /// velocity becomes zero if it is rounding error.
     #[cold]
     #[inline(never)]
-    fn eliminate_again<const N: usize>(
+    fn repeat_elimination<const N: usize>(
         &mut self,
         mass: &MassMatrix<R>,
         targets: &mut [[R; 2]; N],
@@ -203,9 +203,9 @@ impl<R: Real> Constraints<R> {
                     for (&d, &y) in support.iter().zip(entries) {
                         let (x, scale, y) = (&mut column[d as usize], &mut removed_scales[d as usize], y * mass.sqrt_d[d as usize]);
                         for n in 0..N {
-                            let again = product[n] * y;
-                            x[n] = R::select(short[n], x[n] - again, x[n]);
-                            scale[n] += (coefficient[n] * y).square() + again.square() * rounding;
+                            let repeated = product[n] * y;
+                            x[n] = R::select(short[n], x[n] - repeated, x[n]);
+                            scale[n] += (coefficient[n] * y).square() + repeated.square() * rounding;
                         }
                     }
                 }

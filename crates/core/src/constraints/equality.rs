@@ -81,9 +81,9 @@ impl<R: Real> Constraints<R> {
         }
         // The largest correction of the block, as a distance, adds compliance to all its rows: so long a motion turns the other rows'
         // directions, which a linearised solve does not know, and their demands would no longer be met at the end of the step.
-        let way = self.demands.iter().fold(R::zero(), |most, demand| most.max(demand[2].abs())) * input.assembly.h;
+        let displacement = self.demands.iter().fold(R::zero(), |most, demand| most.max(demand[2].abs())) * input.assembly.h;
         let split = input.options.stabilization == Stabilization::Split;
-        let damping = if split { R::of(DAMPING) + way * R::of(1.0 / CORRECTION_ARM) } else { R::zero() };
+        let damping = if split { R::of(DAMPING) + displacement * R::of(1.0 / CORRECTION_ARM) } else { R::zero() };
         let entries = EntryScales { squares: &mut self.entry_scales, coefficients: &mut self.coefficient_scales };
         let decided = self.problem.scalars.orthogonalise(
             start..start + block.rows,

@@ -92,7 +92,7 @@ struct Point {
 }
 
 impl<R: Real> Patches<R> {
-    /// Room for so many contacts an environment.
+    /// Workspace for a number of contacts per environment.
     pub(crate) fn new(max_contacts: usize) -> Self {
         let n = max_contacts;
         Self {

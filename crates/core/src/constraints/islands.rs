@@ -15,7 +15,7 @@ pub(crate) struct Islands {
 }
 
 impl Islands {
-    /// Room for so many trees.
+    /// Workspace for a number of trees.
     pub(crate) fn new(trees: usize) -> Self {
         Self { above: vec![0; trees], most: vec![0.0; trees], penalties: vec![[0.0; 2]; trees], exempt: vec![false; trees] }
     }

@@ -30,7 +30,7 @@ pub(crate) struct Crossing {
 }
 
 impl<R: Real> SolvedOverlaps<R> {
-    /// Room for a compiled model.
+    /// Workspace for a compiled model.
     pub(crate) fn new(compiled: &LaneModel<R>, max_contacts: usize) -> Self {
         Self {
             contacts: Contacts::new(max_contacts).with_torques(compiled.has_rolling_friction),

@@ -14,7 +14,7 @@ use crate::compile::{CompiledEllipsoid, FluidParams, FluidShape, LaneModel, Mode
 use crate::dynamics::kinematics::Kinematics;
 use crate::math::spatial::*;
 
-/// What the medium does, and room to work; empty for scenes without one.
+/// Forces of the medium, and their workspace; empty for scenes without one.
 #[derive(Clone, Debug)]
 pub struct Fluid<R: Real> {
     /// Velocity of every body before the step in its own axes, against the medium.
@@ -27,7 +27,7 @@ pub struct Fluid<R: Real> {
 }
 
 impl<R: Real> Fluid<R> {
-    /// Room for a compiled model.
+    /// Workspace for a compiled model.
     pub fn new(compiled: &ModelStructure<R::Scalar>) -> Self {
         let (n, links) = (compiled.fluid.len(), if compiled.fluid.is_empty() { 0 } else { compiled.links.len() });
         Self { before: vec![zero(); n], drag: vec![zero(); n], composite: vec![[zero(); 3]; links], velocity: vec![zero(); links] }

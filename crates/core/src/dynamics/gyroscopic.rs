@@ -172,9 +172,9 @@ impl<R: Real> Body<R> {
 
     /// Momentum (linear in world axes, angular in the middle's axes about the joint), `way` seconds after the middle at the velocity v.
     #[inline(always)]
-    fn momentum(&self, v: &V6<R>, way: R) -> V6<R> {
+    fn momentum(&self, v: &V6<R>, time: R) -> V6<R> {
         let (u, w) = ([v[0], v[1], v[2]], [v[3], v[4], v[5]]);
-        let turn = quat_to_mat(quat_exp(scale(w, way)));
+        let turn = quat_to_mat(quat_exp(scale(w, time)));
         let own = rotate(&turn, self.spin(w));
         // Everything in the middle's axes.
         let u = rotate_back(&self.mat, u);

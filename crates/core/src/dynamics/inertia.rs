@@ -24,7 +24,7 @@ pub struct MassMatrix<R: Real> {
 }
 
 impl<R: Real> MassMatrix<R> {
-    /// Room for a compiled model.
+    /// Workspace for a compiled model.
     pub fn new(compiled: &ModelStructure<R::Scalar>) -> Self {
         Self {
             entries: vec![R::zero(); compiled.chain.len()],
@@ -343,7 +343,7 @@ pub fn project_forces<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<
     }
 }
 
-/// Room for a recursion over the links.
+/// Workspace of a recursion over the links.
 #[derive(Clone, Debug)]
 pub struct NewtonEuler<R: Real> {
     /// Velocity of every link.
@@ -355,7 +355,7 @@ pub struct NewtonEuler<R: Real> {
 }
 
 impl<R: Real> NewtonEuler<R> {
-    /// Room for a compiled model.
+    /// Workspace for a compiled model.
     pub fn new(compiled: &ModelStructure<R::Scalar>) -> Self {
         let n = compiled.links.len();
         Self { velocity: vec![zero(); n], acceleration: vec![zero(); n], force: vec![zero(); n] }

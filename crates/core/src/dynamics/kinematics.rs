@@ -26,7 +26,7 @@ pub struct Kinematics<R: Real> {
 }
 
 impl<R: Real> Kinematics<R> {
-    /// Room for a compiled model; the world and the mocap frames are placed.
+    /// Workspace for a compiled model; the world and the mocap frames are placed.
     pub fn new(compiled: &ModelStructure<R::Scalar>) -> Self {
         let identity = std::array::from_fn(|k| if k % 4 == 0 { R::one() } else { R::zero() });
         let mut kinematics = Self {
@@ -260,13 +260,13 @@ pub fn all_finite<R: Real>(x: &[R]) -> R::Mask {
     sum.is_finite()
 }
 
-/// out = x + rate * way, entry by entry.
-pub fn advance<R: Real>(x: &[R], rate: &[R], way: R, out: &mut [R]) {
+/// out = x + rate * time, entry by entry.
+pub fn advance<R: Real>(x: &[R], rate: &[R], time: R, out: &mut [R]) {
     R::vectorize(
         #[inline(always)]
         || {
             for ((out, &x), &rate) in out.iter_mut().zip(x).zip(rate) {
-                *out = x + rate * way;
+                *out = x + rate * time;
             }
         },
     )

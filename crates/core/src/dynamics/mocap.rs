@@ -1,4 +1,4 @@
-//! Bodies that the user poses, on their way from one pose to the next.
+//! Trajectories of mocap bodies from one pose to the next.
 //!
 //! A body that is put somewhere else before a call goes there in a straight line and at a constant rate of rotation during the call's
 //! steps, so that contacts meet a moving surface: what it pushes is not overlapped first, and friction sees its speed. At the first call
@@ -10,7 +10,7 @@ use crate::compile::LaneModel;
 use crate::dynamics::kinematics::{Kinematics, all_finite};
 use crate::math::spatial::*;
 
-/// The way of one mocap body during a call.
+/// The trajectory of one mocap body during a call.
 #[derive(Clone, Copy, Debug)]
 pub struct MocapTrajectory<R> {
     /// Where it begins, m.
@@ -55,7 +55,7 @@ impl<R: Real> MocapTrajectory<R> {
         [pos[0], pos[1], pos[2], quat[0], quat[1], quat[2], quat[3]]
     }
 
-    /// Where the way ends, to be kept.
+    /// Last pose of the trajectory.
     #[inline(always)]
     pub fn end(&self) -> [R; 7] {
         self.end
@@ -70,10 +70,10 @@ pub fn pose_bodies<R: Real>(compiled: &LaneModel<R>, mocap_trajectories: &[Mocap
     R::vectorize(
         #[inline(always)]
         || {
-            for (k, (mocap, way)) in compiled.mocap.iter().zip(mocap_trajectories).enumerate() {
-                kinematics.pos[mocap.frame] = add_scaled(way.pos, linear(&way.motion), time);
-                kinematics.mat[mocap.frame] = quat_to_mat(way.quat_at(time));
-                kinematics.posed[k] = way.motion;
+            for (k, (mocap, trajectory)) in compiled.mocap.iter().zip(mocap_trajectories).enumerate() {
+                kinematics.pos[mocap.frame] = add_scaled(trajectory.pos, linear(&trajectory.motion), time);
+                kinematics.mat[mocap.frame] = quat_to_mat(trajectory.quat_at(time));
+                kinematics.posed[k] = trajectory.motion;
             }
         },
     )

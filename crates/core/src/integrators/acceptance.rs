@@ -56,9 +56,9 @@ fn solve_further<R: Real>(compiled: &LaneModel<R>, options: &StepSettings, s: &m
                 .min(R::of(options.tolerance))
         },
     );
-    let (rows, mut room) = s.constraints.split();
-    let again = solve_to(options, tolerance, lanes, &rows, &mut room, &mut s.evaluation.contacts);
-    outcome.replace(&again, lanes);
+    let (rows, mut workspace) = s.constraints.split();
+    let repeated = solve_to(options, tolerance, lanes, &rows, &mut workspace, &mut s.evaluation.contacts);
+    outcome.replace(&repeated, lanes);
     integrate_velocity(compiled, &s.free_motion.smooth.mass, &s.free_motion.v, &s.constraints, &mut s.next.v);
 }
 

@@ -78,14 +78,14 @@ pub(crate) fn correct_forces<R: Real>(
             predict_strikes(compiled, options, &estimate, s, constrained);
         });
     }
-    take_forces_again(compiled, scheme, s, probe);
+    recompute_forces(compiled, scheme, s, probe);
     if constrained.any() {
         probe.span(Span::EstimateImpulses, || estimate.choose_start(constrained, &mut s.constraints));
     }
 }
 
 /// The pass of [`correct_forces`], at the velocity that the present impulses lead to.
-pub(crate) fn take_forces_again<R: Real>(compiled: &LaneModel<R>, scheme: &Scheme<R>, s: &mut Workspace<R>, probe: impl Probe) {
+pub(crate) fn recompute_forces<R: Real>(compiled: &LaneModel<R>, scheme: &Scheme<R>, s: &mut Workspace<R>, probe: impl Probe) {
     s.constraints.impulse_change(compiled, &s.free_motion.smooth.mass, &mut s.work.impulse_change);
     leave_out_blows(scheme, &s.free_motion.v, &mut s.work.impulse_change);
     advance(&s.free_motion.v, &s.work.impulse_change, R::one(), &mut s.free_motion.v_expected);
@@ -96,7 +96,7 @@ pub(crate) fn take_forces_again<R: Real>(compiled: &LaneModel<R>, scheme: &Schem
         probe.span(Span::Actuate, || actuate(compiled, &at, scheme.servos(), &mut s.free_motion.actuator_forces));
     }
     probe.span(Span::Acceleration, || s.free_motion.accelerate(compiled, &s.evaluation.kinematics, &s.state.v, &s.work.v_mean));
-    advance(&s.state.v, &s.free_motion.smooth.acc, scheme.h, &mut s.work.v_free_again);
+    advance(&s.state.v, &s.free_motion.smooth.acc, scheme.h, &mut s.work.v_free_corrected);
     if !compiled.spinners.is_empty() && scheme.in_the_middle {
         gyroscopic::correct(
             compiled,
@@ -104,16 +104,16 @@ pub(crate) fn take_forces_again<R: Real>(compiled: &LaneModel<R>, scheme: &Schem
             &s.free_motion.smooth.mass,
             [scheme.time_before, scheme.time_after],
             [&s.state.v, &s.work.v_mean],
-            &mut s.work.v_free_again,
+            &mut s.work.v_free_corrected,
         );
     }
-    advance(&s.work.v_free_again, &s.free_motion.v, -R::one(), &mut s.work.free_change);
-    let lanes = assess_corrector(compiled, &s.state.v, &s.work.v_free_again, &s.work.free_change, scheme.h);
+    advance(&s.work.v_free_corrected, &s.free_motion.v, -R::one(), &mut s.work.free_change);
+    let lanes = assess_corrector(compiled, &s.state.v, &s.work.v_free_corrected, &s.work.free_change, scheme.h);
     [s.free_motion.unresolved, s.free_motion.may_gain] = lanes.map(|lanes| lanes.and(s.alive));
     if s.free_motion.unresolved.any() {
         leave_out_inertial_forces(compiled, scheme, s);
     }
-    std::mem::swap(&mut s.free_motion.v, &mut s.work.v_free_again);
+    std::mem::swap(&mut s.free_motion.v, &mut s.work.v_free_corrected);
     let everywhere = R::Mask::splat(true);
     assemble_demands(compiled, &s.free_motion.smooth.mass, &mut s.constraints, &mut s.work.free_change, None, everywhere);
 }
@@ -160,7 +160,7 @@ fn leave_out_inertial_forces<R: Real>(compiled: &LaneModel<R>, scheme: &Scheme<R
         || {
             for i in 0..compiled.nv {
                 let still = s.state.v[i] + s.free_motion.smooth.acc[i] * scheme.h;
-                s.work.v_free_again[i] = R::select(s.free_motion.unresolved, still, s.work.v_free_again[i]);
+                s.work.v_free_corrected[i] = R::select(s.free_motion.unresolved, still, s.work.v_free_corrected[i]);
                 s.work.free_change[i] = R::select(s.free_motion.unresolved, still - s.free_motion.v[i], s.work.free_change[i]);
             }
         },

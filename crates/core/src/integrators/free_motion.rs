@@ -85,7 +85,7 @@ pub(crate) fn free_motion<R: Real>(compiled: &LaneModel<R>, scheme: &Scheme<R>, 
         probe.span(Span::SaturateServos, || saturate_servos(compiled, scheme, s));
     }
     if compiled.lossy {
-        probe.span(Span::Actuate, || s.free_motion.actuator_forces.lose(compiled, &s.inputs.actuator_dynamics, true));
+        probe.span(Span::Actuate, || s.free_motion.actuator_forces.dissipate(compiled, &s.inputs.actuator_dynamics, true));
     }
     probe.span(Span::Acceleration, || advance(&s.state.v, &s.free_motion.smooth.acc, scheme.h, &mut s.free_motion.v));
 }
@@ -102,7 +102,7 @@ pub(crate) fn renew_forces<R: Real>(compiled: &LaneModel<R>, scheme: &Scheme<R>,
 /// Stage 1 at the velocity before the step.
 fn actuate_freely<R: Real>(compiled: &LaneModel<R>, scheme: &Scheme<R>, s: &mut Workspace<R>) {
     if scheme.in_the_middle && !compiled.servos.is_empty() {
-        s.free_motion.actuator_forces.gauge(compiled, &s.free_motion.smooth.inertia);
+        s.free_motion.actuator_forces.compute_effective_inertia(compiled, &s.free_motion.smooth.inertia);
     }
     let at = scheme.forces_at([&s.evaluation.q, &s.evaluation.q_ahead], [&s.state.v, &s.state.v], &s.evaluation.act, &s.inputs);
     actuate(compiled, &at, scheme.servos(), &mut s.free_motion.actuator_forces);
@@ -136,11 +136,11 @@ fn saturate_servos<R: Real>(compiled: &LaneModel<R>, scheme: &Scheme<R>, s: &mut
             return;
         }
         regather(compiled, scheme.springs_at(&s.evaluation.q, &s.evaluation.q_ahead), scheme.corrects, &mut s.free_motion.actuator_forces);
-        s.free_motion.smooth.factor_mass_again(
+        s.free_motion.smooth.refactor_mass(
             compiled,
             &s.evaluation.kinematics,
             implicit(compiled, scheme, &s.free_motion.actuator_forces, &s.state.v),
         );
-        s.free_motion.smooth.acceleration_again(compiled, [&s.free_motion.actuator_forces.tau, &s.free_motion.applied], &s.state.v);
+        s.free_motion.smooth.recompute_acceleration(compiled, [&s.free_motion.actuator_forces.tau, &s.free_motion.applied], &s.state.v);
     }
 }

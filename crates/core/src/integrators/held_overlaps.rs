@@ -7,12 +7,12 @@ use crate::compile::LaneModel;
 use crate::constraints::solved_overlaps::{Crossing, SolvedOverlaps};
 use crate::integrators::workspace::Workspace;
 
-/// Room for the overlaps of a solution, empty while rows are made by them.
+/// Overlaps of a solution, empty while rows are made by them.
 #[derive(Clone, Debug)]
 pub(crate) struct HeldOverlaps<R: Real>(Option<Box<SolvedOverlaps<R>>>);
 
 impl<R: Real> HeldOverlaps<R> {
-    /// Room for a compiled model.
+    /// Workspace for a compiled model.
     pub(crate) fn new(compiled: &LaneModel<R>, max_contacts: usize) -> Self {
         Self(Some(Box::new(SolvedOverlaps::new(compiled, max_contacts))))
     }

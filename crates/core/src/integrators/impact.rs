@@ -172,14 +172,14 @@ pub(crate) fn solve_impacts<R: Real>(
     mut outcome: Outcome<R>,
 ) -> Outcome<R> {
     for pass in 0..IMPACT_PASSES {
-        let lanes = lanes_to_solve_again(scheme, s, pass == 0);
+        let lanes = lanes_with_impacts(scheme, s, pass == 0);
         if lanes.none() {
             break;
         }
         take_inertial_forces(compiled, scheme, s, lanes, pass == 0);
-        let (rows, mut room) = s.constraints.split();
-        let again = solve(options, &s.state.v, lanes, &rows, &mut room, &mut s.evaluation.contacts);
-        outcome.replace(&again, lanes);
+        let (rows, mut workspace) = s.constraints.split();
+        let repeated = solve(options, &s.state.v, lanes, &rows, &mut workspace, &mut s.evaluation.contacts);
+        outcome.replace(&repeated, lanes);
         integrate_velocity(compiled, &s.free_motion.smooth.mass, &s.free_motion.v, &s.constraints, &mut s.next.v);
     }
     outcome
@@ -187,7 +187,7 @@ pub(crate) fn solve_impacts<R: Real>(
 
 /// Lanes whose velocity after the step, `next.v`, is far from that which inertial forces were taken with; of the first solution, which
 /// took them at the mean of the velocities and not half at each, also those in which constraints made the velocity jump.
-fn lanes_to_solve_again<R: Real>(scheme: &Scheme<R>, s: &Workspace<R>, first: bool) -> R::Mask {
+fn lanes_with_impacts<R: Real>(scheme: &Scheme<R>, s: &Workspace<R>, first: bool) -> R::Mask {
     R::vectorize(
         #[inline(always)]
         || {
@@ -223,7 +223,7 @@ fn take_inertial_forces<R: Real>(compiled: &LaneModel<R>, scheme: &Scheme<R>, s:
         advance(&s.state.v, &s.free_motion.smooth.acc, scheme.h, &mut s.work.before_impact);
     }
     s.free_motion.accelerate(compiled, &s.evaluation.kinematics, &s.state.v, &s.next.v);
-    advance(&s.work.v_half, &s.free_motion.smooth.acc, times[1], &mut s.work.v_free_again);
+    advance(&s.work.v_half, &s.free_motion.smooth.acc, times[1], &mut s.work.v_free_corrected);
     if !compiled.spinners.is_empty() {
         gyroscopic::correct_spin(
             compiled,
@@ -231,7 +231,7 @@ fn take_inertial_forces<R: Real>(compiled: &LaneModel<R>, scheme: &Scheme<R>, s:
             &s.free_motion.smooth.mass,
             [[scheme.time_before, scheme.time_after], times],
             [&s.state.v, &s.next.v],
-            &mut s.work.v_free_again,
+            &mut s.work.v_free_corrected,
         );
     }
     take_over_change(compiled, s, lanes);
@@ -251,14 +251,14 @@ fn take_inertial_forces<R: Real>(compiled: &LaneModel<R>, scheme: &Scheme<R>, s:
     assemble_demands(compiled, mass, &mut s.constraints, &mut work.free_change, before_impacts, lanes);
 }
 
-/// Takes over `work.v_free_again` as the free velocity of the lanes `lanes`, and `next.v` as the expected one; leaves by how much the
+/// Takes over `work.v_free_corrected` as the free velocity of the lanes `lanes`, and `next.v` as the expected one; leaves by how much the
 /// former changed in `work.free_change`.
 fn take_over_change<R: Real>(compiled: &LaneModel<R>, s: &mut Workspace<R>, lanes: R::Mask) {
     R::vectorize(
         #[inline(always)]
         || {
             for i in 0..compiled.nv {
-                let new = R::select(lanes, s.work.v_free_again[i], s.free_motion.v[i]);
+                let new = R::select(lanes, s.work.v_free_corrected[i], s.free_motion.v[i]);
                 s.work.free_change[i] = new - s.free_motion.v[i];
                 s.free_motion.v[i] = new;
                 s.free_motion.v_expected[i] = R::select(lanes, s.next.v[i], s.free_motion.v_expected[i]);

@@ -15,7 +15,7 @@ pub(crate) struct Impacts<R: Real> {
 }
 
 impl<R: Real> Impacts<R> {
-    /// Room for a compiled model.
+    /// Workspace for a compiled model.
     pub(crate) fn new(compiled: &ModelStructure<R::Scalar>) -> Self {
         Self { lanes: R::Mask::splat(false), velocities: std::array::from_fn(|_| vec![zero(); compiled.links.len()]) }
     }

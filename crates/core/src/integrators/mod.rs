@@ -15,7 +15,7 @@ pub mod midpoint;
 pub mod mujoco;
 pub mod observation;
 pub(crate) mod overlap_progress;
-pub(crate) mod renewed;
+pub(crate) mod recomputed;
 pub(crate) mod response;
 pub mod rk4;
 pub mod scheme;

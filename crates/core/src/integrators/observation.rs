@@ -62,7 +62,7 @@ fn take_acceleration<R: Real>(options: &StepSettings, s: &mut Workspace<R>) {
         #[inline(always)]
         || {
             let rate = R::one() / R::of(options.timestep);
-            // The room of the next state has the velocity before the step.
+            // The buffer of the next state has the velocity before the step.
             for ((a, &before), &after) in s.sensors.acceleration.iter_mut().zip(&s.next.v).zip(&s.state.v) {
                 *a = (after - before) * rate;
             }
@@ -82,12 +82,12 @@ pub(crate) fn read_actuator_forces<R: Real>(compiled: &LaneModel<R>, h: R, s: &m
     actuate(compiled, &ForceState::state(&state.q, &state.v, &state.act, &inputs.ctrl, &inputs.actuator_dynamics), None, forces);
     if compiled.lossy {
         let dynamics = &s.inputs.actuator_dynamics;
-        forces.lose(compiled, dynamics, false);
+        forces.dissipate(compiled, dynamics, false);
         forces.subtract_losses(compiled, dynamics, &s.constraints.scalar_impulse, h);
     }
 }
 
-/// True readings of the state in `s`, left in `s.sensors.room.truth`.
+/// True readings of the state in `s`, left in `s.sensors.workspace.truth`.
 pub(crate) fn read_sensors<R: Real>(compiled: &LaneModel<R>, options: &StepSettings, s: &mut Workspace<R>) {
     let h = R::of(options.timestep);
     let elapsed = R::of(s.elapsed);
@@ -96,9 +96,9 @@ pub(crate) fn read_sensors<R: Real>(compiled: &LaneModel<R>, options: &StepSetti
         read_actuator_forces(compiled, h, s);
     }
     let (kinematics, sensors) = (&mut s.evaluation.kinematics, &mut s.sensors);
-    if !sensors.room.orientation.is_empty() {
+    if !sensors.workspace.orientation.is_empty() {
         for (m, trajectory) in compiled.mocap.iter().zip(&s.mocap_trajectories) {
-            sensors.room.orientation[m.frame] = R::vectorize(
+            sensors.workspace.orientation[m.frame] = R::vectorize(
                 #[inline(always)]
                 || trajectory.quat_at(elapsed),
             );
@@ -117,7 +117,7 @@ pub(crate) fn read_sensors<R: Real>(compiled: &LaneModel<R>, options: &StepSetti
         scalar_impulse: &s.constraints.scalar_impulse,
         contacts: &s.state.contacts,
     };
-    sense(compiled, kinematics, &mut sensors.room, &input);
+    sense(compiled, kinematics, &mut sensors.workspace, &input);
 }
 
 /// Lets the error models of sensors observe the true readings in the lanes `lanes`; at the `start` of an episode they begin there.
@@ -138,5 +138,5 @@ pub(crate) fn apply_errors<R: Real>(
         observation: &mut memory.observation,
     };
     let work = s.sensors.error_work.get_or_insert_with(|| errors.work());
-    errors.observe(group, &s.sensors.room.truth, &keys, lanes, start, options.timestep, work, &mut slots);
+    errors.observe(group, &s.sensors.workspace.truth, &keys, lanes, start, options.timestep, work, &mut slots);
 }

@@ -45,11 +45,11 @@ pub(crate) fn revert_ineffective_corrections<R: Real>(
     s.poses.search.exchange();
     detect(compiled, &s.corrected_kinematics, [&*zero_velocity, &*zero_velocity], times, infeasible, &mut s.poses, contacts, NoProbe);
     s.poses.search.exchange();
-    let (rows, room) = s.constraints.split();
-    let system = room.positions.system(rows.problem);
+    let (rows, workspace) = s.constraints.split();
+    let system = workspace.positions.system(rows.problem);
     let min_decrease = MIN_DECREASE.max(MIN_DECREASE_ROUNDINGS * <R::Scalar as Scalar>::EPSILON.to_f64());
     for lane in each_of(infeasible.bits()) {
-        let islands = &mut *room.islands;
+        let islands = &mut *workspace.islands;
         islands.find(compiled, system, lane);
         // An island with an open loop keeps its correction: closing the loop has priority over overlaps.
         for row in rows.problem.scalars.iter().filter(|row| row.lo.lane(lane).to_f64() < 0.0) {

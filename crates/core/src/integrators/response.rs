@@ -10,10 +10,10 @@ use crate::constraints::Constraints;
 use crate::constraints::restitution::any_elastic;
 use crate::constraints::solved_overlaps::limit_gap;
 use crate::dynamics::kinematics::{advance, displace};
-use crate::integrators::corrected_forces::take_forces_again;
+use crate::integrators::corrected_forces::recompute_forces;
 use crate::integrators::evaluation::{assemble_here, evaluate};
 use crate::integrators::free_motion::renew_forces;
-use crate::integrators::renewed::Renewed;
+use crate::integrators::recomputed::Recomputed;
 use crate::integrators::scheme;
 use crate::integrators::scheme::Scheme;
 use crate::integrators::workspace::Workspace;
@@ -76,7 +76,7 @@ enum Pass<'a> {
 }
 
 impl<R: Real> HardResponse<R> {
-    /// Room for a compiled model.
+    /// Workspace for a compiled model.
     pub(crate) fn new(compiled: &LaneModel<R>, options: &StepSettings, max_contacts: usize) -> Self {
         let zeros = || vec![R::zero(); compiled.nv];
         Self {
@@ -109,7 +109,7 @@ impl<R: Real> HardResponse<R> {
     /// Takes up the solutions of the step that was kept in the lanes `lanes` (bits), from the state before it. Returns those of them in
     /// which impulses follow from the rows, and velocities and positions from them.
     pub(crate) fn settle(&mut self, compiled: &LaneModel<R>, options: &StepSettings, s: &mut Workspace<R>, lanes: u32) -> u32 {
-        let lanes = self.take(compiled, options, s, Renewed::Configuration, Pass::Solve { lanes });
+        let lanes = self.take(compiled, options, s, Recomputed::Configuration, Pass::Solve { lanes });
         // What bounces has other impulses in the correction of positions, or none.
         let lanes = lanes & !s.constraints.rebounding.or(s.constraints.bouncing()).bits();
         if !self.scheme.corrects {
@@ -148,13 +148,13 @@ impl<R: Real> HardResponse<R> {
         compiled: &LaneModel<R>,
         options: &StepSettings,
         s: &mut Workspace<R>,
-        renewed: Renewed,
+        recomputed: Recomputed,
         lanes: u32,
         near: &mut dyn FnMut(Followed),
     ) -> u32 {
-        let renewed = self.rows_by(compiled, renewed);
-        let left = self.take(compiled, options, s, renewed, Pass::Follow { lanes, near });
-        if renewed == Renewed::Configuration {
+        let recomputed = self.rows_by(compiled, recomputed);
+        let left = self.take(compiled, options, s, recomputed, Pass::Follow { lanes, near });
+        if recomputed == Recomputed::Configuration {
             self.compare_gaps(compiled, s, left, near);
         }
         left
@@ -198,21 +198,28 @@ impl<R: Real> HardResponse<R> {
     }
 
     /// Stages 1 to 8 with `pass` in the place of their solves. Returns the lanes that it has left.
-    fn take(&mut self, compiled: &LaneModel<R>, options: &StepSettings, s: &mut Workspace<R>, renewed: Renewed, mut pass: Pass<'_>) -> u32 {
+    fn take(
+        &mut self,
+        compiled: &LaneModel<R>,
+        options: &StepSettings,
+        s: &mut Workspace<R>,
+        recomputed: Recomputed,
+        mut pass: Pass<'_>,
+    ) -> u32 {
         let everywhere = R::Mask::splat(true);
-        match renewed {
-            Renewed::Configuration => {
+        match recomputed {
+            Recomputed::Configuration => {
                 self.scheme = scheme(options);
                 s.poses.begin();
                 self.at_beginning = evaluate(compiled, options, &mut self.scheme, s, NoProbe);
                 s.evaluation.contacts.follow_tangents(&self.contacts);
                 self.assemble(compiled, options, s);
             }
-            Renewed::Velocity => {
+            Recomputed::Velocity => {
                 renew_forces(compiled, &self.scheme, s);
                 self.assemble(compiled, options, s);
             }
-            Renewed::Forces => {
+            Recomputed::Forces => {
                 renew_forces(compiled, &self.scheme, s);
                 advance(&s.free_motion.v, &self.v_free, -R::one(), &mut self.change);
                 assemble_demands(compiled, &s.free_motion.smooth.mass, &mut s.constraints, &mut self.change, None, everywhere);
@@ -220,7 +227,7 @@ impl<R: Real> HardResponse<R> {
         }
         if self.scheme.corrects {
             pass.find_step_impulses(options, &mut self.estimate, &mut s.constraints, &s.evaluation.contacts);
-            take_forces_again(compiled, &self.scheme, s, NoProbe);
+            recompute_forces(compiled, &self.scheme, s, NoProbe);
         }
         self.v_free.copy_from_slice(&s.free_motion.v);
         pass.find_step_impulses(options, &mut self.solution, &mut s.constraints, &s.evaluation.contacts);
@@ -251,21 +258,21 @@ impl<R: Real> HardResponse<R> {
             return;
         }
         s.constraints.copy_positions();
-        let (rows, mut room) = s.constraints.split();
+        let (rows, mut workspace) = s.constraints.split();
         let (mass, contacts) = (&s.free_motion.smooth.mass, &s.evaluation.contacts);
         let solved = Solved { rows, mass, contacts, v_free: &s.free_motion.v, h: self.scheme.h };
-        damp_rows(compiled, options, &solved, &mut room);
-        let system = room.positions.system(rows.problem);
+        damp_rows(compiled, options, &solved, &mut workspace);
+        let system = workspace.positions.system(rows.problem);
         let name = names(rows.owners, rows.slots, rows.rolling_slots, contacts);
         pass.find_impulses(
             options,
             &mut self.correction,
-            (system, room.iterate, room.newton),
+            (system, workspace.iterate, workspace.newton),
             [self.corrected; 2],
             name,
             Some(&self.solution),
         );
-        let excess = find_correction(compiled, options, &solved, room.iterate, &s.next.v, &mut s.work.correction);
+        let excess = find_correction(compiled, options, &solved, workspace.iterate, &s.next.v, &mut s.work.correction);
         if let Pass::Solve { lanes } = pass {
             // Slowed down, it follows from its fastest joint.
             *lanes &= !self.corrected | excess.lt(R::of(1.0 - BOUND_DISTANCE)).bits();
@@ -285,15 +292,15 @@ impl<R: Real> HardResponse<R> {
     /// What of the rows is to be made again where so much is new. Where forces change the mass matrix that is all, as where servos are
     /// implicit, or drag at some velocity; what velocities change is else the free velocity alone, unless rows demand something of the
     /// velocity before the step.
-    fn rows_by(&self, compiled: &LaneModel<R>, renewed: Renewed) -> Renewed {
+    fn rows_by(&self, compiled: &LaneModel<R>, recomputed: Recomputed) -> Recomputed {
         let plain = compiled.equalities.is_empty() && compiled.tendons.iter().all(|tendon| tendon.spring.is_none());
-        match renewed {
-            _ if compiled.actuator_dynamics > 0 || compiled.lossy => Renewed::Configuration,
-            Renewed::Velocity if self.scheme.corrects => Renewed::Configuration,
-            Renewed::Forces if self.scheme.corrects && !compiled.servos.is_empty() => Renewed::Configuration,
-            Renewed::Velocity if plain && !compiled.has_contact_springs && !any_elastic(&self.contacts) => Renewed::Forces,
-            Renewed::Forces if any_elastic(&self.contacts) => Renewed::Configuration,
-            renewed => renewed,
+        match recomputed {
+            _ if compiled.actuator_dynamics > 0 || compiled.lossy => Recomputed::Configuration,
+            Recomputed::Velocity if self.scheme.corrects => Recomputed::Configuration,
+            Recomputed::Forces if self.scheme.corrects && !compiled.servos.is_empty() => Recomputed::Configuration,
+            Recomputed::Velocity if plain && !compiled.has_contact_springs && !any_elastic(&self.contacts) => Recomputed::Forces,
+            Recomputed::Forces if any_elastic(&self.contacts) => Recomputed::Configuration,
+            recomputed => recomputed,
         }
     }
 }
@@ -308,10 +315,17 @@ impl Pass<'_> {
         contacts: &Contacts<R>,
     ) {
         let constrained = constraints.constrained;
-        let (rows, room) = constraints.split();
+        let (rows, workspace) = constraints.split();
         let name = names(rows.owners, rows.slots, rows.rolling_slots, contacts);
         let all = R::Mask::splat(true).bits();
-        self.find_impulses(options, response, (rows.problem.into(), room.iterate, room.newton), [constrained.bits(), all], name, None);
+        self.find_impulses(
+            options,
+            response,
+            (rows.problem.into(), workspace.iterate, workspace.newton),
+            [constrained.bits(), all],
+            name,
+            None,
+        );
     }
 
     /// Impulses of a system of rows in the lanes `concerned` (bits), of which `constrained` have any; those of other lanes are not asked

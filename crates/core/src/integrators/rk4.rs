@@ -19,7 +19,7 @@ pub(crate) fn scheme<R: Real>(h: R) -> Scheme<R> {
     midpoint::scheme(h)
 }
 
-/// Room for the four stages.
+/// Workspace of the four stages.
 ///
 /// The unknowns are a displacement theta from the configuration at the beginning, the velocity and the activations. A displacement of a
 /// rotation follows `theta' = dexpinv(omega)` with angular velocities in the body's frame (Munthe-Kaas 1998).
@@ -38,7 +38,7 @@ pub(crate) struct Rk4<R: Real> {
 }
 
 impl<R: Real> Rk4<R> {
-    /// Room for a compiled model.
+    /// Workspace for a compiled model.
     pub(crate) fn new(compiled: &ModelStructure<R::Scalar>) -> Self {
         let zeros = |n: usize| vec![R::zero(); n];
         let sizes = [compiled.nv, compiled.nv, compiled.na];
@@ -56,7 +56,7 @@ impl<R: Real> Rk4<R> {
         }
     }
 
-    /// One step of `h` seconds from `state` = (q, v, act), left in (q, v, act) of this room.
+    /// One step of `h` seconds from `state` = (q, v, act), left in (q, v, act) of this workspace.
     ///
     /// Mocap bodies stand where `kinematics` has them.
     pub(crate) fn step(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, inputs: &Inputs<R>, state: [&[R]; 3], h: R) {
@@ -88,18 +88,18 @@ impl<R: Real> Rk4<R> {
         )
     }
 
-    /// state + way * rate; the very state when `way` is zero, whatever the rates are.
-    fn go(&mut self, compiled: &LaneModel<R>, state: [&[R]; 3], way: R) {
+    /// state + time * rate; the very state when `time` is zero, whatever the rates are.
+    fn go(&mut self, compiled: &LaneModel<R>, state: [&[R]; 3], time: R) {
         R::vectorize(
             #[inline(always)]
             || {
-                let moving = way.gt(R::zero());
+                let moving = time.gt(R::zero());
                 for i in 0..compiled.nv {
-                    self.rotation[i] = R::select(moving, self.rate[0][i] * way, R::zero());
-                    self.v[i] = state[1][i] + R::select(moving, self.rate[1][i] * way, R::zero());
+                    self.rotation[i] = R::select(moving, self.rate[0][i] * time, R::zero());
+                    self.v[i] = state[1][i] + R::select(moving, self.rate[1][i] * time, R::zero());
                 }
                 for i in 0..compiled.na {
-                    self.act[i] = state[2][i] + R::select(moving, self.rate[2][i] * way, R::zero());
+                    self.act[i] = state[2][i] + R::select(moving, self.rate[2][i] * time, R::zero());
                 }
                 for actuator in &compiled.actuators {
                     if let (Some(a), Some([lo, hi])) = (actuator.act, actuator.act_range) {

@@ -48,8 +48,9 @@ pub(crate) fn solve_velocities<R: Real>(
     probe: impl Probe,
 ) -> Solution<R> {
     let constrained = s.constraints.constrained;
-    let (rows, mut room) = s.constraints.split();
-    let mut outcome = probe.span(Span::Solve, || solve(options, &s.state.v, constrained, &rows, &mut room, &mut s.evaluation.contacts));
+    let (rows, mut workspace) = s.constraints.split();
+    let mut outcome =
+        probe.span(Span::Solve, || solve(options, &s.state.v, constrained, &rows, &mut workspace, &mut s.evaluation.contacts));
     probe.span(Span::IntegrateVelocity, || {
         integrate_velocity(compiled, &s.free_motion.smooth.mass, &s.free_motion.v, &s.constraints, &mut s.next.v);
     });
@@ -62,16 +63,16 @@ pub(crate) fn solve_velocities<R: Real>(
     probe.span(Span::Solve, || resolve_ambiguous(compiled, options, s, &mut outcome));
     let pushed = s.constraints.iterate.changes_velocity();
     count_effort(&outcome, probe);
-    let (rows, mut room) = s.constraints.split();
+    let (rows, mut workspace) = s.constraints.split();
     let Evaluation { contacts, .. } = &s.evaluation;
     let FreeMotion { smooth, v: v_free, .. } = &s.free_motion;
     let solved = Solved { rows, mass: &smooth.mass, contacts, v_free, h: scheme.h };
     let infeasible = probe.span(Span::Stabilise, || {
-        limit_baumgarte(compiled, options, &solved, &mut room, &mut outcome, &mut s.work.correction, &mut s.next.v)
+        limit_baumgarte(compiled, options, &solved, &mut workspace, &mut outcome, &mut s.work.correction, &mut s.next.v)
     });
     if s.constraints.biased.any() {
-        let (rows, mut room) = s.constraints.split();
-        keep_row_impulses(&rows, &mut room, &mut s.evaluation.contacts);
+        let (rows, mut workspace) = s.constraints.split();
+        keep_row_impulses(&rows, &mut workspace, &mut s.evaluation.contacts);
     }
     probe.span(Span::IntegrateVelocity, || keep_impulse(compiled, s));
     let [ambiguous, guarded] = probe.span(Span::GuardEnergy, || guard_speed(compiled, options, scheme, s, outcome.residual));
@@ -185,10 +186,10 @@ fn stabilise_positions<R: Real>(compiled: &LaneModel<R>, options: &StepSettings,
     }
     let v_free = if impacts.any() { &s.work.v_positions } else { &s.free_motion.v };
     let work = [&mut s.work.correction[..], &mut s.work.q_corrected[..]];
-    let (rows, mut room) = s.constraints.split();
+    let (rows, mut workspace) = s.constraints.split();
     let solved = Solved { rows, mass: &s.free_motion.smooth.mass, contacts: &s.evaluation.contacts, v_free, h: scheme.h };
     let (lanes, rebounding) = (rows.needs_position_solve, rows.rebounding);
-    let infeasible = stabilise(compiled, options, &solved, &mut room, &s.next.v, work, &s.next.q);
+    let infeasible = stabilise(compiled, options, &solved, &mut workspace, &s.next.v, work, &s.next.q);
     // Bouncing contacts keep their correction: it leads to the position after the rebound.
     let jammed = infeasible.and_not(impacts).and_not(rebounding);
     if jammed.any() {

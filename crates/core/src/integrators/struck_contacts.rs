@@ -45,8 +45,8 @@ pub(crate) fn solve_strikes<R: Real>(
         if struck.none() {
             break;
         }
-        let (rows, mut room) = s.constraints.split();
-        let solved = solve(options, &s.state.v, struck, &rows, &mut room, &mut s.evaluation.contacts);
+        let (rows, mut workspace) = s.constraints.split();
+        let solved = solve(options, &s.state.v, struck, &rows, &mut workspace, &mut s.evaluation.contacts);
         outcome.replace(&solved, struck);
         integrate_velocity(compiled, &s.free_motion.smooth.mass, &s.free_motion.v, &s.constraints, &mut s.next.v);
     }

@@ -1,4 +1,4 @@
-//! What a step reads and makes, by who makes it, and room to work.
+//! Workspace of a step: its inputs and results, grouped by the stage that computes them, and scratch buffers.
 
 use stepper_real::{Mask, Real};
 
@@ -13,14 +13,14 @@ use crate::dynamics::kinematics::Kinematics;
 use crate::dynamics::mocap::MocapTrajectory;
 use crate::integrators::impact_set::Impacts;
 use crate::integrators::inputs::Inputs;
-use crate::integrators::mujoco::stages::Stages;
+use crate::integrators::mujoco::stages::RungeKuttaStages;
 use crate::integrators::mujoco::unsymmetric::Unsymmetric;
 use crate::integrators::rk4::Rk4;
 use crate::integrators::step_resolution::StepResolution;
 use crate::integrators::strike_search::StrikeSearch;
 use crate::math::spatial::*;
 use crate::options::{ContactLaw, Integrator, StepSettings};
-use crate::sensing::{Room, errors};
+use crate::sensing::{SensorWorkspace, errors};
 use crate::stages::s02_smooth::Smooth;
 
 /// State of a group of lanes: with the scalar impulses of the constraints, all that a step hands to the next.
@@ -76,7 +76,7 @@ pub(crate) struct FreeMotion<R: Real> {
     pub(crate) gains: R::Mask,
 }
 
-/// State after the step; afterwards room for the one after the next.
+/// State after the step; afterwards the buffer of the state after the next.
 #[derive(Clone, Debug)]
 pub(crate) struct NextState<R: Real> {
     /// Configuration, nq.
@@ -87,7 +87,7 @@ pub(crate) struct NextState<R: Real> {
     pub(crate) act: Vec<R>,
 }
 
-/// Room to work: each buffer is named by what is in it. Nothing here outlives the function that fills it and those that it calls, except
+/// Scratch buffers, each named after its content. Nothing here outlives the function that fills it and those that it calls, except
 /// where that is said.
 #[derive(Clone, Debug)]
 pub(crate) struct Work<R: Real> {
@@ -102,7 +102,7 @@ pub(crate) struct Work<R: Real> {
     /// The same, where inertial forces are left out in some lanes, nv.
     pub(crate) v_forces: Vec<R>,
     /// Free velocity with forces that were taken again, nv.
-    pub(crate) v_free_again: Vec<R>,
+    pub(crate) v_free_corrected: Vec<R>,
     /// Its difference from that before, nv.
     pub(crate) free_change: Vec<R>,
     /// Free velocity in the middle of an impact, nv.
@@ -124,16 +124,16 @@ pub(crate) struct Work<R: Real> {
     pub(crate) v_guarded: Vec<R>,
 }
 
-/// Room of the sensors.
+/// Workspace of the sensors.
 #[derive(Clone, Debug)]
 pub(crate) struct Sensors<R: Real> {
     /// Readings, and what sensors share.
-    pub(crate) room: Room<R>,
+    pub(crate) workspace: SensorWorkspace<R>,
     /// Forces of the actuators at the state that is read.
     pub(crate) actuator_forces: ActuatorForces<R>,
     /// Acceleration (v+ - v) / h of the last step, nv.
     pub(crate) acceleration: Vec<R>,
-    /// Room of the error models, made with the first.
+    /// Workspace of the error models, made with the first.
     pub(crate) error_work: Option<errors::Work<R>>,
 }
 
@@ -166,12 +166,12 @@ pub struct Workspace<R: Real> {
     pub(crate) impacts: Impacts<R>,
     /// Search for the contacts that the solved motion closes.
     pub(crate) strikes: StrikeSearch<R>,
-    /// Room of the guard of the energy.
+    /// Workspace of the guard of the energy.
     pub(crate) step_resolution: StepResolution<R>,
-    /// Room of the Runge-Kutta scheme, where it is used.
+    /// Workspace of the Runge-Kutta scheme, where it is used.
     pub(crate) rk4: Option<Rk4<R>>,
-    /// Room of the same for MuJoCo's contact law.
-    pub(crate) stages: Option<Stages<R>>,
+    /// Workspace of the same for MuJoCo's contact law.
+    pub(crate) stages: Option<RungeKuttaStages<R>>,
     /// Matrix of the fully implicit rule of the same.
     pub(crate) unsymmetric: Option<Unsymmetric<R>>,
     /// Matrix of the discrete rule of the same.
@@ -186,7 +186,7 @@ impl<R: Real> FreeMotion<R> {
 }
 
 impl<R: Real> Workspace<R> {
-    /// Room for a compiled model.
+    /// Workspace for a compiled model.
     pub fn new(compiled: &LaneModel<R>, options: &StepSettings, max_contacts: usize) -> Self {
         let zeros = |n: usize| vec![R::zero(); n];
         let [q, v, act] = [compiled.nq, compiled.nv, compiled.na].map(|n| move || vec![R::zero(); n]);
@@ -219,7 +219,7 @@ impl<R: Real> Workspace<R> {
                 impulse: v(),
                 v_mean: v(),
                 v_forces: v(),
-                v_free_again: v(),
+                v_free_corrected: v(),
                 free_change: v(),
                 v_half: v(),
                 before_impact: v(),
@@ -231,7 +231,7 @@ impl<R: Real> Workspace<R> {
                 v_guarded: v(),
             },
             sensors: Sensors {
-                room: Room::new(compiled, max_contacts),
+                workspace: SensorWorkspace::new(compiled, max_contacts),
                 actuator_forces: ActuatorForces::new(compiled),
                 acceleration: v(),
                 error_work: None,
@@ -249,7 +249,7 @@ impl<R: Real> Workspace<R> {
             rk4: (options.integrator == Integrator::Rk4 && hard).then(|| Rk4::new(compiled)),
             unsymmetric: (options.integrator == Integrator::Implicit && !hard).then(|| Unsymmetric::new(compiled)),
             effective: (options.integrator == Integrator::Discrete && !hard).then(|| EffectiveMass::new(compiled)),
-            stages: (options.integrator == Integrator::Rk4 && !hard).then(|| Stages::new(compiled.nq, compiled.nv, compiled.na)),
+            stages: (options.integrator == Integrator::Rk4 && !hard).then(|| RungeKuttaStages::new(compiled.nq, compiled.nv, compiled.na)),
         }
     }
 
@@ -262,12 +262,12 @@ impl<R: Real> Workspace<R> {
     /// step (as Drake's `icf_data.h` does). Kinematics, contacts, mass matrix, actuator forces and constraint rows are not filled.
     pub(crate) fn poison(&mut self) {
         let Self { evaluation, free_motion, next, work, .. } = self;
-        let Work { impulse_change, expected_change, impulse, v_mean, v_forces, v_free_again, free_change, .. } = work;
+        let Work { impulse_change, expected_change, impulse, v_mean, v_forces, v_free_corrected, free_change, .. } = work;
         let Work { v_half, before_impact, carried, v_positions, v_predicted, correction, q_corrected, v_guarded, .. } = work;
         let made = [
             [&mut evaluation.q, &mut evaluation.q_ahead, &mut evaluation.act, &mut free_motion.applied, &mut free_motion.v],
             [&mut free_motion.v_expected, &mut next.q, &mut next.v, &mut next.act, impulse_change],
-            [expected_change, impulse, v_mean, v_forces, v_free_again],
+            [expected_change, impulse, v_mean, v_forces, v_free_corrected],
             [free_change, v_half, before_impact, carried, v_positions],
         ];
         made.into_iter().flatten().chain([v_predicted, correction, q_corrected, v_guarded]).for_each(|buffer| buffer.fill(R::of(f64::NAN)));

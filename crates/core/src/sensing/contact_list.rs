@@ -27,7 +27,7 @@ pub(crate) struct Felt {
 }
 
 impl Felt {
-    /// Room for so many contacts of all lanes.
+    /// Workspace for a number of contacts of all lanes.
     pub(super) fn new(most: usize) -> Self {
         Self { contacts: Vec::with_capacity(most), ends: [0; MAX_LANES + 1] }
     }

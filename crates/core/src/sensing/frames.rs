@@ -7,7 +7,7 @@ use crate::compile::sensing::SensorFrame;
 use crate::dynamics::kinematics::{Kinematics, quat_at};
 use crate::math::spatial::*;
 use crate::model::{FrameReading, JointKind};
-use crate::sensing::{Room, SensorInput};
+use crate::sensing::{SensorInput, SensorWorkspace};
 
 /// Orientation of every link as a quaternion: products along the tree, so that the sign is that of the coordinates.
 pub fn orientations<R: Real>(compiled: &LaneModel<R>, q: &[R], out: &mut [[R; 4]]) {
@@ -112,11 +112,16 @@ pub fn motion_of<R: Real>(
 }
 
 /// (angular, linear) velocity at a place, world axes.
-fn velocity<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, room: &Room<R>, place: &SensorFrame<R::Scalar>) -> [V3<R>; 2] {
+fn velocity<R: Real>(
+    compiled: &LaneModel<R>,
+    kinematics: &Kinematics<R>,
+    workspace: &SensorWorkspace<R>,
+    place: &SensorFrame<R::Scalar>,
+) -> [V3<R>; 2] {
     R::vectorize(
         #[inline(always)]
         || {
-            let (motion, origin) = motion_of(compiled, kinematics, &room.velocity, zero(), place.frame);
+            let (motion, origin) = motion_of(compiled, kinematics, &workspace.velocity, zero(), place.frame);
             [angular(&motion), velocity_at(&motion, sub(position(compiled, kinematics, place), origin))]
         },
     )
@@ -126,14 +131,14 @@ fn velocity<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, room: 
 fn acceleration<R: Real>(
     compiled: &LaneModel<R>,
     kinematics: &Kinematics<R>,
-    room: &Room<R>,
+    workspace: &SensorWorkspace<R>,
     place: &SensorFrame<R::Scalar>,
 ) -> [V3<R>; 2] {
     R::vectorize(
         #[inline(always)]
         || {
-            let (change, origin) = motion_of(compiled, kinematics, &room.acceleration, ground(compiled), place.frame);
-            let [omega, v] = velocity(compiled, kinematics, room, place);
+            let (change, origin) = motion_of(compiled, kinematics, &workspace.acceleration, ground(compiled), place.frame);
+            let [omega, v] = velocity(compiled, kinematics, workspace, place);
             let there = velocity_at(&change, sub(position(compiled, kinematics, place), origin));
             [angular(&change), add(there, cross(omega, v))]
         },
@@ -144,15 +149,18 @@ fn acceleration<R: Real>(
 pub fn site_motion<R: Real>(
     compiled: &LaneModel<R>,
     kinematics: &Kinematics<R>,
-    room: &Room<R>,
+    workspace: &SensorWorkspace<R>,
     place: &SensorFrame<R::Scalar>,
     accelerations: bool,
 ) -> [V3<R>; 2] {
     R::vectorize(
         #[inline(always)]
         || {
-            let [turning, moving] =
-                if accelerations { acceleration(compiled, kinematics, room, place) } else { velocity(compiled, kinematics, room, place) };
+            let [turning, moving] = if accelerations {
+                acceleration(compiled, kinematics, workspace, place)
+            } else {
+                velocity(compiled, kinematics, workspace, place)
+            };
             let axes = orientation(kinematics, place);
             [rotate_back(&axes, turning), rotate_back(&axes, moving)]
         },
@@ -163,7 +171,7 @@ pub fn site_motion<R: Real>(
 pub fn frame<R: Real>(
     compiled: &LaneModel<R>,
     kinematics: &Kinematics<R>,
-    room: &Room<R>,
+    workspace: &SensorWorkspace<R>,
     what: FrameReading,
     object: &SensorFrame<R::Scalar>,
     reference: Option<&SensorFrame<R::Scalar>>,
@@ -174,9 +182,9 @@ pub fn frame<R: Real>(
         || {
             use FrameReading as F;
             if what == F::Quat {
-                let mut seen = quat_mul(room.orientation[object.frame], splat(object.quat));
+                let mut seen = quat_mul(workspace.orientation[object.frame], splat(object.quat));
                 if let Some(r) = reference {
-                    let [w, x, y, z] = quat_mul(room.orientation[r.frame], splat(r.quat));
+                    let [w, x, y, z] = quat_mul(workspace.orientation[r.frame], splat(r.quat));
                     seen = quat_mul([w, -x, -y, -z], seen);
                 }
                 out.copy_from_slice(&seen);
@@ -189,19 +197,19 @@ pub fn frame<R: Real>(
                 F::YAxis => column(&orientation(kinematics, object), 1),
                 F::ZAxis => column(&orientation(kinematics, object), 2),
                 F::AngVel => {
-                    let [w, _] = velocity(compiled, kinematics, room, object);
-                    reference.map_or(w, |r| sub(w, velocity(compiled, kinematics, room, r)[0]))
+                    let [w, _] = velocity(compiled, kinematics, workspace, object);
+                    reference.map_or(w, |r| sub(w, velocity(compiled, kinematics, workspace, r)[0]))
                 }
                 F::LinVel => {
-                    let [_, v] = velocity(compiled, kinematics, room, object);
+                    let [_, v] = velocity(compiled, kinematics, workspace, object);
                     reference.map_or(v, |r| {
                         // The velocity that an observer who turns with the reference sees.
-                        let [w, u] = velocity(compiled, kinematics, room, r);
+                        let [w, u] = velocity(compiled, kinematics, workspace, r);
                         sub(sub(v, u), cross(w, arm(r)))
                     })
                 }
-                F::AngAcc => acceleration(compiled, kinematics, room, object)[0],
-                F::LinAcc => acceleration(compiled, kinematics, room, object)[1],
+                F::AngAcc => acceleration(compiled, kinematics, workspace, object)[0],
+                F::LinAcc => acceleration(compiled, kinematics, workspace, object)[1],
                 F::Quat => unreachable!("returned above"),
             };
             let x = reference.map_or(x, |r| rotate_back(&orientation(kinematics, r), x));

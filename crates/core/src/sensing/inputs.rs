@@ -31,9 +31,9 @@ pub struct SensorInput<'a, R: Real> {
     pub contacts: &'a Contacts<R>,
 }
 
-/// Room for what sensors share. Mocap frames are placed in `kinematics` and in `orientation` by whoever knows them.
+/// Workspace that all sensors share. Mocap frames are placed in `kinematics` and in `orientation` by whoever knows them.
 #[derive(Clone, Debug)]
-pub struct Room<R: Real> {
+pub struct SensorWorkspace<R: Real> {
     /// Readings of ideal sensors.
     pub truth: Vec<R>,
     /// Orientation of every frame as a quaternion; empty when no sensor reads one.
@@ -48,8 +48,8 @@ pub struct Room<R: Real> {
     pub(crate) order: Vec<(f64, usize)>,
 }
 
-impl<R: Real> Room<R> {
-    /// Room for a compiled model.
+impl<R: Real> SensorWorkspace<R> {
+    /// Workspace for a compiled model.
     pub fn new(compiled: &ModelStructure<R::Scalar>, max_contacts: usize) -> Self {
         let sensing = &compiled.sensing;
         let links = if sensing.needs.velocities { compiled.links.len() } else { 0 };

@@ -8,7 +8,7 @@ use crate::dynamics::kinematics::{Kinematics, quat_at};
 use crate::math::spatial::*;
 use crate::model::JointKind;
 use crate::sensing::frames::{ground, motion_of, orientation, position};
-use crate::sensing::{Room, SensorInput};
+use crate::sensing::{SensorInput, SensorWorkspace};
 
 /// Centre of mass of a subtree, m.
 pub fn com<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, subtree: &Subtree, empty: V3<R>) -> V3<R> {
@@ -29,11 +29,16 @@ pub fn com<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, subtree
 }
 
 /// Inertia of a part about the point about which its motion is given, that motion, and that point.
-fn moving<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, room: &Room<R>, part: &Part) -> (Inertia<R>, V6<R>, V3<R>) {
+fn moving<R: Real>(
+    compiled: &LaneModel<R>,
+    kinematics: &Kinematics<R>,
+    workspace: &SensorWorkspace<R>,
+    part: &Part,
+) -> (Inertia<R>, V6<R>, V3<R>) {
     R::vectorize(
         #[inline(always)]
         || {
-            let (motion, origin) = motion_of(compiled, kinematics, &room.velocity, zero(), part.frame);
+            let (motion, origin) = motion_of(compiled, kinematics, &workspace.velocity, zero(), part.frame);
             let Inertial { mass, com, inertia } = compiled.params.inertial(part.index);
             let arm = sub(kinematics.point(part.frame, com), origin);
             (inertia_at(mass, inertia, &kinematics.mat[part.frame], arm), motion, origin)
@@ -42,7 +47,12 @@ fn moving<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, room: &R
 }
 
 /// Velocity of the centre of mass of a subtree, m/s.
-pub fn com_velocity<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, room: &Room<R>, subtree: &Subtree) -> V3<R> {
+pub fn com_velocity<R: Real>(
+    compiled: &LaneModel<R>,
+    kinematics: &Kinematics<R>,
+    workspace: &SensorWorkspace<R>,
+    subtree: &Subtree,
+) -> V3<R> {
     R::vectorize(
         #[inline(always)]
         || {
@@ -51,7 +61,7 @@ pub fn com_velocity<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>
             }
             let mut sum = zero();
             for part in &subtree.parts {
-                let (motion, origin) = motion_of(compiled, kinematics, &room.velocity, zero(), part.frame);
+                let (motion, origin) = motion_of(compiled, kinematics, &workspace.velocity, zero(), part.frame);
                 let Inertial { mass, com, .. } = compiled.params.inertial(part.index);
                 let arm = sub(kinematics.point(part.frame, com), origin);
                 sum = add_scaled(sum, velocity_at(&motion, arm), mass);
@@ -62,14 +72,19 @@ pub fn com_velocity<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>
 }
 
 /// Angular momentum of a subtree about its centre of mass, kg m^2/s.
-pub fn angular_momentum<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, room: &Room<R>, subtree: &Subtree) -> V3<R> {
+pub fn angular_momentum<R: Real>(
+    compiled: &LaneModel<R>,
+    kinematics: &Kinematics<R>,
+    workspace: &SensorWorkspace<R>,
+    subtree: &Subtree,
+) -> V3<R> {
     R::vectorize(
         #[inline(always)]
         || {
             let centre = com(compiled, kinematics, subtree, zero());
             let mut sum = zero();
             for part in &subtree.parts {
-                let (inertia, motion, origin) = moving(compiled, kinematics, room, part);
+                let (inertia, motion, origin) = moving(compiled, kinematics, workspace, part);
                 let momentum = apply_inertia(&inertia, &motion);
                 sum = add(sum, add(angular(&momentum), cross(sub(origin, centre), linear(&momentum))));
             }
@@ -83,7 +98,7 @@ pub fn angular_momentum<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematic
 pub(super) fn parent_force<R: Real>(
     compiled: &LaneModel<R>,
     kinematics: &Kinematics<R>,
-    room: &Room<R>,
+    workspace: &SensorWorkspace<R>,
     input: &SensorInput<'_, R>,
     place: &SensorFrame<R::Scalar>,
     subtree: &Subtree,
@@ -94,8 +109,8 @@ pub(super) fn parent_force<R: Real>(
             let point = position(compiled, kinematics, place);
             let (mut force, mut torque) = (zero(), zero());
             for part in &subtree.parts {
-                let (inertia, motion, origin) = moving(compiled, kinematics, room, part);
-                let (change, _) = motion_of(compiled, kinematics, &room.acceleration, ground(compiled), part.frame);
+                let (inertia, motion, origin) = moving(compiled, kinematics, workspace, part);
+                let (change, _) = motion_of(compiled, kinematics, &workspace.acceleration, ground(compiled), part.frame);
                 let rate = add(apply_inertia(&inertia, &change), cross_force(&motion, &apply_inertia(&inertia, &motion)));
                 force = add(force, linear(&rate));
                 torque = add(torque, add(angular(&rate), cross(sub(origin, point), linear(&rate))));
@@ -109,7 +124,7 @@ pub(super) fn parent_force<R: Real>(
                     torque = sub(torque, add(t, cross(arm, f)));
                 }
             }
-            let (f, t) = room.felt.wrench_on(point, &subtree.bodies);
+            let (f, t) = workspace.felt.wrench_on(point, &subtree.bodies);
             let axes = orientation(kinematics, place);
             [rotate_back(&axes, sub(force, f)), rotate_back(&axes, sub(torque, t))]
         },
@@ -155,13 +170,13 @@ pub fn potential<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, q
 }
 
 /// Energy of motion, rotors and tendons' inertia included, J.
-pub fn kinetic<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, room: &Room<R>, v: &[R], all: &Subtree) -> R {
+pub fn kinetic<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, workspace: &SensorWorkspace<R>, v: &[R], all: &Subtree) -> R {
     R::vectorize(
         #[inline(always)]
         || {
             let mut sum = R::zero();
             for part in &all.parts {
-                let (inertia, motion, _) = moving(compiled, kinematics, room, part);
+                let (inertia, motion, _) = moving(compiled, kinematics, workspace, part);
                 sum += dot6(apply_inertia(&inertia, &motion), motion);
             }
             for (d, &v) in v.iter().enumerate() {

@@ -61,7 +61,7 @@ impl<S: Scalar> Memory<S> {
         }
     }
 
-    /// Makes room for transfer functions.
+    /// Allocates the buffers of transfer functions.
     pub fn with_errors(&mut self, numbers: usize, lines: usize, readings: usize) {
         let lanes = self.seed.len();
         self.numbers = vec![S::default(); numbers * lanes];

@@ -4,10 +4,10 @@ use stepper_real::Real;
 
 use crate::compile::LaneModel;
 use crate::dynamics::kinematics::Kinematics;
-use crate::sensing::inputs::{Room, SensorInput};
+use crate::sensing::inputs::{SensorInput, SensorWorkspace};
 use crate::sensing::{frames, masses};
 
-impl<R: Real> Room<R> {
+impl<R: Real> SensorWorkspace<R> {
     /// Makes what the sensors share.
     pub fn prepare(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, input: &SensorInput<'_, R>) {
         if !self.orientation.is_empty() {

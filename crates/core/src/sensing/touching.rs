@@ -10,7 +10,7 @@ use crate::math::spatial::*;
 use crate::model::{ContactField, ContactReduction};
 use crate::sensing::contact_list::{Contact, Felt};
 use crate::sensing::frames::{orientation, position};
-use crate::sensing::inputs::{Room, SensorInput};
+use crate::sensing::inputs::{SensorInput, SensorWorkspace};
 use crate::sensing::rays::{holds, ray};
 
 /// Geoms of the model that a contact is between, and their bodies.
@@ -156,12 +156,18 @@ pub fn contact_wrenches<R: Real>(compiled: &LaneModel<R>, contacts: &Contacts<R>
 }
 
 /// Sum of the normal forces on a body whose line meets a volume, N.
-pub fn touch<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, room: &Room<R>, body: usize, solid: &Solid<R::Scalar>) -> R {
+pub fn touch<R: Real>(
+    compiled: &LaneModel<R>,
+    kinematics: &Kinematics<R>,
+    workspace: &SensorWorkspace<R>,
+    body: usize,
+    solid: &Solid<R::Scalar>,
+) -> R {
     let mut reading = R::default();
     let mut volume = None;
     for lane in 0..R::LANES {
         let mut sum = 0.0;
-        for contact in room.felt.lane(lane) {
+        for contact in workspace.felt.lane(lane) {
             if !contact.bodies.contains(&body) || contact.force[0] <= 0.0 {
                 continue;
             }
@@ -182,7 +188,7 @@ pub fn touch<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, room:
 pub fn contacts<R: Real>(
     compiled: &LaneModel<R>,
     kinematics: &Kinematics<R>,
-    room: &mut Room<R>,
+    workspace: &mut SensorWorkspace<R>,
     sides: &[Side<R::Scalar>; 2],
     fields: &[ContactField],
     (reduction, slots): (ContactReduction, usize),
@@ -190,11 +196,11 @@ pub fn contacts<R: Real>(
 ) {
     let width: usize = fields.iter().map(|f| f.dim()).sum();
     for lane in 0..R::LANES {
-        let mut put = |k: usize, x: f64| room.truth[at + k].set_lane(lane, Scalar::from_f64(x));
+        let mut put = |k: usize, x: f64| workspace.truth[at + k].set_lane(lane, Scalar::from_f64(x));
         (0..width * slots).for_each(|k| put(k, 0.0));
-        let order = &mut room.order;
+        let order = &mut workspace.order;
         order.clear();
-        for (slot, contact) in room.felt.lane(lane).iter().enumerate() {
+        for (slot, contact) in workspace.felt.lane(lane).iter().enumerate() {
             if matches(compiled, kinematics, sides, contact, lane).is_some() {
                 let key = match reduction {
                     ContactReduction::MinDistance => contact.distance,
@@ -214,15 +220,15 @@ pub fn contacts<R: Real>(
         }
         let found = order.len();
         if found > 0 && reduction == ContactReduction::NetForce {
-            let all = order.iter().map(|&(_, slot)| seen(compiled, kinematics, sides, room.felt.lane(lane)[slot], lane));
+            let all = order.iter().map(|&(_, slot)| seen(compiled, kinematics, sides, workspace.felt.lane(lane)[slot], lane));
             let net = net_force(all);
-            let mut put = |k: usize, x: f64| room.truth[at + k].set_lane(lane, Scalar::from_f64(x));
+            let mut put = |k: usize, x: f64| workspace.truth[at + k].set_lane(lane, Scalar::from_f64(x));
             report(&net, fields, found, &mut put);
             continue;
         }
         for k in 0..found.min(slots) {
-            let contact = seen(compiled, kinematics, sides, room.felt.lane(lane)[room.order[k].1], lane);
-            let mut put = |i: usize, x: f64| room.truth[at + k * width + i].set_lane(lane, Scalar::from_f64(x));
+            let contact = seen(compiled, kinematics, sides, workspace.felt.lane(lane)[workspace.order[k].1], lane);
+            let mut put = |i: usize, x: f64| workspace.truth[at + k * width + i].set_lane(lane, Scalar::from_f64(x));
             report(&contact, fields, found, &mut put);
         }
     }

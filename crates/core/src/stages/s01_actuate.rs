@@ -11,12 +11,12 @@ use crate::math::spatial::*;
 use crate::model::{Activation, JointKind};
 
 /// Forces of actuators and springs, N or N m, and what servos add to the mass matrix; joint damping and the stiffness of joints are added
-/// in stage 2. Servos that are at a bound of their force stay there until [`ActuatorForces::release`]. Without `implied` all is taken
+/// in stage 2. Servos that are at a bound of their force stay there until [`ActuatorForces::release`]. Without `implicit` all is taken
 /// explicitly.
 pub fn actuate<R: Real>(
     compiled: &LaneModel<R>,
     at: &ForceState<'_, R>,
-    implied: Option<ImplicitServos<R>>,
+    implicit: Option<ImplicitServos<R>>,
     actuator_forces: &mut ActuatorForces<R>,
 ) {
     R::vectorize(
@@ -46,8 +46,8 @@ pub fn actuate<R: Real>(
                 let parameters = compiled.params.actuator(i);
                 let law = law(actuator, parameters, at, nearest_equivalent_angle(actuator, parameters, input, motion.length));
                 actuator_forces.beyond[i] = R::Mask::splat(false);
-                match (implied, &actuator.dynamics) {
-                    (Some(implied), Some(dynamics)) => {
+                match (implicit, &actuator.dynamics) {
+                    (Some(implicit), Some(dynamics)) => {
                         actuator_forces.set_actuator_dynamics(
                             i,
                             k,
@@ -55,11 +55,11 @@ pub fn actuate<R: Real>(
                             &motion,
                             dynamics,
                             &at.actuator_dynamics[dynamics.index],
-                            implied.weights,
+                            implicit.weights,
                         );
                     }
                     (Some(ImplicitServos { weights, all: true }), None) => {
-                        let (force, weight) = law.implied(&motion, actuator_forces.gauge_at(k), weights);
+                        let (force, weight) = law.implicit_force(&motion, actuator_forces.effective_inertia_at(k), weights);
                         actuator_forces.set_servo(i, k, force, weight);
                     }
                     (None, Some(dynamics)) => {
@@ -73,8 +73,8 @@ pub fn actuate<R: Real>(
                     }
                 }
             }
-            actuator_forces.gather(compiled, implied.is_some_and(|i| i.all));
-            if implied.is_none() {
+            actuator_forces.gather(compiled, implicit.is_some_and(|i| i.all));
+            if implicit.is_none() {
                 actuator_forces.joint.copy_from_slice(&actuator_forces.tau);
             }
             add_springs(compiled, at.q, &mut actuator_forces.tau);

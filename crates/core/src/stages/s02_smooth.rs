@@ -32,7 +32,7 @@ pub struct Smooth<R: Real> {
 }
 
 impl<R: Real> Smooth<R> {
-    /// Room for a compiled model.
+    /// Workspace for a compiled model.
     pub fn new(compiled: &ModelStructure<R::Scalar>) -> Self {
         Self {
             mass: MassMatrix::new(compiled),
@@ -86,7 +86,7 @@ impl<R: Real> Smooth<R> {
     }
 
     /// The same again at the same configuration, where servos are others than they were.
-    pub fn factor_mass_again(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, implicit: Implicit<'_, R>) {
+    pub fn refactor_mass(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, implicit: Implicit<'_, R>) {
         R::vectorize(
             #[inline(always)]
             || {
@@ -130,7 +130,7 @@ impl<R: Real> Smooth<R> {
     }
 
     /// The same again with the bias force of the last time.
-    pub fn acceleration_again(&mut self, compiled: &LaneModel<R>, forces: [&[R]; 2], v: &[R]) {
+    pub fn recompute_acceleration(&mut self, compiled: &LaneModel<R>, forces: [&[R]; 2], v: &[R]) {
         R::vectorize(
             #[inline(always)]
             || self.accelerate(compiled, forces, v),

@@ -36,14 +36,14 @@ pub fn detect<R: Real>(
     if compiled.geoms.is_empty() {
         return R::Mask::splat(false);
     }
-    let leads = compiled.can_tunnel && time_before.gt(R::zero()).any();
+    let looks_ahead = compiled.can_tunnel && time_before.gt(R::zero()).any();
     probe.span(Span::BroadPhase, || find_pairs(compiled, kinematics, v_free, h, alive, poses));
-    if poses.near_count == 0 && compiled.crowd.is_none() {
+    if poses.near_count == 0 && compiled.dynamic_pairs.is_none() {
         return R::Mask::splat(false);
     }
     probe.count(Counter::NearPairs, || (poses.near_count + poses.broad.pairs.len()) as f64);
     probe.span(Span::NarrowPhase, || {
-        let too_far = find_contacts(compiled, kinematics, v, [h, time_before], leads, poses, contacts);
+        let too_far = find_contacts(compiled, kinematics, v, [h, time_before], looks_ahead, poses, contacts);
         poses.reduction.reduce(compiled, contacts);
         too_far
     })
@@ -60,28 +60,28 @@ fn find_pairs<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, v_fr
             poses.find_near(compiled, alive);
         },
     );
-    if let Some(crowd) = &compiled.crowd {
+    if let Some(dynamic_pairs) = &compiled.dynamic_pairs {
         let GeomPoses { placed, slack, broad, .. } = poses;
-        broad.find(compiled, crowd, alive.bits(), &placed.pos, &placed.travel, *slack);
+        broad.find(compiled, dynamic_pairs, alive.bits(), &placed.pos, &placed.travel, *slack);
     }
 }
 
-/// Narrow phase: the contacts of those pairs. Where the step `leads`, returns the lanes whose contacts cannot be trusted so far from its
+/// Narrow phase: the contacts of those pairs. With `looks_ahead`, returns the lanes whose contacts cannot be trusted so far from its
 /// beginning.
 fn find_contacts<R: Real>(
     compiled: &LaneModel<R>,
     kinematics: &Kinematics<R>,
     v: &[R],
     [h, time_before]: [R; 2],
-    leads: bool,
+    looks_ahead: bool,
     poses: &mut GeomPoses<R>,
     contacts: &mut Contacts<R>,
 ) -> R::Mask {
     let GeomPoses { placed, slack, near, near_count, broad, search, .. } = poses;
     let (near, slack) = (&near[..*near_count], *slack);
     let is_thin = |&(index, _): &(u32, u32)| !compiled.geoms[compiled.pairs[index as usize].geoms[0]].is_plane;
-    let leads = leads && (compiled.crowd.is_some() || near.iter().any(is_thin));
-    if leads {
+    let looks_ahead = looks_ahead && (compiled.dynamic_pairs.is_some() || near.iter().any(is_thin));
+    if looks_ahead {
         R::vectorize(
             #[inline(always)]
             || placed.update_lead(compiled, kinematics, v, time_before),
@@ -90,15 +90,15 @@ fn find_contacts<R: Real>(
     R::vectorize(
         #[inline(always)]
         || {
-            let scene = Scene { compiled, kinematics, poses: placed, h, slack, lead: time_before, leads };
+            let scene = Scene { compiled, kinematics, poses: placed, h, slack, look_ahead: time_before, looks_ahead };
             let mut too_far = R::Mask::splat(false);
             for &(index, lanes) in near {
                 let (index, lanes) = (index as usize, R::Mask::from_bits(lanes));
                 too_far = too_far.or(scene.collide(index, &compiled.pairs[index], lanes, search, contacts));
             }
-            if let Some(crowd) = &compiled.crowd {
+            if let Some(dynamic_pairs) = &compiled.dynamic_pairs {
                 for &(number, lanes) in &broad.pairs {
-                    if let Some(pair) = crowd.pair(number) {
+                    if let Some(pair) = dynamic_pairs.pair(number) {
                         let lanes = R::Mask::from_bits(lanes).and(scene.can_touch(&pair));
                         if lanes.any() {
                             too_far = too_far.or(scene.collide(number, &pair, lanes, search, contacts));

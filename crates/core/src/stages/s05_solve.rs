@@ -23,11 +23,11 @@ pub fn solve<R: Real>(
     v: &[R],
     lanes: R::Mask,
     rows: &AssembledRows<'_, R>,
-    room: &mut SolverWorkspace<'_, R>,
+    workspace: &mut SolverWorkspace<'_, R>,
     contacts: &mut Contacts<R>,
 ) -> Outcome<R> {
-    let tolerance = tolerance(options, v, room.patches.lanes());
-    solve_to(options, tolerance, lanes, rows, room, contacts)
+    let tolerance = tolerance(options, v, workspace.patches.lanes());
+    solve_to(options, tolerance, lanes, rows, workspace, contacts)
 }
 
 /// Solves the lanes `lanes` to a residual of `tolerance`, m/s.
@@ -37,31 +37,31 @@ pub fn solve_to<R: Real>(
     tolerance: R,
     lanes: R::Mask,
     rows: &AssembledRows<'_, R>,
-    room: &mut SolverWorkspace<'_, R>,
+    workspace: &mut SolverWorkspace<'_, R>,
     contacts: &mut Contacts<R>,
 ) -> Outcome<R> {
     let [sweeps, newton] = options.effort();
     let settings = Settings { sweeps, newton_steps: newton, tolerance, newton_threshold: tolerance };
     let problem = rows.problem;
-    let SolverWorkspace { iterate, newton, capture, .. } = room;
+    let SolverWorkspace { iterate, newton, capture, .. } = workspace;
     if let Some(lane) = capture.lane.take() {
         capture.bytes = System::from(problem).to_bytes(iterate, &settings, lane);
     }
     let mut outcome = stepper_solve::solve(problem, iterate, settings, lanes, newton);
     let enough = R::of(options.tolerance);
-    share_loads(rows, settings, room, lanes.and(outcome.residual.le(enough)), &mut outcome);
-    let SolverWorkspace { iterate, worst, .. } = room;
+    share_loads(rows, settings, workspace, lanes.and(outcome.residual.le(enough)), &mut outcome);
+    let SolverWorkspace { iterate, worst, .. } = workspace;
     let unsolved = lanes.and_not(outcome.residual.le(enough));
     worst.renew(rows, problem.into(), iterate, contacts, [lanes, unsolved]);
-    keep_row_impulses(rows, room, contacts);
+    keep_row_impulses(rows, workspace, contacts);
     outcome
 }
 
 /// Keeps the impulses of all rows: the next step starts from them, and people read them.
 #[inline(always)]
-pub fn keep_row_impulses<R: Real>(rows: &AssembledRows<'_, R>, room: &mut SolverWorkspace<'_, R>, contacts: &mut Contacts<R>) {
+pub fn keep_row_impulses<R: Real>(rows: &AssembledRows<'_, R>, workspace: &mut SolverWorkspace<'_, R>, contacts: &mut Contacts<R>) {
     let AssembledRows { owners, slots, rolling_slots, .. } = *rows;
-    let SolverWorkspace { iterate, scalar_impulse, .. } = room;
+    let SolverWorkspace { iterate, scalar_impulse, .. } = workspace;
     R::vectorize(
         #[inline(always)]
         || {
@@ -85,11 +85,11 @@ pub fn keep_row_impulses<R: Real>(rows: &AssembledRows<'_, R>, room: &mut Solver
 fn share_loads<R: Real>(
     rows: &AssembledRows<'_, R>,
     settings: Settings<R>,
-    room: &mut SolverWorkspace<'_, R>,
+    workspace: &mut SolverWorkspace<'_, R>,
     solved: R::Mask,
     outcome: &mut Outcome<R>,
 ) {
-    let SolverWorkspace { iterate, newton, patches, shared, .. } = room;
+    let SolverWorkspace { iterate, newton, patches, shared, .. } = workspace;
     let slipping = patches.find_slips(rows, iterate, solved.and(patches.lanes()));
     if slipping.none() {
         return;
@@ -105,8 +105,8 @@ fn share_loads<R: Real>(
     outcome.residual = R::select(anew, left, before);
     let moved = anew.and_not(left.le(before.max(settings.tolerance)));
     if moved.any() {
-        let again = stepper_solve::solve(rows.problem, iterate, settings, moved, newton);
-        outcome.replace(&again, moved);
+        let repeated = stepper_solve::solve(rows.problem, iterate, settings, moved, newton);
+        outcome.replace(&repeated, moved);
     }
 }
 

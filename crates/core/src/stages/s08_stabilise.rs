@@ -77,12 +77,12 @@ pub fn stabilise<R: Real>(
     compiled: &LaneModel<R>,
     options: &StepSettings,
     solved: &Solved<'_, R>,
-    room: &mut SolverWorkspace<'_, R>,
+    workspace: &mut SolverWorkspace<'_, R>,
     v_next: &[R],
     [work, corrected]: [&mut [R]; 2],
     q_next: &[R],
 ) -> R::Mask {
-    let infeasible = correct(compiled, options, solved, room, solved.rows.needs_position_solve, v_next, work);
+    let infeasible = correct(compiled, options, solved, workspace, solved.rows.needs_position_solve, v_next, work);
     displace(compiled, q_next, work, solved.h, corrected);
     infeasible
 }
@@ -95,7 +95,7 @@ pub fn limit_baumgarte<R: Real>(
     compiled: &LaneModel<R>,
     options: &StepSettings,
     solved: &Solved<'_, R>,
-    room: &mut SolverWorkspace<'_, R>,
+    workspace: &mut SolverWorkspace<'_, R>,
     outcome: &mut Outcome<R>,
     work: &mut [R],
     v_next: &mut [R],
@@ -125,27 +125,27 @@ pub fn limit_baumgarte<R: Real>(
     R::vectorize(
         #[inline(always)]
         || {
-            room.positions.copy(problem);
-            room.positions.exchange_demands();
+            workspace.positions.copy(problem);
+            workspace.positions.exchange_demands();
         },
     );
-    let system = room.positions.system(problem);
-    let again = stepper_solve::solve(system, room.iterate, settings, lanes, room.newton);
-    let unsolved = lanes.and_not(again.residual.le(tolerance));
-    room.worst.renew(&solved.rows, system, room.iterate, solved.contacts, [lanes, unsolved]);
-    outcome.replace(&again, lanes);
+    let system = workspace.positions.system(problem);
+    let repeated = stepper_solve::solve(system, workspace.iterate, settings, lanes, workspace.newton);
+    let unsolved = lanes.and_not(repeated.residual.le(tolerance));
+    workspace.worst.renew(&solved.rows, system, workspace.iterate, solved.contacts, [lanes, unsolved]);
+    outcome.replace(&repeated, lanes);
     R::vectorize(
         #[inline(always)]
         || {
-            work.copy_from_slice(&room.iterate.w);
+            work.copy_from_slice(&workspace.iterate.w);
             solved.mass.unscale(compiled, work);
             for i in 0..compiled.nv {
                 v_next[i] = R::select(lanes, solved.v_free[i] + work[i], v_next[i]);
             }
         },
     );
-    room.shared.save(room.iterate, lanes);
-    let infeasible = correct(compiled, options, solved, room, lanes, v_next, work);
+    workspace.shared.save(workspace.iterate, lanes);
+    let infeasible = correct(compiled, options, solved, workspace, lanes, v_next, work);
     R::vectorize(
         #[inline(always)]
         || {
@@ -157,7 +157,7 @@ pub fn limit_baumgarte<R: Real>(
                 *change = v - free;
             }
             solved.mass.scale(compiled, work);
-            for (w, &change) in room.iterate.w.iter_mut().zip(work.iter()) {
+            for (w, &change) in workspace.iterate.w.iter_mut().zip(work.iter()) {
                 *w = R::select(lanes, change, *w);
             }
         },
@@ -171,13 +171,13 @@ fn correct<R: Real>(
     compiled: &LaneModel<R>,
     options: &StepSettings,
     solved: &Solved<'_, R>,
-    room: &mut SolverWorkspace<'_, R>,
+    workspace: &mut SolverWorkspace<'_, R>,
     lanes: R::Mask,
     v_next: &[R],
     out: &mut [R],
 ) -> R::Mask {
     let problem = solved.rows.problem;
-    damp_rows(compiled, options, solved, room);
+    damp_rows(compiled, options, solved, workspace);
     let [sweeps, newton] = options.effort();
     let tight = CORRECTION_RATIO * options.tolerance;
     let (tolerance, sweeps, newton, rough) = match options.is_tight() {
@@ -192,23 +192,23 @@ fn correct<R: Real>(
     let newton = if options.solver == Solver::Newton { options.iterations } else { newton };
     let threshold = if options.solver == Solver::Newton { tolerance } else { tolerance.max(rough) };
     let settings = Settings { sweeps, newton_steps: newton, tolerance: R::of(tolerance), newton_threshold: R::of(threshold) };
-    let system = room.positions.system(problem);
+    let system = workspace.positions.system(problem);
     let system = if options.is_tight() { system } else { system.uncertified() };
-    stepper_solve::solve(system, room.iterate, settings, lanes, room.newton);
+    stepper_solve::solve(system, workspace.iterate, settings, lanes, workspace.newton);
     let bounds = Bounds::new(options, solved.h);
     let (fast, lacking) = R::vectorize(
         #[inline(always)]
         || {
-            find_motion(compiled, solved, room.iterate, v_next, out);
-            let short = system.shortfall(room.iterate, room.reference);
+            find_motion(compiled, solved, workspace.iterate, v_next, out);
+            let short = system.shortfall(workspace.iterate, workspace.reference);
             let held = system.immovable_demand();
             let fast = lanes.and_not(solved.rows.rebounding).and(excess(compiled, out, bounds).gt(R::one()));
             (fast, lanes.and(short.max(held).gt(R::of(MIN_UNMET_DEMAND))))
         },
     );
-    let infeasible = if lacking.any() { prove_infeasible(compiled, solved, room, lacking, bounds) } else { lacking };
+    let infeasible = if lacking.any() { prove_infeasible(compiled, solved, workspace, lacking, bounds) } else { lacking };
     if fast.any() {
-        bound_islands(compiled, options, problem, room, fast, bounds, out);
+        bound_islands(compiled, options, problem, workspace, fast, bounds, out);
     }
     infeasible
 }
@@ -220,16 +220,16 @@ pub(crate) fn damp_rows<R: Real>(
     compiled: &LaneModel<R>,
     options: &StepSettings,
     solved: &Solved<'_, R>,
-    room: &mut SolverWorkspace<'_, R>,
+    workspace: &mut SolverWorkspace<'_, R>,
 ) {
     let negligible = R::of(if options.is_tight() { NEGLIGIBLE_CORRECTION } else { 0.0 });
     let damping = Damping { ratio: R::of(DAMPING), bending: solved.h * R::of(1.0 / CORRECTION_ARM), negligible };
     R::vectorize(
         #[inline(always)]
         || {
-            room.positions.exchange_demands();
-            find_floors(compiled, solved, room.floors);
-            room.positions.damp(solved.rows.problem, room.iterate, damping, room.floors, room.reference);
+            workspace.positions.exchange_demands();
+            find_floors(compiled, solved, workspace.floors);
+            workspace.positions.damp(solved.rows.problem, workspace.iterate, damping, workspace.floors, workspace.reference);
         },
     );
 }
@@ -291,12 +291,12 @@ fn bound_islands<R: Real>(
     compiled: &ModelStructure<R::Scalar>,
     options: &StepSettings,
     problem: &Problem<R>,
-    room: &mut SolverWorkspace<'_, R>,
+    workspace: &mut SolverWorkspace<'_, R>,
     lanes: R::Mask,
     bounds: Bounds<R>,
     v: &mut [R],
 ) {
-    let SolverWorkspace { iterate, positions, islands, shared, .. } = room;
+    let SolverWorkspace { iterate, positions, islands, shared, .. } = workspace;
     let system = positions.system(problem);
     for lane in each_of(lanes.bits()) {
         islands.find(compiled, system, lane);
@@ -325,16 +325,16 @@ fn bound_islands<R: Real>(
 fn prove_infeasible<R: Real>(
     compiled: &LaneModel<R>,
     solved: &Solved<'_, R>,
-    room: &mut SolverWorkspace<'_, R>,
+    workspace: &mut SolverWorkspace<'_, R>,
     lanes: R::Mask,
     bounds: Bounds<R>,
 ) -> R::Mask {
     R::vectorize(
         #[inline(always)]
         || {
-            let system = room.positions.system(solved.rows.problem);
-            let lack = system.witness(room.iterate, room.reference);
-            let momentum = room.reference.momentum();
+            let system = workspace.positions.system(solved.rows.problem);
+            let lack = system.witness(workspace.iterate, workspace.reference);
+            let momentum = workspace.reference.momentum();
             solved.mass.momentum(compiled, momentum);
             let mut most = R::zero();
             for joint in &compiled.joints {

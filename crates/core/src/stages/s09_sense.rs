@@ -11,15 +11,20 @@ use crate::dynamics::kinematics::Kinematics;
 use crate::math::spatial::*;
 use crate::sensing::*;
 
-/// True readings of all sensors, left in `room.truth`. `kinematics` is placed at the moment's configuration here, except mocap frames.
-pub fn sense<R: Real>(compiled: &LaneModel<R>, kinematics: &mut Kinematics<R>, room: &mut Room<R>, input: &SensorInput<'_, R>) {
+/// True readings of all sensors, left in `workspace.truth`. `kinematics` is placed at the moment's configuration here, except mocap frames.
+pub fn sense<R: Real>(
+    compiled: &LaneModel<R>,
+    kinematics: &mut Kinematics<R>,
+    workspace: &mut SensorWorkspace<R>,
+    input: &SensorInput<'_, R>,
+) {
     if compiled.sensing.needs.poses {
         kinematics.update(compiled, input.q);
     }
-    room.prepare(compiled, kinematics, input);
+    workspace.prepare(compiled, kinematics, input);
     // Ordinary code that calls a kernel for each sensor.
     for sensor in &compiled.sensing.sensors {
-        read(compiled, kinematics, room, input, sensor);
+        read(compiled, kinematics, workspace, input, sensor);
     }
 }
 
@@ -27,7 +32,7 @@ pub fn sense<R: Real>(compiled: &LaneModel<R>, kinematics: &mut Kinematics<R>, r
 fn read<R: Real>(
     compiled: &LaneModel<R>,
     kinematics: &Kinematics<R>,
-    room: &mut Room<R>,
+    workspace: &mut SensorWorkspace<R>,
     input: &SensorInput<'_, R>,
     sensor: &CompiledSensor<R::Scalar>,
 ) {
@@ -35,8 +40,8 @@ fn read<R: Real>(
     let place = at..at + dim;
     let tree = |index: &usize| &compiled.sensing.subtrees[*index];
     let scalar = match &sensor.read {
-        Read::Position(q) => return room.truth[place].copy_from_slice(&input.q[*q..q + dim]),
-        Read::Velocity(v) => return room.truth[place].copy_from_slice(&input.v[*v..v + dim]),
+        Read::Position(q) => return workspace.truth[place].copy_from_slice(&input.q[*q..q + dim]),
+        Read::Velocity(v) => return workspace.truth[place].copy_from_slice(&input.v[*v..v + dim]),
         Read::Length(terms) => weighted(terms, input.q),
         Read::Rate(terms) => weighted(terms, input.v),
         Read::ActuatorForce(actuators) => total(actuators, &input.actuator_forces.force),
@@ -49,46 +54,48 @@ fn read<R: Real>(
         Read::Nothing => R::zero(),
         Read::Clock => input.time,
         Read::Potential(all) => potential(compiled, kinematics, input.q, tree(all)),
-        Read::Kinetic(all) => kinetic(compiled, kinematics, room, input.v, tree(all)),
+        Read::Kinetic(all) => kinetic(compiled, kinematics, workspace, input.v, tree(all)),
         Read::Inside(object, zone) => inside(compiled, kinematics, object, zone),
-        Read::Touch(body, zone) => touch(compiled, kinematics, room, *body, zone),
+        Read::Touch(body, zone) => touch(compiled, kinematics, workspace, *body, zone),
         Read::Combination(terms) => {
-            combine(terms, at, dim, &mut room.truth);
+            combine(terms, at, dim, &mut workspace.truth);
             return;
         }
         Read::Contact(sides, fields, reduction, slots) => {
-            return contacts(compiled, kinematics, room, sides, fields, (*reduction, *slots), at);
+            return contacts(compiled, kinematics, workspace, sides, fields, (*reduction, *slots), at);
         }
         Read::Frame(what, object, reference) => {
             let mut out = [R::zero(); 4];
-            frame(compiled, kinematics, room, *what, object, reference.as_ref(), &mut out[..dim]);
-            return room.truth[place].copy_from_slice(&out[..dim]);
+            frame(compiled, kinematics, workspace, *what, object, reference.as_ref(), &mut out[..dim]);
+            return workspace.truth[place].copy_from_slice(&out[..dim]);
         }
-        Read::Range(site, rays, fields, solids) => return range(compiled, kinematics, site, rays, fields, solids, &mut room.truth[place]),
+        Read::Range(site, rays, fields, solids) => {
+            return range(compiled, kinematics, site, rays, fields, solids, &mut workspace.truth[place]);
+        }
         Read::Proximity(what, pairs, cutoff) => {
-            return proximity(compiled, kinematics, *what, pairs, R::splat(*cutoff), &mut room.truth[place]);
+            return proximity(compiled, kinematics, *what, pairs, R::splat(*cutoff), &mut workspace.truth[place]);
         }
         vector => {
-            let x = three(compiled, kinematics, room, vector);
-            return room.truth[place].copy_from_slice(&x);
+            let x = three(compiled, kinematics, workspace, vector);
+            return workspace.truth[place].copy_from_slice(&x);
         }
     };
-    room.truth[at] = scalar;
+    workspace.truth[at] = scalar;
 }
 
 /// Sensors of three numbers.
-fn three<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, room: &Room<R>, read: &Read<R::Scalar>) -> V3<R> {
+fn three<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, workspace: &SensorWorkspace<R>, read: &Read<R::Scalar>) -> V3<R> {
     let tree = |index: &usize| &compiled.sensing.subtrees[*index];
     match read {
         Read::Magnetometer(site) => magnetic_field(compiled, kinematics, site),
-        Read::Velocimeter(site) => site_motion(compiled, kinematics, room, site, false)[1],
-        Read::Gyro(site) => site_motion(compiled, kinematics, room, site, false)[0],
-        Read::Accelerometer(site) => site_motion(compiled, kinematics, room, site, true)[1],
-        Read::Force(carried) => room.carried[*carried][0],
-        Read::Torque(carried) => room.carried[*carried][1],
+        Read::Velocimeter(site) => site_motion(compiled, kinematics, workspace, site, false)[1],
+        Read::Gyro(site) => site_motion(compiled, kinematics, workspace, site, false)[0],
+        Read::Accelerometer(site) => site_motion(compiled, kinematics, workspace, site, true)[1],
+        Read::Force(carried) => workspace.carried[*carried][0],
+        Read::Torque(carried) => workspace.carried[*carried][1],
         Read::Com(subtree) => com(compiled, kinematics, tree(subtree), zero()),
-        Read::ComVelocity(subtree) => com_velocity(compiled, kinematics, room, tree(subtree)),
-        Read::AngularMomentum(subtree) => angular_momentum(compiled, kinematics, room, tree(subtree)),
+        Read::ComVelocity(subtree) => com_velocity(compiled, kinematics, workspace, tree(subtree)),
+        Read::AngularMomentum(subtree) => angular_momentum(compiled, kinematics, workspace, tree(subtree)),
         _ => unreachable!("every other sensor is read above"),
     }
 }

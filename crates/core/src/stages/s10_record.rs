@@ -42,7 +42,7 @@ bitflags! {
         const NOT_CONVERGED = 1;
         /// The step was not finite; the environment keeps its last finite state.
         const NON_FINITE = 2;
-        /// There were more contacts than room; the ones found last were left out.
+        /// More contacts were found than the capacity; the last ones were left out.
         const CONTACTS_FULL = 4;
         /// The step was too long for the motion. Its velocity-dependent inertial forces were left out, or impulses turned a joint by more
         /// than half a turn: in both cases speed and kinetic energy were kept from growing. Or the error of the step made so much energy

@@ -114,7 +114,7 @@ pub struct FrictionContact<R: Real, const N: usize, L> {
     /// Compliance R of the normal row, at least 0: the velocity that it yields per unit of impulse. 0 is hard.
     pub(crate) compliance: R,
     /// Part of an error in the normal row that a velocity is off by, and no spring takes up: G_nn / (G_nn + R), 1 for a hard row.
-    firmness: R,
+    rigid_fraction: R,
     /// Compliance of all rows by which the position solve is damped.
     damping: R,
     /// Step of the natural map.
@@ -149,7 +149,7 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContact<R, N, L> {
             g: [zero; N],
             position_g: [zero; N],
             compliance: zero,
-            firmness: R::one(),
+            rigid_fraction: R::one(),
             damping: zero,
             step: NaturalStep::of_trace::<N>(trace),
             local,
@@ -231,7 +231,7 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContacts<R, N, L> {
             g,
             position_g,
             compliance: R::zero(),
-            firmness: R::one(),
+            rigid_fraction: R::one(),
             damping: R::zero(),
             step: NaturalStep::of_trace::<N>(trace),
             local,
@@ -342,7 +342,7 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContacts<R, N, L> {
             contact.compliance = compliance;
             // Where there is no spring nothing changes, whatever other lanes have: the ratio is 1 but for rounding.
             let ratio = contact.local.give(compliance);
-            contact.firmness = R::select(compliance.gt(R::zero()), ratio, R::one());
+            contact.rigid_fraction = R::select(compliance.gt(R::zero()), ratio, R::one());
             self.rows.compliant = true;
         }
     }
@@ -662,7 +662,7 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> ConstraintSet<R> for Frictio
                 moved[0] -= rho * slip;
             }
             let image = L::project(moved, mu);
-            let mut apart = ((lambda[0] - image[0]) * contact.firmness).square();
+            let mut apart = ((lambda[0] - image[0]) * contact.rigid_fraction).square();
             for k in 1..N {
                 apart += (lambda[k] - image[k]).square();
             }

@@ -105,7 +105,7 @@ impl<R: Real> ScalarRows<R> {
             if short.any() {
                 let Some(EntryScales { squares, coefficients }) = &mut entries else { return false };
                 let own = &mut squares[(k - rows.start) * n..][..n];
-                independent = independent.or(self.project_again(rows.start..k, k, short, [own, coefficients], right_hand_sides));
+                independent = independent.or(self.repeat_projection(rows.start..k, k, short, [own, coefficients], right_hand_sides));
                 remaining = R::select(short, self.squared_length(at, n), remaining);
             }
             let row = &mut self.rows.items[k];
@@ -129,7 +129,7 @@ impl<R: Real> ScalarRows<R> {
     /// Adds to the squared scales of its entries the rounding error of the coefficients.
     #[cold]
     #[inline(never)]
-    fn project_again<const N: usize>(
+    fn repeat_projection<const N: usize>(
         &mut self,
         others: Range<usize>,
         k: usize,

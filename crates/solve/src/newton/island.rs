@@ -30,7 +30,7 @@ pub(super) struct Block {
     /// Step of the natural map by which the residual is measured: of a block without the first row's own compliance.
     natural_step: f64,
     /// Part of an error in the first row that no compliance of its own takes up.
-    firmness: f64,
+    rigid_fraction: f64,
 }
 
 /// Constraints over some coordinates of w, whose number is a multiple of [`TILE`].
@@ -101,7 +101,7 @@ impl Island {
                 } else {
                     dim as f64 / ((inner(bodies, bodies) + damped) * block.trace_ratio)
                 },
-                firmness: if own == 0 { 1.0 } else { normal / (normal + block.normal_compliance) },
+                rigid_fraction: if own == 0 { 1.0 } else { normal / (normal + block.normal_compliance) },
             });
         }
     }
@@ -177,8 +177,12 @@ impl Island {
             for i in block.rows.clone() {
                 v[i] += block.compliance * self.lambda[i] + self.g[i];
             }
-            let own =
-                block.set.natural_residual(&self.lambda[block.rows.clone()], &v[block.rows.clone()], block.natural_step, block.firmness);
+            let own = block.set.natural_residual(
+                &self.lambda[block.rows.clone()],
+                &v[block.rows.clone()],
+                block.natural_step,
+                block.rigid_fraction,
+            );
             // A NaN stays.
             worst = if own <= worst { worst } else { own };
         }

@@ -18,9 +18,9 @@ fn noise(seed: usize) -> f64 {
 }
 
 fn lane(dimension: usize) -> Newton {
-    let mut room = Newton::default();
-    room.lane.w.resize(dimension, 0.0);
-    room
+    let mut newton = Newton::default();
+    newton.lane.w.resize(dimension, 0.0);
+    newton
 }
 
 fn row<const N: usize>(lane: &mut Lane, seed: usize, set: AdmissibleSet, g: [f64; N], compliance: f64) {
@@ -46,47 +46,47 @@ fn velocities(lane: &Lane) -> Vec<f64> {
 
 #[test]
 fn equalities_hold_and_compliance_gives() {
-    let mut room = lane(7);
+    let mut newton = lane(7);
     for (i, compliance) in [0.0, 0.3, 2.0].into_iter().enumerate() {
-        row(&mut room.lane, i, FREE, [noise(77 + i)], compliance);
+        row(&mut newton.lane, i, FREE, [noise(77 + i)], compliance);
     }
-    let result = room.solve_lane::<f64>(CRITERIA);
+    let result = newton.solve_lane::<f64>(CRITERIA);
     assert!(result.residual <= 1e-11, "{}", result.residual);
     // A linear problem: one proximal step for each kappa, each of one Newton step, and one to polish.
     assert!(result.steps <= 4, "{}", result.steps);
-    assert!(velocities(&room.lane).iter().all(|v| v.abs() <= 1e-10));
-    assert!(room.lane.lambda.iter().all(|l| l.abs() > 1e-3));
+    assert!(velocities(&newton.lane).iter().all(|v| v.abs() <= 1e-10));
+    assert!(newton.lane.lambda.iter().all(|l| l.abs() > 1e-3));
 }
 
 #[test]
 fn equalities_that_say_the_same_share_evenly() {
-    let mut room = lane(7);
+    let mut newton = lane(7);
     for _ in 0..3 {
-        row(&mut room.lane, 4, FREE, [0.7], 0.0);
+        row(&mut newton.lane, 4, FREE, [0.7], 0.0);
     }
-    let result = room.solve_lane::<f64>(CRITERIA);
+    let result = newton.solve_lane::<f64>(CRITERIA);
     assert!(result.residual <= 1e-11);
-    let lambda = &room.lane.lambda;
+    let lambda = &newton.lane.lambda;
     assert!((lambda[0] - lambda[1]).abs() + (lambda[0] - lambda[2]).abs() <= 1e-12);
 }
 
 #[test]
 fn bounds_saturate() {
-    let mut room = lane(5);
-    row(&mut room.lane, 1, AdmissibleSet::Interval { lo: -0.1, hi: 0.1 }, [3.0], 0.0);
-    let result = room.solve_lane::<f64>(CRITERIA);
+    let mut newton = lane(5);
+    row(&mut newton.lane, 1, AdmissibleSet::Interval { lo: -0.1, hi: 0.1 }, [3.0], 0.0);
+    let result = newton.solve_lane::<f64>(CRITERIA);
     assert!(result.residual <= 1e-11);
-    assert_eq!(room.lane.lambda, [-0.1]);
+    assert_eq!(newton.lane.lambda, [-0.1]);
 }
 
 /// One contact with `T = D + 1` rows: u is in the dual cone, at right angles to the impulse.
 fn cone<const T: usize>(mu: f64, pull: f64) {
-    let mut room = lane(9);
+    let mut newton = lane(9);
     let g: [f64; T] = std::array::from_fn(|k| if k == 0 { -1.0 } else { pull * noise(5 + k) });
-    row(&mut room.lane, 2, AdmissibleSet::Cone { mu }, g, 0.0);
-    let result = room.solve_lane::<f64>(CRITERIA);
+    row(&mut newton.lane, 2, AdmissibleSet::Cone { mu }, g, 0.0);
+    let result = newton.solve_lane::<f64>(CRITERIA);
     assert!(result.residual <= 1e-11, "{T} rows: {}", result.residual);
-    let (v, lambda) = (velocities(&room.lane), &room.lane.lambda);
+    let (v, lambda) = (velocities(&newton.lane), &newton.lane.lambda);
     let length = |x: &[f64]| x.iter().map(|x| x * x).sum::<f64>().sqrt();
     let dissipated: f64 = v[1..].iter().zip(&lambda[1..]).map(|(v, l)| v * l).sum();
     assert!(lambda[0] > 0.0 && v[0].abs() < 1e-10);
@@ -108,19 +108,19 @@ fn cones_have_any_number_of_tangents() {
 
 #[test]
 fn islands_are_solved_apart() {
-    let mut room = lane(8);
+    let mut newton = lane(8);
     for (i, start) in [0, 4, 0, 4].into_iter().enumerate() {
         let entries = (0..3).map(|c| [noise(100 * i + c)]);
         let support = [start, start + 1, start + 3];
         let constraint =
             LaneConstraint { set: FREE, source: 0, g: [1.0], lambda: [0.0], compliance: 0.0, normal_compliance: 0.0, trace_ratio: 1.0 };
-        room.lane.add(constraint, &support, entries);
+        newton.lane.add(constraint, &support, entries);
     }
-    let result = room.solve_lane::<f64>(CRITERIA);
-    assert_eq!(room.islands.count, 2);
-    assert_eq!(room.islands.of_block, [0, 1, 0, 1]);
+    let result = newton.solve_lane::<f64>(CRITERIA);
+    assert_eq!(newton.islands.count, 2);
+    assert_eq!(newton.islands.of_block, [0, 1, 0, 1]);
     assert!(result.residual <= 1e-11);
-    assert_eq!((room.lane.w[2], room.lane.w[6]), (0.0, 0.0));
+    assert_eq!((newton.lane.w[2], newton.lane.w[6]), (0.0, 0.0));
 }
 
 /// A chain of joined tiles: factors of a matrix with and without symmetry, against the product.

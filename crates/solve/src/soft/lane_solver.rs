@@ -38,7 +38,7 @@ pub struct LaneSolver<R: Real> {
     free: Vec<R::Single>,
     acceleration: Vec<R::Single>,
     /// A vector in lanes.
-    room: RefCell<Vec<R>>,
+    buffer: RefCell<Vec<R>>,
     /// Whether lanes are solved one after the other, and for how many problems that holds.
     pays: bool,
     holds: u32,
@@ -50,7 +50,7 @@ struct LaneMetric<'a, R: Real, M> {
     lane: usize,
     entries: &'a [R::Single],
     starts: &'a [usize],
-    room: &'a RefCell<Vec<R>>,
+    buffer: &'a RefCell<Vec<R>>,
 }
 
 impl<R: Real, M: Metric<R>> Metric<R::Single> for LaneMetric<'_, R, M> {
@@ -65,14 +65,14 @@ impl<R: Real, M: Metric<R>> Metric<R::Single> for LaneMetric<'_, R, M> {
     }
 
     fn solve(&self, x: &mut [R::Single]) {
-        let mut room = self.room.borrow_mut();
-        room.clear();
-        room.extend(x.iter().map(|x| R::splat(x.lane(0))));
+        let mut buffer = self.buffer.borrow_mut();
+        buffer.clear();
+        buffer.extend(x.iter().map(|x| R::splat(x.lane(0))));
         R::vectorize(
             #[inline(always)]
-            || self.all.solve(&mut room),
+            || self.all.solve(&mut buffer),
         );
-        copy_lane(&room, self.lane, x);
+        copy_lane(&buffer, self.lane, x);
     }
 }
 
@@ -88,7 +88,7 @@ impl<R: Real> LaneSolver<R> {
             starts: vec![],
             free: zeros(),
             acceleration: zeros(),
-            room: RefCell::new(Vec::with_capacity(order.len())),
+            buffer: RefCell::new(Vec::with_capacity(order.len())),
             pays: false,
             holds: 0,
         }
@@ -108,8 +108,8 @@ impl<R: Real> LaneSolver<R> {
                 count = i + 1;
                 if i < SAMPLES {
                     self.gather(problem, metric, lane);
-                    let Self { solver, problem: own, metric: entries, starts, room, .. } = self;
-                    work += solver.estimate_work(own, &LaneMetric { all: metric, lane, entries, starts, room });
+                    let Self { solver, problem: own, metric: entries, starts, buffer, .. } = self;
+                    work += solver.estimate_work(own, &LaneMetric { all: metric, lane, entries, starts, buffer });
                 }
             }
             let registers = (R::LANES * size_of::<R::Scalar>()) as f64 / REGISTER as f64;
@@ -138,8 +138,8 @@ impl<R: Real> LaneSolver<R> {
             self.gather(problem, metric, lane);
             copy_lane(free, lane, &mut self.free);
             copy_lane(a, lane, &mut self.acceleration);
-            let Self { solver, problem: own, places, metric: entries, starts, free, acceleration, room, .. } = self;
-            let metric = LaneMetric { all: metric, lane, entries, starts, room };
+            let Self { solver, problem: own, places, metric: entries, starts, free, acceleration, buffer, .. } = self;
+            let metric = LaneMetric { all: metric, lane, entries, starts, buffer };
             let effort = Effort { steps: effort.steps, tolerance: effort.tolerance.single_lane(lane) };
             let found = solver.solve(own, &metric, free, effort, <R::Single as Real>::Mask::splat(true), acceleration);
             outcome.residual.set_lane(lane, found.residual.lane(0));

@@ -6,7 +6,7 @@
 use stepper_real::{Mask, Real};
 
 use crate::soft::hessian::{Argument, Hessian, advance};
-use crate::soft::noslip::{ContactVisit, NoSlip, Responds, SlipEffort, SlipRoom};
+use crate::soft::noslip::{ContactVisit, NoSlip, Responds, SlipCapacity, SlipEffort};
 use crate::soft::problem::{Metric, SoftProblem};
 
 /// What a solve may cost, and how good it is to be.
@@ -78,10 +78,10 @@ impl<R: Real> SoftSolver<R> {
         }
     }
 
-    /// With room for [`SoftSolver::remove_slip`].
+    /// With buffers for [`SoftSolver::remove_slip`].
     #[must_use]
-    pub fn with_noslip(mut self, room: SlipRoom) -> Self {
-        self.noslip = Some(Box::new(NoSlip::new(self.forces.len(), room)));
+    pub fn with_noslip(mut self, capacity: SlipCapacity) -> Self {
+        self.noslip = Some(Box::new(NoSlip::new(self.forces.len(), capacity)));
         self
     }
 
@@ -151,7 +151,7 @@ impl<R: Real> SoftSolver<R> {
         lanes: R::Mask,
         a: &mut [R],
     ) -> R {
-        let mut noslip = self.noslip.take().expect("made with room for it");
+        let mut noslip = self.noslip.take().expect("made with capacity for it");
         let coupled = constraints < problem.rows.len();
         noslip.begin(problem, metric, constraints, &self.argument);
         if coupled {

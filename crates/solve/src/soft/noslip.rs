@@ -27,9 +27,9 @@ pub struct SlipEffort<S> {
     pub tolerance: S,
 }
 
-/// What sweeps have room for.
+/// Sizes of the buffers of sweeps.
 #[derive(Clone, Copy, Debug)]
-pub struct SlipRoom {
+pub struct SlipCapacity {
     /// Scalar rows.
     pub rows: usize,
     /// Contacts, and whether any may have six rows.
@@ -177,14 +177,14 @@ pub(super) struct NoSlip<R: Real> {
     /// Sum of the diagonal of M of every tree, then of every island.
     inertia: [Vec<R>; 2],
     /// Island of every row, contact and contact with six rows in every lane, one after the other.
-    homes: Vec<u32>,
+    islands: Vec<u32>,
     work: Vec<R>,
 }
 
 impl<R: Real> NoSlip<R> {
     /// Room for problems of this dimension.
-    pub(super) fn new(dimension: usize, room: SlipRoom) -> Self {
-        let SlipRoom { rows, contacts, support, rolls } = room;
+    pub(super) fn new(dimension: usize, capacity: SlipCapacity) -> Self {
+        let SlipCapacity { rows, contacts, support, rolls } = capacity;
         let rolling = if rolls { contacts } else { 0 };
         Self {
             rows: Friction::with_capacity(rows, dimension.min(support)),
@@ -196,7 +196,7 @@ impl<R: Real> NoSlip<R> {
             improvement: vec![R::zero(); dimension],
             running: vec![0; dimension],
             inertia: [vec![R::zero(); dimension], vec![R::zero(); dimension]],
-            homes: Vec::with_capacity((rows + contacts + rolling) * R::LANES),
+            islands: Vec::with_capacity((rows + contacts + rolling) * R::LANES),
             work: vec![R::zero(); dimension],
         }
     }
@@ -253,8 +253,8 @@ impl<R: Real> NoSlip<R> {
 
     /// Unites the trees that rows join, lane by lane.
     fn find_islands(&mut self, problem: &SoftProblem<R>, constraints: usize) {
-        let Self { trees, count, parents, homes, running, inertia, .. } = self;
-        homes.clear();
+        let Self { trees, count, parents, islands, running, inertia, .. } = self;
+        islands.clear();
         for l in 0..R::LANES {
             for tree in 0..*count {
                 parents[tree * R::LANES + l] = tree as u32;
@@ -263,15 +263,15 @@ impl<R: Real> NoSlip<R> {
         let zero = <R::Scalar as Default>::default();
         for row in &problem.rows[..constraints] {
             let (support, jacobian) = problem.entries(row);
-            unite::<R>(trees, parents, homes, support, |e, l| jacobian[e].lane(l) != zero);
+            unite::<R>(trees, parents, islands, support, |e, l| jacobian[e].lane(l) != zero);
         }
         for contact in &problem.contacts.items {
             let (support, jacobian) = problem.contacts.entries(contact);
-            unite::<R>(trees, parents, homes, support, |e, l| jacobian[e].iter().any(|j| j.lane(l) != zero));
+            unite::<R>(trees, parents, islands, support, |e, l| jacobian[e].iter().any(|j| j.lane(l) != zero));
         }
         for contact in &problem.rolling_contacts.items {
             let (support, jacobian) = problem.rolling_contacts.entries(contact);
-            unite::<R>(trees, parents, homes, support, |e, l| jacobian[e].iter().any(|j| j.lane(l) != zero));
+            unite::<R>(trees, parents, islands, support, |e, l| jacobian[e].iter().any(|j| j.lane(l) != zero));
         }
         let [of_trees, of_islands] = inertia;
         of_islands.fill(R::zero());
@@ -282,13 +282,13 @@ impl<R: Real> NoSlip<R> {
             }
         }
         running.fill(0);
-        for (at, home) in homes.iter_mut().enumerate() {
+        for (at, island) in islands.iter_mut().enumerate() {
             let l = at % R::LANES;
-            if *home == NOWHERE {
-                *home = 0;
+            if *island == NOWHERE {
+                *island = 0;
             } else {
-                *home = find::<R>(parents, *home, l);
-                running[*home as usize] |= 1 << l;
+                *island = find::<R>(parents, *island, l);
+                running[*island as usize] |= 1 << l;
             }
         }
     }
@@ -375,13 +375,13 @@ impl<R: Real> NoSlip<R> {
     /// Adds to the improvement of the islands of an item.
     #[inline(always)]
     fn improve(&mut self, item: usize, by: R) {
-        let homes = &self.homes[item * R::LANES..][..R::LANES];
-        if homes.iter().all(|&home| home == homes[0]) {
-            self.improvement[homes[0] as usize] += by;
+        let islands = &self.islands[item * R::LANES..][..R::LANES];
+        if islands.iter().all(|&island| island == islands[0]) {
+            self.improvement[islands[0] as usize] += by;
             return;
         }
-        for (l, &home) in homes.iter().enumerate() {
-            let sum = &mut self.improvement[home as usize];
+        for (l, &island) in islands.iter().enumerate() {
+            let sum = &mut self.improvement[island as usize];
             sum.set_lane(l, sum.lane(l) + by.lane(l));
         }
     }
@@ -389,11 +389,11 @@ impl<R: Real> NoSlip<R> {
     /// Lanes in which the island of an item goes on.
     #[inline(always)]
     fn goes_on(&self, item: usize) -> R::Mask {
-        let homes = &self.homes[item * R::LANES..][..R::LANES];
-        if homes.iter().all(|&home| home == homes[0]) {
-            return R::Mask::from_bits(self.running[homes[0] as usize]);
+        let islands = &self.islands[item * R::LANES..][..R::LANES];
+        if islands.iter().all(|&island| island == islands[0]) {
+            return R::Mask::from_bits(self.running[islands[0] as usize]);
         }
-        R::Mask::from_bits(homes.iter().enumerate().fold(0, |bits, (l, &home)| bits | (self.running[home as usize] & 1 << l)))
+        R::Mask::from_bits(islands.iter().enumerate().fold(0, |bits, (l, &island)| bits | (self.running[island as usize] & 1 << l)))
     }
 
     #[inline(always)]
@@ -422,7 +422,7 @@ impl<R: Real> NoSlip<R> {
 
     #[inline(always)]
     fn visit_contacts(&mut self, problem: &SoftProblem<R>, visits: &[ContactVisit<R::Mask>], a: &mut [R]) {
-        let constraints = self.homes.len() / R::LANES - problem.contacts.items.len() - problem.rolling_contacts.items.len();
+        let constraints = self.islands.len() / R::LANES - problem.contacts.items.len() - problem.rolling_contacts.items.len();
         for visit in visits {
             let before = if visit.rolling { problem.contacts.items.len() } else { 0 };
             let item = constraints + before + visit.index;
@@ -721,9 +721,9 @@ fn as_rows<R: Real>(jacobian: &[R]) -> &[[R; 1]] {
 const NOWHERE: u32 = u32::MAX;
 
 /// Unites the trees that an item joins in every lane, and appends one of them; `is_there` says which of its entries a lane has.
-fn unite<R: Real>(trees: &[u32], parents: &mut [u32], homes: &mut Vec<u32>, support: &[u32], is_there: impl Fn(usize, usize) -> bool) {
+fn unite<R: Real>(trees: &[u32], parents: &mut [u32], islands: &mut Vec<u32>, support: &[u32], is_there: impl Fn(usize, usize) -> bool) {
     for l in 0..R::LANES {
-        let mut home = None;
+        let mut island = None;
         let mut last = u32::MAX;
         for (e, &d) in support.iter().enumerate() {
             let tree = trees[d as usize];
@@ -732,7 +732,7 @@ fn unite<R: Real>(trees: &[u32], parents: &mut [u32], homes: &mut Vec<u32>, supp
             }
             last = tree;
             let root = find::<R>(parents, tree, l);
-            home = Some(match home {
+            island = Some(match island {
                 None => root,
                 Some(other) => {
                     let (low, high) = (root.min(other), root.max(other));
@@ -741,7 +741,7 @@ fn unite<R: Real>(trees: &[u32], parents: &mut [u32], homes: &mut Vec<u32>, supp
                 }
             });
         }
-        homes.push(home.unwrap_or(NOWHERE));
+        islands.push(island.unwrap_or(NOWHERE));
     }
 }
 

@@ -25,7 +25,7 @@ pub struct EffectiveMass<R: Real> {
 }
 
 impl<R: Real> EffectiveMass<R> {
-    /// Room for a compiled model.
+    /// Workspace for a compiled model.
     pub(crate) fn new(compiled: &ModelStructure<R::Scalar>) -> Self {
         let zeros = |n: usize| vec![R::zero(); n];
         let couplings = compiled.tendons.len() + compiled.servos.len();

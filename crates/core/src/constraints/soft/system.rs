@@ -1,7 +1,7 @@
 //! The soft constraint problem of a step with its solver, and which of the model's elements its rows belong to.
 
 use stepper_real::Real;
-use stepper_solve::soft::{Effort, LaneSolver, Metric, SlipEffort, SlipRoom, SoftOutcome, SoftProblem, SoftSolver};
+use stepper_solve::soft::{Effort, LaneSolver, Metric, SlipCapacity, SlipEffort, SoftOutcome, SoftProblem, SoftSolver};
 
 use crate::compile::{LaneModel, ModelStructure};
 use crate::constraints::soft::visit_order::VisitOrder;
@@ -30,8 +30,8 @@ pub struct SoftSystem<R: Real> {
 }
 
 impl<R: Real> SoftSystem<R> {
-    /// Room for a compiled model, so many `slots` of contacts and `contacts` in them, whose rows have at most so many degrees of freedom;
-    /// none without softness.
+    /// Workspace for a compiled model, a number of `slots` of contacts and of `contacts` in them, whose rows have at most so many degrees
+    /// of freedom; none without softness.
     pub fn new(compiled: &ModelStructure<R::Scalar>, slots: usize, contacts: usize, support: usize) -> Option<Box<Self>> {
         let softness = compiled.softness.as_ref()?;
         let zeros = || vec![R::zero(); compiled.nv];
@@ -45,7 +45,7 @@ impl<R: Real> SoftSystem<R> {
             (0..compiled.nv).for_each(|d| sizes[*compiled.chain_of(d).last().expect("a dof is in its own chain") as usize] += 1);
             sizes.sort_unstable();
             let support = sizes.iter().rev().take(2).sum();
-            solver = solver.with_noslip(SlipRoom { rows, contacts, support, rolls: compiled.has_rolling_friction });
+            solver = solver.with_noslip(SlipCapacity { rows, contacts, support, rolls: compiled.has_rolling_friction });
         }
         Some(Box::new(Self {
             problem,

@@ -8,7 +8,7 @@ use stepper_solve::soft::ContactVisit;
 /// Where a pair of geoms comes: the lower body, the other, the geoms.
 pub(super) type Key = [u32; 4];
 
-/// The order of contacts, and room to find it.
+/// The order of contacts, and the workspace that finds it.
 #[derive(Clone, Debug)]
 pub(super) struct VisitOrder<R: Real> {
     /// Contacts to visit.
@@ -22,7 +22,7 @@ pub(super) struct VisitOrder<R: Real> {
 }
 
 impl<R: Real> VisitOrder<R> {
-    /// Room for so many contacts in a lane.
+    /// Workspace for a number of contacts in a lane.
     pub(super) fn new(contacts: usize) -> Self {
         Self {
             visits: Vec::with_capacity(contacts * R::LANES),

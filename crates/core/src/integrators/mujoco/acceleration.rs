@@ -12,7 +12,7 @@ use crate::constraints::soft::SoftInput;
 use crate::dynamics::kinematics::advance;
 use crate::dynamics::mocap;
 use crate::integrators::mujoco::discrete::assemble_effective_mass;
-use crate::integrators::renewed::Renewed;
+use crate::integrators::recomputed::Recomputed;
 use crate::integrators::workspace::Workspace;
 use crate::options::{Integrator, StepSettings};
 use crate::probe::{Counter, Probe, Span};
@@ -30,7 +30,7 @@ pub(super) fn accelerate<R: Real>(
     from_impulse: bool,
     probe: impl Probe,
 ) -> Outcome<R> {
-    prepare(compiled, options, h, s, Renewed::Configuration, probe);
+    prepare(compiled, options, h, s, Recomputed::Configuration, probe);
     probe.span(Span::Solve, || solve(compiled, options, h, s, from_impulse))
 }
 
@@ -40,11 +40,11 @@ pub(super) fn prepare<R: Real>(
     options: &StepSettings,
     h: R,
     s: &mut Workspace<R>,
-    renewed: Renewed,
+    recomputed: Recomputed,
     probe: impl Probe,
 ) {
     s.evaluation.act.copy_from_slice(&s.state.act);
-    if renewed == Renewed::Configuration {
+    if recomputed == Recomputed::Configuration {
         s.evaluation.q.copy_from_slice(&s.state.q);
         probe.span(Span::Kinematics, || {
             mocap::pose_bodies(compiled, &s.mocap_trajectories, R::of(s.elapsed), &mut s.evaluation.kinematics);
@@ -53,31 +53,31 @@ pub(super) fn prepare<R: Real>(
     }
     match options.integrator {
         Integrator::Discrete => free_acceleration_at_end(compiled, h, s, probe),
-        _ => free_acceleration(compiled, h, s, renewed, probe),
+        _ => free_acceleration(compiled, h, s, recomputed, probe),
     }
-    if renewed == Renewed::Configuration {
+    if recomputed == Recomputed::Configuration {
         let ahead = if s.constraints.solved_overlaps.is_some() { R::of(LOOK_AHEAD) } else { R::zero() };
         find_contacts(compiled, ahead, s, probe);
     }
     // What actuator dynamics lose bounds rows of dry friction.
-    if renewed != Renewed::Forces || compiled.lossy {
+    if recomputed != Recomputed::Forces || compiled.lossy {
         probe.span(Span::Assemble, || assemble(compiled, options, h, s));
     }
 }
 
 /// Stages 1 and 2: forces and the acceleration that they make, everything explicit.
-fn free_acceleration<R: Real>(compiled: &LaneModel<R>, h: R, s: &mut Workspace<R>, renewed: Renewed, probe: impl Probe) {
+fn free_acceleration<R: Real>(compiled: &LaneModel<R>, h: R, s: &mut Workspace<R>, recomputed: Recomputed, probe: impl Probe) {
     probe.count(Counter::Evaluations, || 1.0);
     let kinematics = &s.evaluation.kinematics;
     let motion = &mut s.free_motion;
-    if renewed == Renewed::Configuration {
+    if recomputed == Recomputed::Configuration {
         probe.span(Span::MassMatrix, || motion.smooth.assemble_mass(compiled, kinematics, Implicit::<R>::none().weights));
     }
     if let Some(system) = &mut s.constraints.soft {
-        match renewed {
-            Renewed::Configuration => system.mass.copy_from_slice(&motion.smooth.mass.entries),
+        match recomputed {
+            Recomputed::Configuration => system.mass.copy_from_slice(&motion.smooth.mass.entries),
             // Stage 6 adds to the entries what it takes implicitly.
-            Renewed::Velocity | Renewed::Forces => motion.smooth.mass.entries.copy_from_slice(&system.mass),
+            Recomputed::Velocity | Recomputed::Forces => motion.smooth.mass.entries.copy_from_slice(&system.mass),
         }
     }
     probe.span(Span::MassFactors, || motion.smooth.complete_mass(compiled, kinematics, Implicit::none()));
@@ -103,7 +103,7 @@ fn find_forces<R: Real>(compiled: &LaneModel<R>, s: &mut Workspace<R>) {
     let at = ForceState::state(&s.state.q, &s.state.v, &s.state.act, &s.inputs.ctrl, &s.inputs.actuator_dynamics);
     actuate(compiled, &at, None, &mut motion.actuator_forces);
     if compiled.lossy {
-        motion.actuator_forces.lose(compiled, &s.inputs.actuator_dynamics, false);
+        motion.actuator_forces.dissipate(compiled, &s.inputs.actuator_dynamics, false);
     }
     motion.smooth.apply(compiled, kinematics, [&s.inputs.qfrc, &s.inputs.xfrc], &mut motion.applied);
     add_tendon_springs(compiled, &s.state.q, &s.state.v, &mut motion.applied);

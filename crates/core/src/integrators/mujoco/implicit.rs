@@ -84,7 +84,7 @@ pub(super) fn integrate_velocity<R: Real>(compiled: &LaneModel<R>, h: R, integra
     advance(v, work, h, &mut s.next.v);
 }
 
-/// Adds h times the damping of fixed tendons to the entries of the mass matrix, as far as those have room.
+/// Adds h times the damping of fixed tendons to the entries of the mass matrix, as far as the matrix has these entries.
 #[inline(always)]
 fn add_tendon_damping<R: Real>(compiled: &LaneModel<R>, h: R, entries: &mut [R]) {
     for tendon in &compiled.tendons {

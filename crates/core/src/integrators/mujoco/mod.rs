@@ -22,7 +22,7 @@ use crate::compile::LaneModel;
 use crate::integrators::mujoco::acceleration::{accelerate, prepare};
 use crate::integrators::mujoco::implicit::integrate_velocity;
 use crate::integrators::mujoco::runge_kutta::runge_kutta;
-use crate::integrators::renewed::Renewed;
+use crate::integrators::recomputed::Recomputed;
 use crate::integrators::solution::Solution;
 use crate::integrators::workspace::Workspace;
 use crate::options::{Integrator, StepSettings};
@@ -72,10 +72,10 @@ pub(crate) fn respond_step<R: Real>(
     options: &StepSettings,
     s: &mut Workspace<R>,
     solution: &[R],
-    renewed: Renewed,
+    recomputed: Recomputed,
 ) {
     let h = R::of(options.timestep);
-    prepare(compiled, options, h, s, renewed, NoProbe);
+    prepare(compiled, options, h, s, recomputed, NoProbe);
     if let Some(system) = &mut s.constraints.soft {
         system.acceleration.copy_from_slice(solution);
         system.respond(compiled, &s.free_motion.smooth.mass, &s.free_motion.smooth.acc);

@@ -9,7 +9,7 @@ use stepper_solve::Outcome;
 use crate::compile::LaneModel;
 use crate::dynamics::kinematics::displace;
 use crate::integrators::mujoco::acceleration::accelerate;
-use crate::integrators::mujoco::stages::Stages;
+use crate::integrators::mujoco::stages::RungeKuttaStages;
 use crate::integrators::workspace::Workspace;
 use crate::math::spatial::*;
 use crate::model::JointKind;
@@ -112,7 +112,7 @@ fn find_rates<R: Real>(compiled: &LaneModel<R>, time: R, v: &[R], rates: &mut [R
 }
 
 /// Makes the state in `s.state` that of the next stage: so long from the beginning, by the rates of the last.
-fn move_stage<R: Real>(compiled: &LaneModel<R>, time: R, stages: &Stages<R>, s: &mut Workspace<R>) {
+fn move_stage<R: Real>(compiled: &LaneModel<R>, time: R, stages: &RungeKuttaStages<R>, s: &mut Workspace<R>) {
     let [q, v, act] = &stages.start;
     let acceleration = s.constraints.soft.as_ref().map_or(&s.free_motion.smooth.acc, |system| &system.acceleration);
     displace(compiled, q, &stages.rate[0], time, &mut s.state.q);

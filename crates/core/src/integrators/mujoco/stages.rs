@@ -1,10 +1,10 @@
-//! Room of the classical Runge-Kutta method, for MuJoCo's contact law.
+//! Workspace of the classical Runge-Kutta method, for MuJoCo's contact law.
 
 use stepper_real::Real;
 
-/// Room of the Runge-Kutta method.
+/// Workspace of the Runge-Kutta method.
 #[derive(Clone, Debug)]
-pub(crate) struct Stages<R: Real> {
+pub(crate) struct RungeKuttaStages<R: Real> {
     /// State at the beginning: q, v, act.
     pub(super) start: [Vec<R>; 3],
     /// Weighted sums of velocities, accelerations and rates of activations.
@@ -13,7 +13,7 @@ pub(crate) struct Stages<R: Real> {
     pub(super) rate: [Vec<R>; 2],
 }
 
-impl<R: Real> Stages<R> {
+impl<R: Real> RungeKuttaStages<R> {
     pub(crate) fn new(nq: usize, nv: usize, na: usize) -> Self {
         let zeros = |n: usize| vec![R::zero(); n];
         Self { start: [nq, nv, na].map(zeros), sum: [nv, nv, na].map(zeros), rate: [nv, na].map(zeros) }

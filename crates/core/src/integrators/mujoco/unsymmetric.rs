@@ -19,7 +19,7 @@ pub(crate) struct Unsymmetric<R: Real> {
 }
 
 impl<R: Real> Unsymmetric<R> {
-    /// Room for a compiled model.
+    /// Workspace for a compiled model.
     pub(crate) fn new(compiled: &ModelStructure<R::Scalar>) -> Self {
         let zeros = |n: usize| vec![R::zero(); n];
         let n = compiled.nv;

@@ -8,7 +8,7 @@ use crate::model::Quantity;
 use crate::sensing::errors::draws::{Keys, Purpose};
 use crate::sensing::errors::{Errors, Imperfect, Number, Numbers};
 
-/// Room for what sensors draw and make of it.
+/// Workspace of the random draws of sensors.
 #[derive(Clone, Debug)]
 pub struct Work<R: Real> {
     /// Lanes in which a sensor is due for a sample.
@@ -31,7 +31,7 @@ pub struct Slots<'a, S> {
 }
 
 impl<S: Scalar> Errors<S> {
-    /// Room for all sensors.
+    /// Workspace for all sensors.
     pub fn work<R: Real<Scalar = S>>(&self) -> Work<R> {
         // All numbers of a step, or those that mix the channels of one sensor.
         let drawn = self.sensors.iter().map(|s| (s.dim * s.dim).max(s.freedom)).fold(self.draws, usize::max);

@@ -1,8 +1,8 @@
-//! What of a state is another than when stages 1 to 4 were last taken at it.
+//! Part of a state that changed since stages 1 to 4 were last computed, as in mj_forwardSkip of MuJoCo.
 
-/// What is renewed, with all that follows from it.
+/// Part of the state from which on everything is recomputed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Renewed {
+pub(crate) enum Recomputed {
     /// The configuration: everything.
     Configuration,
     /// Velocities: forces, and the velocities of rows.

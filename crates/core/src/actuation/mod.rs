@@ -1,7 +1,8 @@
 //! Actuator dynamics: a control on its way to a force.
 //!
 //! ```text
-//! control -> range -> delay -> servo (sampled and held, or continuous) -> lag -> affine force -> limits -> speed curve -> gear, friction -> joint
+//! control -> range -> delay -> servo (sampled and held, or continuous) -> lag -> affine force -> limits -> speed curve
+//!     -> gear and friction -> joint
 //! ```
 //!
 //! Delay, sampled servos and lag act between steps and are here; what depends on the motion within a step is in

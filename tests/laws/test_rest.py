@@ -12,9 +12,9 @@ def _box(x: float, y: float, z: float) -> str:
     return f'<body pos="{x} {y} {z}"><freejoint/><geom type="box" size="{SIDE / 2} {SIDE / 2} {SIDE / 2}" mass="1"/></body>'
 
 
-def _model(places: list[tuple[float, float]], away: float) -> stepper.Model:
-    """Boxes at (x, z) on a plane, `away` metres from the origin."""
-    boxes = "".join(_box(away + x, away / 2, z) for x, z in places)
+def _model(places: list[tuple[float, float]], offset: float) -> stepper.Model:
+    """Boxes at (x, z) on a plane, `offset` metres from the origin."""
+    boxes = "".join(_box(offset + x, offset / 2, z) for x, z in places)
     return stepper.load(f'<mujoco><option timestep="0.002"/><worldbody><geom type="plane" size="50 50 1"/>{boxes}</worldbody></mujoco>')
 
 
@@ -26,24 +26,24 @@ def _pyramid(levels: int) -> list[tuple[float, float]]:
     return [((i - (levels - 1 - level) / 2) * 1.1 * SIDE, SIDE * (0.5 + level)) for level in range(levels) for i in range(levels - level)]
 
 
-@pytest.mark.parametrize("away", [0.0, 3.0])
+@pytest.mark.parametrize("offset", [0.0, 3.0])
 @pytest.mark.parametrize("places", [_tower(5), _tower(10), _pyramid(6)], ids=["tower of 5", "tower of 10", "pyramid of 21"])
 @pytest.mark.parametrize("precision", ["f64", "f32"])
-def test_most_steps_of_a_stack_at_rest_accept_the_impulses_of_the_step_before(precision: str, places: list, away: float) -> None:
-    sim = stepper.Stepper(_model(places, away), precision=precision)
+def test_most_steps_of_a_stack_at_rest_accept_the_impulses_of_the_step_before(precision: str, places: list, offset: float) -> None:
+    sim = stepper.Stepper(_model(places, offset), precision=precision)
     sim.step(nstep=300)
     sweeps = []
     for _ in range(STEPS):
         sim.step()
         sweeps.append(int(sim.sweeps))
-    # One Gauss-Seidel iteration finds that nothing is left to solve. Creep above the tolerance needs a solve now and then.
-    # Contact points that change their identity, and gaps of rounding, need one in every step.
+    # One Gauss-Seidel iteration finds that nothing is left to solve. Slow creep may need an occasional solve: in 0 to 30 % of the steps.
+    # Changing names of contact points, or gaps from rounding, need one in every step.
     assert np.mean(np.array(sweeps) == 1) > 0.5
 
 
-@pytest.mark.parametrize("away", [0.0, 3.0])
-def test_contacts_of_a_stack_keep_their_order_in_single_precision(away: float) -> None:
-    sim = stepper.Stepper(_model(_tower(10), away), precision="f32")
+@pytest.mark.parametrize("offset", [0.0, 3.0])
+def test_contacts_of_a_stack_keep_their_order_in_single_precision(offset: float) -> None:
+    sim = stepper.Stepper(_model(_tower(10), offset), precision="f32")
     sim.step(nstep=300)
     before = sim.contacts()["pos"]
     for _ in range(STEPS):

@@ -28,13 +28,13 @@ pub fn step<R: Real>(
 ) -> Record<R> {
     R::vectorize(
         #[inline(always)]
-        || stages(compiled, options, s, devices, probe),
+        || run_stages(compiled, options, s, devices, probe),
     )
 }
 
-/// The ten stages in order.
+/// Runs stages 1 to 10, and accepts the next state before stage 9.
 #[inline(always)]
-fn stages<R: Real>(
+fn run_stages<R: Real>(
     compiled: &LaneModel<R>,
     options: &StepSettings,
     s: &mut Workspace<R>,
@@ -58,7 +58,7 @@ fn stages<R: Real>(
     probe.span(Span::Sense, || observe(compiled, options, s, devices));
     // 10 record
     let record = probe.span(Span::Record, || record(compiled, options, s, &solution, [finite, tunnelled]));
-    s.constraints.remove_missed(&mut s.state.contacts);
+    s.constraints.remove_deferred(&mut s.state.contacts);
     record
 }
 
@@ -67,9 +67,9 @@ fn stages<R: Real>(
 fn solve_step<R: Real>(compiled: &LaneModel<R>, options: &StepSettings, s: &mut Workspace<R>, probe: impl Probe) -> (Solution<R>, R::Mask) {
     let mut scheme = scheme(options);
     // 1 actuate, 2 smooth dynamics, 3 detect: at the configuration at which the scheme evaluates the step.
-    let at_beginning = evaluate(compiled, options, &mut scheme, s, probe);
+    let evaluated_at_start = evaluate(compiled, options, &mut scheme, s, probe);
     // 4 assemble; 1 and 2 again for forces that depend on the velocity after the step.
-    assemble_rows(compiled, options, &scheme, s, at_beginning, probe);
+    assemble_rows(compiled, options, &scheme, s, evaluated_at_start, probe);
     // 5 solve, 6 integrate velocity; both again where impacts change the velocity. With Baumgarte's method its bias is limited here.
     let mut solution = solve_velocities(compiled, options, &scheme, s, probe);
     // 7 integrate position

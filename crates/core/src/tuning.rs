@@ -1,18 +1,19 @@
-//! Constants of the step: thresholds, bounds and iteration counts, each with its unit and its evidence.
+//! Constants of constraints, stages and integrators: thresholds, bounds and iteration counts, with units and, where measured, the evidence.
 //!
 //! Users cannot change these numbers. [`crate::options`] has those that they can.
 
-// Stage 5: the estimate of impulses before forces that depend on the velocity are computed.
+// Stage 5: the estimate of impulses before forces that depend on the velocity are computed. A rough estimate makes two Gauss-Seidel
+// iterations from zero. A solved estimate iterates to a tolerance.
 
 /// Gauss-Seidel iterations of a rough estimate. Trajectories have the same errors as with a solved estimate
 /// (docs/decisions/visible_state.md).
 pub(crate) const ROUGH_ITERATIONS: u32 = 2;
 
-/// Motion within a step below which several trees get a solved estimate, rad or m. They may be a structure of many bodies, which only the
-/// impulses of the last step support.
+/// Motion per step below which a model with several trees uses a solved estimate, rad or m. A stack needs the impulses of the last
+/// step.
 pub(crate) const STRUCTURE_MOTION: f64 = 1e-3;
 
-/// Motion within a step above which a rough estimate is not enough, rad or m. In a longer step an error of the velocity feeds the motion.
+/// Motion per step above which the estimate is solved, rad or m. In a longer step an error of the velocity changes the next one.
 pub(crate) const ROUGH_MOTION: f64 = 0.3;
 
 /// Largest number of Gauss-Seidel iterations of a solved estimate.
@@ -35,20 +36,20 @@ pub(crate) const MAX_ESTIMATE_TOLERANCE: f64 = 1e-2;
 
 // Stage 5: the solve.
 
-/// Tolerance of the solve relative to the speed of the fastest degree of freedom. A residual r moves joints at up to 60 r (ants at rest),
-/// so that creep decays.
+/// Tolerance of the solve relative to the speed of the fastest degree of freedom. A residual r causes joint speeds up to 60 r (ants at
+/// rest). With 1e-3 the speed of creep decreases in every step.
 pub(crate) const RELATIVE_TOLERANCE: f64 = 1e-3;
 
 /// Smallest tolerance of lanes with shared loads, m/s, in double precision.
 pub(crate) const MIN_TOLERANCE: f64 = 1e4 * f64::EPSILON;
 
-/// Time by which contacts are looked ahead where a step is differentiated, s. Displaced states then have the contacts of the solution, also
-/// where these open. Gravity covers ten displacements in it.
+/// Time that contact detection looks ahead in finite differences, s. A displaced state then still has the contacts that the
+/// displacement opens. Gravity alone closes gaps of ten displacements in this time.
 pub(crate) const LOOK_AHEAD: f64 = 1e-3;
 
 // Servos on the bounds of their force.
 
-/// Largest number of passes over the servos after others have reached their bounds.
+/// Largest number of passes of the search for saturated servos.
 pub(crate) const SATURATION_PASSES: usize = 4;
 
 // Contacts that approach each other within the step.
@@ -68,8 +69,8 @@ pub(crate) const ORDERED_PASSES: usize = 6;
 /// Largest number of predictions that activate pairs. The solves of stage 5 activate the others.
 pub(crate) const MAX_PREDICTIONS: usize = 3;
 
-/// Fraction of the linearised overlap that the true overlap must exceed in a predicted motion. A prediction leaves part of gravity
-/// unsupported: less than a tenth of a fast approach.
+/// Fraction of the linearised overlap that the true overlap must exceed in a predicted motion. Predicted impulses are not converged:
+/// their error is below a tenth of a fast approach.
 pub(crate) const PREDICTED_MARGIN: f64 = 0.1;
 
 // Impacts within the step.
@@ -80,13 +81,16 @@ pub(crate) const MIN_VELOCITY_ERROR: f64 = 1e-5;
 /// Ratio of a velocity change to that by smooth forces above which it is an impact. Below it, smooth motion causes the error of the rule.
 pub(crate) const MIN_IMPACT_RATIO: f64 = 10.0;
 
-/// Rotation within a step above which the velocity after the step does not give the forces in it, rad. Another solution is then no better.
+/// Largest velocity change by an impact, times the time step, for which the step is solved again, rad. Above it another solution is no
+/// better.
 pub(crate) const MAX_RESOLVED_ROTATION: f64 = 0.02;
 
-/// Rotation by an impact within a step above which the velocity after it does not give the forces in it, rad.
+/// Largest velocity change by estimated impulses, times the time step, that enters the expected velocity, rad. A larger one is left out
+/// if it speeds the motion up.
 pub(crate) const MAX_IMPACT_ROTATION: f64 = 0.1;
 
-/// Largest number of solutions. Each takes inertial forces at the velocity of the last one; its error is smaller by a factor of the step.
+/// Largest number of impact solves after the first solve. Each takes inertial forces at the velocity of the last one; its error is
+/// smaller by a factor of the time step.
 pub(crate) const IMPACT_PASSES: usize = 3;
 
 /// Largest number of placements at the time of the first impact. Newton's method: bodies that pass each other obliquely approach on a
@@ -135,7 +139,8 @@ pub(crate) const MAX_IMPULSE_ROTATION: f64 = std::f64::consts::PI;
 /// Residual above which the impulses are not trusted, m/s. The energy of the lane is then limited, as in a step that is too long.
 pub(crate) const MAX_TRUSTED_RESIDUAL: f64 = 1e-2;
 
-/// Residual of the second solve, relative to the largest residual at which the impulses determine the energy.
+/// Residual of the solve for the energy, relative to the largest residual at which the impulses determine the kinetic energy
+/// (`acceptance.rs`).
 pub(crate) const TARGET_RATIO: f64 = 0.1;
 
 // Stage 8: the correction of positions.
@@ -148,8 +153,8 @@ pub(crate) const CORRECTION_RATIO: f64 = 100.0;
 
 /// Correction below which a row has no damping, m/s or rad/s, below the default tolerance.
 ///
-/// Rounding leaves 1e-14 of equal demands. Damping a contact that corrects nothing changes the step where other contacts move it (1e-8 m
-/// for a quadruped).
+/// Rounding makes equal demands differ by 1e-14. Damping a contact that corrects nothing changes the step where other contacts move it
+/// (1e-8 m for a quadruped).
 pub(crate) const NEGLIGIBLE_CORRECTION: f64 = 1e-12;
 
 /// Residual above which Newton's method continues after Gauss-Seidel iterations, m/s. They can leave a hundredth of a radian per step where
@@ -176,14 +181,15 @@ pub(crate) const BAUMGARTE_LIMIT: f64 = 4.0;
 /// Unmet demand above which the engine tries to prove that the demands are infeasible, m/s.
 pub(crate) const MIN_UNMET_DEMAND: f64 = 1e-2;
 
-/// Compliance of a position demand relative to its mobility. A row that moves as freely as the others is corrected but for a thousandth.
-/// Its motion is at most 1 / (2 sqrt(DAMPING)) of the correction: 16 times.
+/// Compliance of a position demand relative to its mobility. A row of average mobility keeps 0.1 % of its error per correction. No row
+/// moves by more than 1 / (2 sqrt(DAMPING)), 16 times, its correction.
 pub(crate) const DAMPING: f64 = 1e-3;
 
-/// Length over which a correction rotates its own row, m. The corrected distance over this length is added to the relative compliance.
+/// Lever arm assumed for a correction, m: it converts displacements to rotations and adds displacement / arm to the relative
+/// compliance.
 ///
-/// Without it, an arm that is stretched towards a place out of reach oscillates: Gauss and Newton's linearisation leaves out the product of
-/// curvature and residual (Nocedal & Wright 2006, section 10.3).
+/// Without it, an arm that is stretched towards a place out of reach oscillates: Gauss and Newton's linearisation leaves out the
+/// product of curvature and residual (Nocedal & Wright 2006, section 10.3).
 pub(crate) const CORRECTION_ARM: f64 = 0.1;
 
 /// Largest rate of return to a joint's range by the split form, relative to that of an overlap. It moves positions alone. With the default
@@ -193,14 +199,15 @@ pub(crate) const LIMIT_RETURN: f64 = 10.0;
 /// Error of an equality that is not corrected, m or rad. A loop at rest then needs no position solve.
 pub(crate) const NEGLIGIBLE_ERROR: f64 = 1e-11;
 
-/// Relative decrease of the penalties below which a correction is reverted. A wheel 0.1 m inside the base of Unitree's G1-D decreases them
-/// by less than 1e-7 per step. With 0.1 ms, a slide between two walls still reaches 0.5 % of their middle.
+/// Smallest relative decrease of the overlap penalty (`overlap_progress.rs`) with which a correction is kept. A wheel 0.1 m inside the
+/// base of Unitree's G1-D decreases it by less than 1e-7 per step. With 0.1 ms, a slide between two walls still reaches 0.5 % of their
+/// middle.
 pub(crate) const MIN_DECREASE: f64 = 2e-7;
 
-/// Lower bound on this relative decrease, in machine epsilons of the lanes: depths are differences of positions.
+/// Lower bound on this relative decrease, in machine epsilons of the lanes. Depths carry the rounding of positions.
 pub(crate) const MIN_DECREASE_ROUNDINGS: f64 = 1e3;
 
-/// Smallest fraction of an overlap that counts as removed per step. It keeps a division finite without correction.
+/// Lower bound on `options.baumgarte` in the overlap penalty. It prevents a division by zero.
 pub(crate) const MIN_BAUMGARTE: f64 = 2e-7;
 
 // Rows.
@@ -209,9 +216,11 @@ pub(crate) const MIN_BAUMGARTE: f64 = 2e-7;
 /// contacts can rotate a joint towards its limit in the same step.
 pub(crate) const LIMIT_LOOK_AHEAD: f64 = 0.01;
 
-/// Ratio of the squared length of a row after elimination to that before, below which equalities may block its motion. With a thousandth of
-/// the mobility left, impulses are a million times too large and depend on rounding. A light body coupled to a heavy one leaves the same
-/// ratio. Therefore the same ratio also applies to the square of every entry, which decides.
+/// Smallest ratio of a row's squared length after elimination to that before. Below it, equalities may block the row, and each of its
+/// entries is tested with the same ratio.
+///
+/// With a thousandth of the mobility left, impulses are a million times too large and depend on rounding. A light body coupled to a
+/// heavy one leaves the same ratio without being blocked.
 pub(crate) const MIN_REMAINING_LENGTH: f64 = 1e-6;
 
 /// Overlap of a contact above which its curvature has no effect, m: the depth of [`Status::DEEP`](crate::Status::DEEP).
@@ -237,17 +246,18 @@ pub(crate) const MIN_SHARE_CHANGE: [f64; 2] = [1e-12, 1e-5];
 /// Largest number of contacts that share their loads. The work grows with the cube of it.
 pub(crate) const MAX_SHARED_CONTACTS: usize = 64;
 
-/// Largest number of contacts of an environment in which Newton's method solves a new contact group. In a heap of ten boxes with 45
+/// Largest number of contacts in an environment in which Newton's method solves a newly loaded patch. In a heap of ten boxes with 45
 /// contacts it would take half of the step.
 pub(crate) const MAX_NEW_CONTACTS: usize = 24;
 
 // Derivatives of the step.
 
-/// Largest residual with which a step counts as solved, m/s. Modes are then certain, and the error of the response is of this order.
+/// Largest residual with which a step counts as solved, m/s, at tolerances below a tenth of it. The modes (open, sticking, slipping)
+/// are then certain, and the error of the response is of this order.
 pub(crate) const SOLVED_RESIDUAL: f64 = 1e-9;
 
-/// Weight of an error of the expected velocity, relative to the motion within the step, rad or m. Inertial forces are quadratic in
-/// velocities, so that estimates of slow motion are rough. At 1e2 their error counts with 1e-11 m/s.
+/// Weight of an error of the expected velocity per rad or m of motion in the step, at most 1, in the test that a step is a solution.
+/// Inertial forces are quadratic in velocities, so that errors of slow motion have little effect.
 pub(crate) const EXPECTED_VELOCITY_WEIGHT: f64 = 1e2;
 
 /// Relative distance from the bounds of a correction below which its derivative is undefined.

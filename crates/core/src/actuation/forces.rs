@@ -38,16 +38,16 @@ use crate::compile::{CompiledActuator, CompiledActuatorDynamics, LaneModel, Mode
 use crate::dynamics::implicit_weights::ImplicitWeights;
 use crate::math::spatial::*;
 
-/// What the mass matrix holds besides M.
+/// Implicit terms of the mass matrix.
 #[derive(Clone, Copy, Debug)]
 pub struct Implicit<'a, R: Real> {
     /// Shares of damping and stiffness.
     pub weights: ImplicitWeights<R>,
-    /// Weights of servos; none takes them explicitly.
+    /// Effective inertia of each servo. Empty: servos are explicit.
     pub servos: &'a [R],
     /// Arms of actuators on sites.
     pub arms: &'a [R],
-    /// Velocity before the step, at which drag of the medium is linearised; none takes it explicitly.
+    /// Velocity before the step, at which the drag of the medium is linearised. `None`: drag is explicit.
     pub drag_at: Option<&'a [R]>,
 }
 
@@ -59,7 +59,7 @@ impl<R: Real> Implicit<'_, R> {
     }
 }
 
-/// What is implicit in stage 1.
+/// Implicit treatment of servos in stage 1.
 #[derive(Clone, Copy, Debug)]
 pub struct ImplicitServos<R> {
     /// Shares of damping and stiffness.
@@ -68,14 +68,14 @@ pub struct ImplicitServos<R> {
     pub all: bool,
 }
 
-/// Where forces are taken.
+/// Evaluation point of the forces.
 #[derive(Clone, Copy, Debug)]
 pub struct ForceState<'a, R: Real> {
     /// Configuration of springs and servos.
     pub q: &'a [R],
     /// Velocity before the step.
     pub v: &'a [R],
-    /// Velocity at which what is not implicit is taken.
+    /// Velocity of the explicit forces.
     pub v_at: &'a [R],
     /// Activations.
     pub act: &'a [R],
@@ -97,22 +97,23 @@ impl<'a, R: Real> ForceState<'a, R> {
 pub struct ActuatorForces<R: Real> {
     /// Generalized forces of actuators and springs, N or N m. Joint damping is not here: stage 2 takes it implicitly.
     pub tau: Vec<R>,
-    /// Forces of actuators alone, within the bounds of joints; left by what is explicit.
+    /// Explicit forces of actuators alone, within the bounds of joints.
     pub joint: Vec<R>,
-    /// Force of every actuator, where its servo is taken explicitly.
+    /// Force of every actuator with explicit servos.
     pub force: Vec<R>,
-    /// What every servo adds to the mass matrix along its moment.
+    /// Effective inertia that each servo adds to the mass matrix, kg m^2 or kg.
     pub weight: Vec<R>,
-    /// What every servo moves, where that matters.
+    /// Mobility of the joints of each servo, for servos that are implicit in part.
     pub(crate) effective_inertias: Vec<EffectiveInertia<R>>,
     /// Lanes in which a servo is at a bound of its force.
     pub(crate) saturated: Vec<R::Mask>,
     /// Lanes in which the sum of actuator forces on a dof is at its bound, for every such dof.
     pub(crate) bounded: Vec<R::Mask>,
+    /// Force of every actuator with implicit servos, in models with bounded servos.
     pub(crate) implicit_force: Vec<R>,
     /// Force and weight of every servo where nothing bounds it, if any is bounded.
     pub(crate) unbounded: Vec<[R; 2]>,
-    /// Lanes in which an actuator that is taken explicitly asks for more than its bounds.
+    /// Lanes in which an explicit actuator force is outside its bounds.
     pub(crate) beyond: Vec<R::Mask>,
     /// Lanes in which the sum of actuator forces on a dof is cut to its bounds, for every such dof.
     pub(crate) cut: Vec<R::Mask>,
@@ -120,11 +121,11 @@ pub struct ActuatorForces<R: Real> {
     pub arms: Vec<R>,
     /// Lengths of actuators on sites.
     pub(crate) lengths: Vec<R>,
-    /// Where every dynamics is on its curve.
+    /// Region of the torque-speed curve of each actuator dynamics.
     pub(super) regions: Vec<Region<R>>,
-    /// Whether the regions of this step are still to be found.
+    /// Whether the regions of this step are unknown.
     pub(crate) fresh: bool,
-    /// What actuator dynamics lose, see [`crate::constraints::AssemblyInput::losses`].
+    /// Friction losses of actuator dynamics, see [`crate::constraints::AssemblyInput::losses`].
     pub losses: Vec<[R; 2]>,
 }
 

@@ -191,7 +191,7 @@ impl<R: Real> Constraints<R> {
 
     /// Removes the contacts that are still deferred from `contacts`: their surfaces have passed each other.
     #[inline(always)]
-    pub(crate) fn remove_missed(&mut self, contacts: &mut Contacts<R>) {
+    pub(crate) fn remove_deferred(&mut self, contacts: &mut Contacts<R>) {
         let lanes = self.deferred_lanes(R::Mask::splat(true));
         for lane in each_of(lanes.bits()) {
             let Self { deferred, kept, .. } = self;

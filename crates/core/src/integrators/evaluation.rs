@@ -1,4 +1,4 @@
-//! Where a scheme takes the step, and the rows of the constraint problem there.
+//! Evaluation point of a step: its configuration, forces, contacts and rows.
 
 use stepper_real::{Mask, Real};
 
@@ -15,10 +15,10 @@ use crate::probe::{Counter, Probe, Span};
 use crate::stages::s04_assemble::assemble;
 use crate::stages::s05_solve::Estimate;
 
-/// Stages 1 to 3: the velocity at the end of the step if nothing were in the way, and the contacts. Moreau's rule takes everything in the
-/// middle of the step, Euler's at its beginning.
+/// Stages 1 to 3: the free velocity and the contacts. The midpoint rule evaluates forces and contacts in the middle of the step, Euler's
+/// rule at its beginning.
 ///
-/// Returns the lanes that the midpoint rule takes at the beginning.
+/// Returns the lanes that are evaluated at the start of the step in spite of the midpoint rule.
 #[inline(always)]
 pub(crate) fn evaluate<R: Real>(
     compiled: &LaneModel<R>,
@@ -29,11 +29,11 @@ pub(crate) fn evaluate<R: Real>(
 ) -> R::Mask {
     place_bodies(compiled, scheme, s, probe);
     free_motion(compiled, scheme, s, probe);
-    let too_far = find_contacts(compiled, scheme, s, probe);
-    if too_far.any() {
-        // What is so fast that it may be through something thin in the middle of the step is taken at its beginning.
-        scheme.time_before = R::select(too_far, R::zero(), scheme.time_before);
-        scheme.time_after = R::select(too_far, scheme.h, scheme.time_after);
+    let evaluated_at_start = find_contacts(compiled, scheme, s, probe);
+    if evaluated_at_start.any() {
+        // Fast bodies may pass through a thin geom before the middle of the step. Their lanes are evaluated at its start.
+        scheme.time_before = R::select(evaluated_at_start, R::zero(), scheme.time_before);
+        scheme.time_after = R::select(evaluated_at_start, scheme.h, scheme.time_after);
         place_bodies(compiled, scheme, s, probe);
         free_motion(compiled, scheme, s, probe);
         find_contacts(compiled, scheme, s, probe);
@@ -44,7 +44,7 @@ pub(crate) fn evaluate<R: Real>(
     s.evaluation.contacts.close_rounded_gaps(norm(compiled.params.gravity()) * scheme.h * scheme.h);
     probe.span(Span::WarmStart, || s.evaluation.contacts.prepare(&mut s.state.contacts));
     probe.count(Counter::Contacts, || s.evaluation.contacts.count[..R::LANES].iter().sum::<usize>() as f64);
-    too_far
+    evaluated_at_start
 }
 
 /// Stage 4, and stages 1 and 2 again for forces that depend on the velocity at the end of the step, of which stage 5 makes an estimate.
@@ -54,17 +54,17 @@ pub(crate) fn assemble_rows<R: Real>(
     options: &StepSettings,
     scheme: &Scheme<R>,
     s: &mut Workspace<R>,
-    at_beginning: R::Mask,
+    evaluated_at_start: R::Mask,
     probe: impl Probe,
 ) {
-    probe.span(Span::Assemble, || assemble_here(compiled, options, scheme, s, at_beginning));
+    probe.span(Span::Assemble, || assemble_here(compiled, options, scheme, s, evaluated_at_start));
     let bounded = compiled.servos_are_bounded && (scheme.corrects || compiled.actuator_dynamics > 0);
     let reconsider = |s: &mut Workspace<R>| probe.span(Span::EstimateImpulses, || reconsider_servos(compiled, options, scheme, s));
     if bounded && s.constraints.constrained.any() && reconsider(s) {
         // Servos reach their bounds, or leave them, by impulses of this step.
         free_motion(compiled, scheme, s, probe);
-        probe.span(Span::Assemble, || assemble_here(compiled, options, scheme, s, at_beginning));
-        // Where nothing was wrong, this repeats the bits of the estimate before.
+        probe.span(Span::Assemble, || assemble_here(compiled, options, scheme, s, evaluated_at_start));
+        // In lanes without a misjudged servo the repeated estimate has equal bits.
         probe.span(Span::EstimateImpulses, || {
             let (estimate, lanes) = (Estimate::new(compiled, options, &s.state.v, scheme.h, &s.constraints), s.constraints.constrained);
             estimate.make(options, lanes, &mut s.constraints);
@@ -85,7 +85,7 @@ pub(crate) fn assemble_here<R: Real>(
     options: &StepSettings,
     scheme: &Scheme<R>,
     s: &mut Workspace<R>,
-    too_far: R::Mask,
+    evaluated_at_start: R::Mask,
 ) {
     let assembly = AssemblyInput {
         q: &s.evaluation.q,
@@ -96,7 +96,7 @@ pub(crate) fn assemble_here<R: Real>(
         h: scheme.h,
         time_before: scheme.time_before,
         in_the_middle: scheme.in_the_middle,
-        closing_fraction: scheme.closing_fraction(too_far, s.impacts.lanes),
+        closing_fraction: scheme.closing_fraction(evaluated_at_start, s.impacts.lanes),
         alive: s.alive,
     };
     assemble(

@@ -29,11 +29,11 @@ pub(crate) struct Solution<R: Real> {
     /// Residual and effort of the solver.
     pub(crate) outcome: Outcome<R>,
     /// Whether constraint impulses changed any velocity.
-    pub(crate) pushed: bool,
+    pub(crate) impulses_act: bool,
     /// Lanes whose impulses do not determine the kinetic energy.
     pub(crate) ambiguous: R::Mask,
     /// Lanes whose speed and energy are limited: the ambiguous ones, and those whose motion is too fast for the step.
-    pub(crate) guarded: R::Mask,
+    pub(crate) limited: R::Mask,
     /// Lanes whose constraints no motion satisfies.
     pub(crate) infeasible: R::Mask,
 }
@@ -61,7 +61,7 @@ pub(crate) fn solve_velocities<R: Real>(
     }
     s.constraints.activate_satisfied();
     probe.span(Span::Solve, || resolve_ambiguous(compiled, options, s, &mut outcome));
-    let pushed = s.constraints.iterate.changes_velocity();
+    let impulses_act = s.constraints.iterate.changes_velocity();
     count_effort(&outcome, probe);
     let (rows, mut workspace) = s.constraints.split();
     let Evaluation { contacts, .. } = &s.evaluation;
@@ -75,14 +75,14 @@ pub(crate) fn solve_velocities<R: Real>(
         keep_row_impulses(&rows, &mut workspace, &mut s.evaluation.contacts);
     }
     probe.span(Span::IntegrateVelocity, || keep_impulse(compiled, s));
-    let [ambiguous, guarded] = probe.span(Span::GuardEnergy, || guard_speed(compiled, options, scheme, s, outcome.residual));
-    Solution { outcome, pushed, ambiguous, guarded, infeasible }
+    let [ambiguous, limited] = probe.span(Span::GuardEnergy, || guard_speed(compiled, options, scheme, s, outcome.residual));
+    Solution { outcome, impulses_act, ambiguous, limited, infeasible }
 }
 
 /// Limits joint speeds in lanes whose motion is too fast for the step or whose energy is ambiguous. [`guard_energy`] limits their energy
 /// later.
 ///
-/// Returns the ambiguous lanes and all guarded lanes.
+/// Returns the ambiguous lanes and all limited lanes.
 #[inline(always)]
 fn guard_speed<R: Real>(
     compiled: &LaneModel<R>,
@@ -96,11 +96,11 @@ fn guard_speed<R: Real>(
         s.free_motion.unresolved =
             s.free_motion.unresolved.or(s.alive.and(diverging(compiled, [&s.state.v, &s.free_motion.v], &s.next.v, scheme.h)));
     }
-    let guarded = s.free_motion.unresolved.or(ambiguous);
-    if guarded.any() {
-        limit_joint_rates(compiled, guarded, scheme.h, &mut s.next.v);
+    let limited = s.free_motion.unresolved.or(ambiguous);
+    if limited.any() {
+        limit_joint_rates(compiled, limited, scheme.h, &mut s.next.v);
     }
-    [ambiguous, guarded]
+    [ambiguous, limited]
 }
 
 /// Finds the lanes in which the error of the midpoint rule adds energy, before positions are corrected.
@@ -145,7 +145,7 @@ pub(crate) fn integrate_positions<R: Real>(
     solution: &Solution<R>,
     probe: impl Probe,
 ) -> R::Mask {
-    let free = !solution.pushed && !scheme.corrects;
+    let free = !solution.impulses_act && !scheme.corrects;
     probe.span(Span::GuardEnergy, || find_gain(compiled, scheme, s));
     let step = TakenStep { velocity: &s.next.v, is_free: free, h: scheme.h, contacts_at_end: false };
     let tunnelled = probe.span(Span::Tunnelling, || may_have_passed(compiled, &s.evaluation.kinematics, step, s.alive, &mut s.poses));
@@ -206,29 +206,29 @@ fn stabilise_positions<R: Real>(compiled: &LaneModel<R>, options: &StepSettings,
     infeasible
 }
 
-/// Limits the kinetic energy of guarded lanes.
+/// Limits the kinetic energy of limited lanes.
 #[inline(always)]
 pub(crate) fn guard_energy<R: Real>(compiled: &LaneModel<R>, s: &mut Workspace<R>, solution: &Solution<R>) {
-    if solution.guarded.any() {
+    if solution.limited.any() {
         let (before, after) = ([&s.state.q[..], &s.state.v[..]], [&s.next.q[..], &s.next.v[..]]);
         s.step_resolution.limit_energy(
             compiled,
             &s.evaluation.kinematics,
-            solution.guarded,
+            solution.limited,
             before,
             after,
             &s.free_motion.v,
-            &mut s.work.v_guarded,
+            &mut s.work.v_limited,
         );
-        std::mem::swap(&mut s.next.v, &mut s.work.v_guarded);
+        std::mem::swap(&mut s.next.v, &mut s.work.v_limited);
     }
 }
 
-/// Residual including the target velocities of rows that have no impulse.
+/// Residual, or the largest unmet target velocity of a row that cannot move, whichever is larger.
 ///
-/// Rows without mobility and rows that depend on others are not part of the solve.
+/// Rows without mobility and dependent rows are not part of the solve.
 #[inline(always)]
-fn with_unmet<R: Real>(s: &Workspace<R>, residual: R) -> R {
+fn with_blocked_rows<R: Real>(s: &Workspace<R>, residual: R) -> R {
     if !s.constraints.may_be_held {
         return residual;
     }
@@ -241,7 +241,7 @@ fn with_unmet<R: Real>(s: &Workspace<R>, residual: R) -> R {
     )
 }
 
-/// Stage 10: status and certificate of the step. `finite` are the lanes that accepted the next state.
+/// Stage 10: status and record of the step. `finite` marks the lanes whose next state is accepted.
 #[inline(always)]
 pub(crate) fn record<R: Real>(
     compiled: &LaneModel<R>,
@@ -255,7 +255,7 @@ pub(crate) fn record<R: Real>(
     let violation = max_equality_violation(compiled, active, &s.state.q, &s.mocap_trajectories, s.elapsed);
     let violation = R::select(finite, violation, R::zero());
     // A rejected step has no residual: its value would depend on which numbers are NaN.
-    let residual = R::select(finite, with_unmet(s, solution.outcome.residual), R::zero());
+    let residual = R::select(finite, with_blocked_rows(s, solution.outcome.residual), R::zero());
     let unsolved = solution.ambiguous.or(s.alive.and_not(residual.le(R::of(options.tolerance))));
     Record {
         residual,

@@ -121,7 +121,7 @@ pub(crate) struct Work<R: Real> {
     /// Corrected configuration, nq.
     pub(crate) q_corrected: Vec<R>,
     /// Velocity of lanes whose energy is kept from growing, nv.
-    pub(crate) v_guarded: Vec<R>,
+    pub(crate) v_limited: Vec<R>,
 }
 
 /// Workspace of the sensors.
@@ -228,7 +228,7 @@ impl<R: Real> Workspace<R> {
                 v_predicted: v(),
                 correction: v(),
                 q_corrected: q(),
-                v_guarded: v(),
+                v_limited: v(),
             },
             sensors: Sensors {
                 workspace: SensorWorkspace::new(compiled, max_contacts),
@@ -263,13 +263,13 @@ impl<R: Real> Workspace<R> {
     pub(crate) fn poison(&mut self) {
         let Self { evaluation, free_motion, next, work, .. } = self;
         let Work { impulse_change, expected_change, impulse, v_mean, v_forces, v_free_corrected, free_change, .. } = work;
-        let Work { v_half, before_impact, carried, v_positions, v_predicted, correction, q_corrected, v_guarded, .. } = work;
+        let Work { v_half, before_impact, carried, v_positions, v_predicted, correction, q_corrected, v_limited, .. } = work;
         let made = [
             [&mut evaluation.q, &mut evaluation.q_ahead, &mut evaluation.act, &mut free_motion.applied, &mut free_motion.v],
             [&mut free_motion.v_expected, &mut next.q, &mut next.v, &mut next.act, impulse_change],
             [expected_change, impulse, v_mean, v_forces, v_free_corrected],
             [free_change, v_half, before_impact, carried, v_positions],
         ];
-        made.into_iter().flatten().chain([v_predicted, correction, q_corrected, v_guarded]).for_each(|buffer| buffer.fill(R::of(f64::NAN)));
+        made.into_iter().flatten().chain([v_predicted, correction, q_corrected, v_limited]).for_each(|buffer| buffer.fill(R::of(f64::NAN)));
     }
 }

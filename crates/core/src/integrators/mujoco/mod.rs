@@ -51,7 +51,7 @@ pub(crate) fn solve_step<R: Real>(
     let tunnelled = probe.span(Span::Tunnelling, || may_have_passed(compiled, &s.evaluation.kinematics, step, s.alive, &mut s.poses));
     probe.count(Counter::NewtonSteps, || (0..R::LANES).map(|l| outcome.newton_steps.lane(l).to_f64()).sum());
     let none = R::Mask::splat(false);
-    (Solution { outcome, pushed: true, ambiguous: none, guarded: none, infeasible: none }, tunnelled)
+    (Solution { outcome, impulses_act: true, ambiguous: none, limited: none, infeasible: none }, tunnelled)
 }
 
 /// Stages 6 and 7 by the acceleration.

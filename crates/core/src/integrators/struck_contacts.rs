@@ -14,6 +14,15 @@ use crate::stages::s05_solve::{Estimate, solve};
 use crate::stages::s06_integrate_velocity::integrate_velocity;
 use crate::tuning::{MAX_PREDICTIONS, ORDERED_PASSES, PREDICTED_MARGIN};
 
+/// Motion of a step along which pairs are tested for a collision.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum SweptMotion {
+    /// Motion by the impulses of the prediction.
+    Predicted,
+    /// Motion of the solution, `next.v`. With `ignores_order` every colliding pair counts, also behind an earlier collision.
+    Solved { ignores_order: bool },
+}
+
 /// Activates the contacts that collide in the predicted motion, and repeats the prediction with them.
 #[inline(always)]
 pub(crate) fn predict_strikes<R: Real>(
@@ -24,7 +33,7 @@ pub(crate) fn predict_strikes<R: Real>(
     lanes: R::Mask,
 ) {
     for _ in 0..MAX_PREDICTIONS {
-        let struck = activate_struck(compiled, options, s, true, PREDICTED_MARGIN, false);
+        let struck = activate_struck(compiled, options, s, SweptMotion::Predicted);
         if struck.none() {
             return;
         }
@@ -41,7 +50,7 @@ pub(crate) fn solve_strikes<R: Real>(
     mut outcome: Outcome<R>,
 ) -> Outcome<R> {
     for pass in 0.. {
-        let struck = activate_struck(compiled, options, s, false, 0.0, pass >= ORDERED_PASSES);
+        let struck = activate_struck(compiled, options, s, SweptMotion::Solved { ignores_order: pass >= ORDERED_PASSES });
         if struck.none() {
             break;
         }
@@ -53,25 +62,22 @@ pub(crate) fn solve_strikes<R: Real>(
     outcome
 }
 
-/// Activates the contacts that collide in the predicted motion or in that of `next.v`. Returns the lanes with any.
+/// Activates the contacts that collide in a motion. Returns the lanes with any.
 #[inline(always)]
-fn activate_struck<R: Real>(
-    compiled: &LaneModel<R>,
-    options: &StepSettings,
-    s: &mut Workspace<R>,
-    predicted: bool,
-    margin: f64,
-    ignores_order: bool,
-) -> R::Mask {
+fn activate_struck<R: Real>(compiled: &LaneModel<R>, options: &StepSettings, s: &mut Workspace<R>, motion: SweptMotion) -> R::Mask {
     if s.constraints.deferred_lanes(s.alive).none() {
         return R::Mask::splat(false);
     }
+    let (margin, ignores_order) = match motion {
+        SweptMotion::Predicted => (PREDICTED_MARGIN, false),
+        SweptMotion::Solved { ignores_order } => (0.0, ignores_order),
+    };
     let Evaluation { kinematics, contacts, .. } = &s.evaluation;
     let query = StrikeQuery { compiled, kinematics, poses: &s.poses, contacts, options, lanes: s.alive, margin, ignores_order };
     if !s.strikes.list_candidates(&query, &s.constraints) {
         return R::Mask::splat(false);
     }
-    let v = if predicted {
+    let v = if motion == SweptMotion::Predicted {
         s.constraints.impulse_change(compiled, &s.free_motion.smooth.mass, &mut s.work.v_predicted);
         R::vectorize(
             #[inline(always)]

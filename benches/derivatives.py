@@ -156,7 +156,7 @@ def smoothness(num_envs: int = 64, points: int = 33, width: float = 1e-6) -> Non
                     copies = stepper.Stepper(model, points, options=Options(**fields, tolerance=tolerance))
                     copies.set_state(sim.get_state(env=env))
                     qpos = model.integrate_pos(np.tile(sim.qpos[env], (points, 1)), line[:, : model.nv])
-                    copies.set_state(qpos, sim.qvel[env] + line[:, model.nv :], cold=False)
+                    copies.set_state(qpos, sim.qvel[env] + line[:, model.nv :], keep_warmstart=True)
                     copies.step(ctrl[env])
                     middle = np.tile(copies.qpos[points // 2], (points, 1))
                     ends = np.hstack([model.differentiate_pos(middle, copies.qpos), copies.qvel - copies.qvel[points // 2]])
@@ -215,7 +215,7 @@ def by_whole_rollouts(sim: stepper.Stepper, ctrl: Array, weights: Array, speeds:
         copies.set_state(sim.get_state(env=env))
         state = moves[:, size:]
         qpos = model.integrate_pos(np.tile(sim.qpos[env], (len(moves), 1)), state[:, : model.nv])
-        copies.set_state(qpos, sim.qvel[env] + state[:, model.nv :], cold=False)
+        copies.set_state(qpos, sim.qvel[env] + state[:, model.nv :], keep_warmstart=True)
         controls = ctrl[:, env, None] + moves[:, :size].reshape(len(moves), len(ctrl), -1).transpose(1, 0, 2)
         end = copies.rollout(controls, fields=["qpos", "qvel"])
         out[env] = end["qpos"][-1] @ weights[env] + end["qvel"][-1] @ speeds[env]
@@ -313,7 +313,7 @@ def effort(num_envs: int = 32) -> None:
                 copies.set_state(solved)
                 for env in range(where[-1] + 1):
                     copies.set_state(copies.get_state(env=env * part.count), mask=where == env)
-                copies.set_state(before[0], before[1], act=before[2], cold=False)
+                copies.set_state(before[0], before[1], act=before[2], keep_warmstart=True)
                 copies.step(part.ctrl)
                 counts.append(mean_effort(copies))
             whole, hurried_time = times
@@ -326,7 +326,8 @@ def effort(num_envs: int = 32) -> None:
 
 def mean_effort(copies: stepper.Stepper) -> tuple[float, float]:
     """Sweeps and Newton steps of the last solution, mean over copies."""
-    return float(np.asarray(copies.sweeps).mean()), float(np.asarray(copies.newton_steps).mean())
+    newton_steps = float(np.asarray(copies.newton_steps).mean())
+    return float(np.asarray(copies.iterations).mean()) - newton_steps, newton_steps
 
 
 def transition_time(robot: str, sim: stepper.Stepper, ctrl: Array, centered: bool) -> float:

@@ -28,8 +28,8 @@ Array = NDArray[Any]
 _READ = {
     **{name: name for name in ("qpos", "qvel", "act", "ctrl", "xpos", "xquat", "site_xpos", "geom_xpos", "subtree_com", "xipos", "cinert")},
     **{name: name for name in ("cvel", "cfrc_ext", "qacc", "actuator_force", "qfrc_actuator", "qfrc_constraint")},
-    "sensor_truth": "sensordata",
-    "observation": "sensordata",
+    "sensordata_ideal": "sensordata",
+    "sensordata": "sensordata",
 }
 """Quantities of stepper and MuJoCo's names of them."""
 _FIELDS = {"actuator_gain": "actuator_gainprm", "actuator_bias": "actuator_biasprm"}

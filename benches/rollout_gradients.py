@@ -210,7 +210,7 @@ def differences(
     copies = stepper.Stepper(model, len(moves), options=sim.options)
     copies.set_state(sim.get_state(env=env))
     qpos = model.integrate_pos(np.tile(sim.qpos[env], (len(moves), 1)), moves[:, :nv])
-    copies.set_state(qpos, sim.qvel[env] + moves[:, nv:], cold=False)
+    copies.set_state(qpos, sim.qvel[env] + moves[:, nv:], keep_warmstart=True)
     made = copies.rollout(scene.ctrl[:, env, None] + pushes.transpose(1, 0, 2), scene.nstep, fields=["qpos", "qvel"])
     shift = model.differentiate_pos(np.tile(end, (len(moves), 1)), made["qpos"][-1])
     value = shift @ weights[0] + made["qvel"][-1] @ weights[1]

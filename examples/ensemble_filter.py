@@ -6,7 +6,8 @@ The robot has encoders on its joints, a gyroscope, and an attitude from its IMU;
 is 128 environments, each of which has controls of its own beside those that were given, as nobody knows what pushes the robot. Every
 20 ms readings correct all of them by the covariance that the ensemble itself has (Evensen 1994, https://doi.org/10.1029/94JC00572, with
 perturbed readings: Burgers et al. 1998). Configurations have a free joint, so that means and corrections are of displacements:
-`Model.differentiate_pos` and `integrate_pos`. Corrected environments go on (`set_state(..., cold=False)`), contacts and drives included.
+`Model.differentiate_pos` and `integrate_pos`. Corrected environments go on (`set_state(..., keep_warmstart=True)`),
+contacts and drives included.
 """
 
 from __future__ import annotations
@@ -46,7 +47,7 @@ def model_of() -> stepper.Model:
 
 
 def readings_of(model: stepper.Model) -> tuple[Array, Array]:
-    """Columns of `sensor_truth` that the filter is told, and the standard deviations of their noise, (m,) each."""
+    """Columns of `sensordata_ideal` that the filter is told, and the standard deviations of their noise, (m,) each."""
     columns: list[int] = []
     deviations: list[float] = []
     for name in model.sensor_names:
@@ -91,7 +92,7 @@ class EnsembleFilter:
         nv, members = model.nv, sim.num_envs or 1
         middle, displacements = mean_configuration(model, np.asarray(sim.qpos))
         state = np.hstack([displacements, np.asarray(sim.qvel), np.asarray(sim.act)])
-        told = np.asarray(sim.sensor_truth)[:, self._columns]
+        told = np.asarray(sim.sensordata_ideal)[:, self._columns]
         apart, told_apart = INFLATION * (state - state.mean(axis=0)), INFLATION * (told - told.mean(axis=0))
         state = state.mean(axis=0) + apart
         noise = np.square(self._deviations) * (members - 1)
@@ -99,7 +100,7 @@ class EnsembleFilter:
         heard = readings + self._deviations * self._random.normal(size=told.shape)
         state = state + (heard - told) @ gain
         qpos = model.integrate_pos(middle, state[:, :nv])
-        sim.set_state(qpos, state[:, nv : 2 * nv], act=state[:, 2 * nv :], cold=False)
+        sim.set_state(qpos, state[:, nv : 2 * nv], act=state[:, 2 * nv :], keep_warmstart=True)
 
     def estimate(self) -> tuple[Array, Array, Array]:
         """Mean configuration (nq,), mean velocity (nv,), and the standard deviation of the velocities (nv,)."""
@@ -165,7 +166,7 @@ def run(seconds: float = 10.0, members: int = 128, seed: int = 0, **settings: An
         robot.xfrc_applied[0, trunk, :3] = push if k % 25 < 10 else 0.0
         control = 0.3 * np.sin(2.0 * np.pi * 1.5 * k * NSTEP * robot.timestep + phase)
         robot.step(control, NSTEP)
-        readings = robot.sensor_truth[0, columns] + deviations * random.normal(size=len(columns))
+        readings = robot.sensordata_ideal[0, columns] + deviations * random.normal(size=len(columns))
         since = time.perf_counter()
         observers[0].predict(control)
         observers[0].correct(readings)

@@ -54,7 +54,7 @@ class FallingBlock(gymnasium.Env[Array, Array]):
         self._sim = stepper.Stepper(model, options=OPTIONS, sensors=self._sensors, seed=int(self.np_random.integers(2**63)))
         self._sim.reset(qpos=[HEIGHT], qvel=[VELOCITY])
         self._steps = 0
-        return self._sim.observation, {"restitution": restitution}
+        return self._sim.sensordata, {"restitution": restitution}
 
     def step(self, action: Array) -> tuple[Array, float, bool, bool, dict[str, Any]]:
         """One step of 0.02 s; truncated after 50."""
@@ -62,7 +62,7 @@ class FallingBlock(gymnasium.Env[Array, Array]):
             raise gymnasium.error.ResetNeeded("call reset before step")
         self._sim.step(action)
         self._steps += 1
-        return self._sim.observation, float(self._sim.qpos[0] > LOWEST), False, self._steps >= STEPS, {}
+        return self._sim.sensordata, float(self._sim.qpos[0] > LOWEST), False, self._steps >= STEPS, {}
 
 
 class FallingBlocks(VectorEnv[Array, Array, Array]):
@@ -101,7 +101,7 @@ class FallingBlocks(VectorEnv[Array, Array, Array]):
         if seed is not None:
             self._sim.reset(mask, seed=seed)
         info = self._begin(mask)
-        return self._sim.observation, info
+        return self._sim.sensordata, info
 
     def step(self, actions: Array) -> tuple[Array, Array, Array, Array, dict[str, Any]]:
         """One step of 0.02 s of every block whose episode is not over."""

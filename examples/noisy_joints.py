@@ -74,9 +74,9 @@ def scores(sensors: stepper.SensorModel | None, seed: int = 0, episodes: int = E
     # As the task draws them.
     qpos = np.stack([rng.uniform(-0.1, 0.1, episodes), rng.uniform(-0.034, 0.034, episodes)], axis=1)
     sim.reset(qpos=qpos, qvel=0.01 * rng.normal(size=(episodes, 2)), seed=seed)
-    total, before = np.zeros(episodes), sim.observation
+    total, before = np.zeros(episodes), sim.sensordata
     for _ in range(STEPS):
-        position = sim.observation
+        position = sim.sensordata
         state = np.hstack([position, (position - before) / sim.timestep])
         ctrl = np.clip(-state @ gain, -1.0, 1.0)
         sim.step(ctrl[:, None])

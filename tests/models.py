@@ -47,11 +47,11 @@ STATE = [
     "status",
     "residual",
     "iterations",
-    "depth",
-    "limit_overshoot",
+    "max_penetration",
+    "max_limit_violation",
     "max_equality_violation",
-    "observation",
-    "sensor_truth",
+    "sensordata",
+    "sensordata_ideal",
 ]
 """What a `Stepper` says of where it is and of its last call."""
 

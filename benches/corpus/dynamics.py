@@ -60,6 +60,7 @@ def agreement(m: Any, model: stepper.Model, rng: np.random.Generator) -> tuple[f
         act, ctrl = rng.uniform(-1, 1, m.na), rng.uniform(*control_bounds(m))
         data.qpos[:], data.qvel[:], data.act[:], data.ctrl[:] = qpos, qvel, act, ctrl
         mujoco.mj_forward(m, data)
+        sim.step(ctrl[controls])  # Puts the controls in force; the state is set again.
         sim.set_state(qpos, qvel, act=act[activations])
         mass = np.zeros((m.nv, m.nv))
         mujoco.mj_fullM(m, data, mass)
@@ -67,8 +68,8 @@ def agreement(m: Any, model: stepper.Model, rng: np.random.Generator) -> tuple[f
         floor = float(qvel @ mass @ qvel)
         errors = [
             float(np.abs((sim.mass_matrix() - mass) / size).max()),
-            _relative(np.linalg.inv(mass), sim.bias_force(), data.qfrc_bias, floor),
-            _relative(mass, sim.smooth_acceleration(ctrl=ctrl[controls]), data.qacc_smooth, floor),
+            _relative(np.linalg.inv(mass), sim.qfrc_bias, data.qfrc_bias, floor),
+            _relative(mass, sim.qacc_smooth, data.qacc_smooth, floor),
         ]
         worst = np.maximum(worst, errors)
     return float(worst[0]), float(worst[1]), float(worst[2])

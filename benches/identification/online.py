@@ -40,7 +40,7 @@ def readings(masses: np.ndarray[Any, Any], friction: float) -> dict[str, np.ndar
             ratio = np.ones(model.nbody)
             ratio[model.body("box").id] = mass / masses[0]
             sim.randomize(body_mass=model.body_mass * ratio, body_inertia=model.body_inertia * ratio[:, None])
-        rows.append(sim.rollout(ctrl[None], round(PERIOD / sim.timestep), fields=("observation",))["observation"][0])
+        rows.append(sim.rollout(ctrl[None], round(PERIOD / sim.timestep), fields=("sensordata",))["sensordata"][0])
     return by_sensor(model, np.stack(rows), NOISE)
 
 

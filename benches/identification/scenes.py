@@ -99,7 +99,7 @@ class Scene:
         """What ideal sensors read, by channel (T, dim)."""
         model = self.model(*self.truth)
         sim = stepper.Stepper(model, options=options)
-        made = sim.rollout(self.ctrl, round(self.period / sim.timestep), fields=("observation",))["observation"]
+        made = sim.rollout(self.ctrl, round(self.period / sim.timestep), fields=("sensordata",))["sensordata"]
         return by_sensor(model, made, self.noise)
 
 

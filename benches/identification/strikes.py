@@ -183,7 +183,7 @@ def readings(scene: Strike, truth: Any, rng: np.random.Generator) -> dict[str, n
     shift = np.where(np.isin(np.arange(model.nv), resting(model)), np.abs(shift), shift)
     qvel = scene.velocities(model) + START_STD[1] * rng.standard_normal(model.nv)
     sim.set_state(model.integrate_pos(model.qpos0, shift), qvel)
-    made = sim.rollout(scene.ctrl, round(PERIOD / sim.timestep), fields=("observation",))["observation"]
+    made = sim.rollout(scene.ctrl, round(PERIOD / sim.timestep), fields=("sensordata",))["sensordata"]
     clean = by_sensor(model, made, scene.noise)
     return {name: rows + scene.noise[name] * rng.standard_normal(rows.shape) for name, rows in clean.items()}
 

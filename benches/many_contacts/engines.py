@@ -73,8 +73,9 @@ class Ours(StepperCrowd):
         """See `Crowd.record`."""
         effort = self.efforts.setdefault(phase, Effort())
         effort.certificate.add(self.sim)
-        effort.sweeps += int(np.sum(self.sim.sweeps))
-        effort.newton_steps += int(np.sum(self.sim.newton_steps))
+        newton_steps = int(np.sum(self.sim.newton_steps))
+        effort.sweeps += int(np.sum(self.sim.iterations)) - newton_steps
+        effort.newton_steps += newton_steps
 
     @property
     def failed(self) -> int:

@@ -67,7 +67,7 @@ class Balance:
 
     def __call__(self, now: Any) -> Any:
         """Controls, (num_envs, 1)."""
-        return self.policy(seen(now.observation))
+        return self.policy(seen(now.sensordata))
 
 
 def balancing(name: str, file: str) -> Any:
@@ -127,7 +127,7 @@ def picture(file: str) -> None:
     for number, (label, own) in enumerate(both.items()):
         found = stepper.sweep(own, cliffs=False).sweep
         for panel, name in zip(panels, own.parameters, strict=True):
-            levels = found.of(name)
+            levels = found.levels_of(name)
             share = np.array([level.share for level in levels])
             ends = np.array([level.interval for level in levels]).T
             x = [float(level.value or 0) for level in levels]

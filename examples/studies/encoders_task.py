@@ -36,7 +36,7 @@ class Encoders(InvertedDoublePendulum):
 
     def quantities(self) -> Any:
         """What the policy of the study sees: (9,)."""
-        return (Quantity("encoders", of=lambda now: encoders.seen(now.observation)),)
+        return (Quantity("encoders", of=lambda now: encoders.seen(now.sensordata)),)
 
 
 def register() -> None:

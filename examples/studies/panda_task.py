@@ -62,7 +62,7 @@ class PandaPick(Task):
 
     def quantities(self) -> Any:
         """What the policy of the study sees: (10,)."""
-        return (Quantity("seen", of=lambda now: lab.seen(now.observation, now.memory["target"], now.memory["closed"])),)
+        return (Quantity("seen", of=lambda now: lab.seen(now.sensordata, now.memory["target"], now.memory["closed"])),)
 
     def memory(self, num_envs: int) -> Any:
         """The target of the hand, and whether the fingers close."""
@@ -96,7 +96,7 @@ class PandaPick(Task):
 
     def reward(self, now: Any) -> Any:
         """For fingers about the cube, for a cube between them that stops them, and for its height; less the size of moves."""
-        readings = now.observation
+        readings = now.sensordata
         distance = np.linalg.norm(readings[:, 3:6], axis=1)
         height = np.clip((now.qpos[:, 11] - panda.HALF) / panda.RISE, 0.0, 1.0)
         narrow = np.minimum(readings[:, 6], -readings[:, 7])

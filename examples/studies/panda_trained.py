@@ -41,7 +41,7 @@ class Trained:
 
     def __call__(self, now: Any) -> Any:
         """Targets of seven joints and two fingers."""
-        action = self.policy(hand.seen(now.observation, self._target, self._closed))
+        action = self.policy(hand.seen(now.sensordata, self._target, self._closed))
         self._target, self._closed = hand.moved(self._target, action), (action[:, 3] > 0.0).astype(float)
         return hand.controls(self._target, self._closed)
 
@@ -60,7 +60,7 @@ def table(sweeps: Any) -> None:
     """Prints how many cubes each picks at each friction."""
     for name, found in sweeps.items():
         for setting in ("stepper", *found.study.settings):
-            shares = ", ".join(f"{level.value:g}: {level.successes}" for level in found.of("friction", setting))
+            shares = ", ".join(f"{level.value:g}: {level.successes}" for level in found.levels_of("friction", setting))
             print(f"{name}, {setting}: picked of {found.study.episodes}, by friction: {shares}")
 
 
@@ -73,7 +73,7 @@ def picture(sweeps: Any, file: str) -> None:
     panels = figure.subplots(1, len(sweeps), sharey=True)
     for panel, (name, found) in zip(panels, sweeps.items(), strict=True):
         for (setting, label), style in zip(shown.items(), ("o-", "s--", "^:"), strict=True):
-            levels = found.of("friction", setting)
+            levels = found.levels_of("friction", setting)
             share = np.array([level.share for level in levels])
             ends = np.array([level.interval for level in levels]).T
             panel.errorbar(

@@ -23,6 +23,7 @@ _REMEDIES = {
         ("xquat", "site_xquat", "geom_xquat"), "sim.set_state(qpos=...) turns bodies, sim.mocap_quat those that the user poses"
     ),
     **dict.fromkeys(("body_linvel", "body_angvel"), "sim.set_state(qvel=...) sets velocities of joints, which move bodies"),
+    "qfrc_bias": "it follows from qpos and qvel, which sim.set_state sets",
     **dict.fromkeys(("actuator_force", "qfrc_actuator"), "sim.step(ctrl) takes the controls that it follows from"),
     "qfrc_constraint": "sim.qfrc_applied has forces on joints that one can set",
     "body_contact_force": "sim.xfrc_applied has forces on bodies that one can set",
@@ -40,16 +41,42 @@ _REMEDIES = {
     "seed": "sim.reset(seed=...) takes another",
     **dict.fromkeys(
         (
-            "status", "residual", "iterations", "sweeps", "newton_steps", "depth", "limit_overshoot", "max_equality_violation",
-            "observation", "sensor_truth", "sensor_faults", "actuator_saturation", "qacc",
+            "status", "residual", "iterations", "newton_steps", "max_penetration", "max_limit_violation", "max_equality_violation",
+            "sensordata", "sensordata_ideal", "sensor_faults", "actuator_saturation", "qacc", "qacc_smooth",
         ),
         _NOTHING,
     ),
 }  # fmt: skip
 _LISTED = 12
 """Names that a message lists."""
-_NEW_NAMES = {("Options", "of"): "from_model"}
-"""Present names of attributes, by class and earlier name."""
+_NEW_NAMES = {
+    "Options": {"of": "from_model"},
+    "Study": {"of": "from_model"},
+    "Stepper": {
+        "observation": "sensordata",
+        "sensor_truth": "sensordata_ideal",
+        "depth": "max_penetration",
+        "penetration": "max_penetration",
+        "limit_overshoot": "max_limit_violation",
+        "sweeps": "iterations, Newton steps included",
+        "solver_niter": "iterations",
+        "bias_force": "qfrc_bias",
+        "smooth_acceleration": "qacc_smooth",
+        "qM": "mass_matrix()",
+        "M": "mass_matrix()",
+        "contact": "contacts()",
+        "ncon": "contacts()",
+        "opt": "options",
+        "xmat": "xquat",
+        "geom_xmat": "geom_xquat",
+        "site_xmat": "site_xquat",
+        "xanchor": "xpos",
+        "qfrc_inverse": "inverse_dynamics(qacc)",
+        "render": "view()",
+        "forward": "qacc or another attribute: all follow from the state",
+    },
+}
+"""Present names of attributes by class and other name: earlier names, and those of MuJoCo and Gymnasium."""
 _OF_ENVIRONMENTS = "environments have it of their own: sim.randomize({}=...) sets it"
 
 _OPERATORS = ("add", "sub", "mul", "matmul", "truediv", "floordiv", "mod", "pow", "lshift", "rshift", "and", "or", "xor")
@@ -133,8 +160,9 @@ def no_attribute(owner: type, name: str) -> AttributeError:
 
 def _place_of(owner: type, name: str) -> str:
     """Hint at an attribute that has a new name or belongs to another class, as the end of a message; empty if there is none."""
-    if (owner.__name__, name) in _NEW_NAMES:
-        return f"; did you mean {_NEW_NAMES[owner.__name__, name]}?"
+    other = _NEW_NAMES.get(owner.__name__, {}).get(name)
+    if other is not None:
+        return f"; did you mean {other}?"
     if name.startswith("_"):
         return ""
     if owner is Model and hasattr(Stepper, name):

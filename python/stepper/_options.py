@@ -54,7 +54,7 @@ class Options(metaclass=Hinting):
             Newton for the environments that they leave above the tolerance.
         iterations: Sweeps of the solver at the most ("auto" makes no more than 50), and Newton steps at the most for each island of bodies
             in contact and pass (docs/decisions/bounds.md). A step that runs out of them says NOT_CONVERGED in its status, and
-            `Stepper.worst_row` names the row. `Stepper.sweeps` and `Stepper.newton_steps` count them, `Stepper.iterations` both together.
+            `Stepper.worst_row` names the row. `Stepper.iterations` counts both, `Stepper.newton_steps` Newton steps alone.
         tolerance: Natural-map residual at which the solver stops, in m/s; None is 1e-6, and 1e-4 with precision="f32". With
             contact="mujoco" None is besides at most 0.6 % of what gravity adds to a velocity in a step (and at least 1e-6), so that contact
             forces at rest err by no more at short steps.

@@ -38,12 +38,12 @@ class Status(IntFlag):
     the constraints as far as possible, in least squares. For links of a robot that overlap at the reference pose, load it with
     `stepper.load(..., overlaps="exclude")`."""
     DEEP = 64
-    """A contact penetrates by more than 1 mm, a hundred times the default slop; `Stepper.depth` is the penetration. Causes: bodies that
+    """A contact penetrates by more than 1 mm, a hundred times the default slop; see `Stepper.max_penetration`. Causes: bodies that
     overlap in the initial pose (`stepper.load(..., overlaps="exclude")` disables their contacts), and time steps too long for an impact
     between edges."""
     OVER_LIMIT = 128
-    """A joint or tendon is beyond its range by more than 0.01 rad (slides and tendons: 0.01 m) after a step. `Stepper.limit_overshoot` is
-    the distance."""
+    """A joint or tendon is beyond its range by more than 0.01 rad (slides and tendons: 0.01 m) after a step;
+    see `Stepper.max_limit_violation`."""
     EQUALITY_VIOLATED = 256
     """The position error of an equality is above 1 mm or 1 mrad after a step; `Stepper.max_equality_violation` is the error. Causes: a loop
     that turns by a tenth of a radian or more in a step, a state or a change of `eq_active` that violates the equality, an equality out of

@@ -844,6 +844,11 @@ class Stepper:
 
     Where no step was made since the state was set, it is that of the step that would be made from it; so are `qfrc_constraint` and
     `body_contact_force`."""
+    qfrc_bias: Final[_Array]
+    """Coriolis, centrifugal and gravitational forces of the present state: (num_envs, nv) in N or N m. As `mj_forward` leaves them."""
+    qacc_smooth: Final[_Array]
+    """Acceleration without constraints at the present state with the controls in force: (num_envs, nv) in m/s^2 or rad/s^2. As
+    `mj_forward` leaves it. With `actuators=`, drives contribute what they handed on in the last step."""
     actuator_force: Final[_Array]
     """Forces of the actuators at the present state with the controls in force, before their gears: (num_envs, nu) in N or N m. As
     `mj_forward` leaves them."""
@@ -862,17 +867,16 @@ class Stepper:
     residual: Final[Any]
     """Natural-map residual of the last step in m/s, 0 where it was NON_FINITE: (num_envs,)."""
     iterations: Final[Any]
-    """Sweeps and Newton steps of the solver in the last step, together: (num_envs,) uint32."""
-    sweeps: Final[Any]
-    """Sweeps of the solver in the last step: (num_envs,) uint32."""
+    """Iterations of the solver in the last step, Gauss-Seidel iterations and Newton steps together: (num_envs,) uint32."""
     newton_steps: Final[Any]
-    """Newton steps of the solver in the last step, over all islands of bodies: (num_envs,) uint32."""
-    depth: Final[Any]
-    """Deepest overlap of a contact beyond its margin in the last call of `step`, of all its steps, in m: (num_envs,) float64. It is
-    seen where a step is taken, by "midpoint" and "rk4" in its middle. Above 1 mm `status` says DEEP."""
-    limit_overshoot: Final[Any]
-    """Farthest that a joint or tendon was beyond its range after a step of the last call of `step`, in rad or m: (num_envs,)
-    float64. Above 0.01 `status` says OVER_LIMIT."""
+    """Newton steps of the solver in the last step, over all islands of bodies: (num_envs,) uint32. The rest of `iterations` are
+    Gauss-Seidel iterations."""
+    max_penetration: Final[Any]
+    """Largest penetration of a contact beyond its margin in any step of the last call of `step`, in m: (num_envs,) float64. A step
+    measures it where it detects contacts, "midpoint" and "rk4" in the middle of the step. Above 1 mm `status` has DEEP."""
+    max_limit_violation: Final[Any]
+    """Largest violation of the range of a joint or tendon after any step of the last call of `step`, in rad or m: (num_envs,)
+    float64. Above 0.01 `status` has OVER_LIMIT."""
     max_equality_violation: Final[Any]
     """Largest position error of an equality (connect, weld, joint, tendon) after any step of the last call of `step`, in m or rad:
     (num_envs,) float64. Above 0.001 `status` has EQUALITY_VIOLATED. It is 0 without equalities. Equalities with a finite
@@ -883,11 +887,11 @@ class Stepper:
     """What sensors make of the truth."""
     actuators: Final[ActuatorModel | None]
     """What becomes of controls before they are forces, as the stepper was made; what `randomize` drew since is in `randomized`."""
-    observation: Final[_Array]
+    sensordata: Final[_Array]
     """Sensor readings of the last step, the same however often they are read: (num_envs, nsensordata). `observe()` gives an array to
     write to."""
-    sensor_truth: Final[_Array]
-    """The readings of ideal sensors: (num_envs, nsensordata).
+    sensordata_ideal: Final[_Array]
+    """Readings of ideal sensors: (num_envs, nsensordata).
 
     Positions and velocities are those after the last step; accelerations are (v+ - v) / h of that step, impulses of contacts and
     limits included, and forces are impulses over h. Where no step was made since the state was set, accelerations and forces are
@@ -986,7 +990,7 @@ class Stepper:
             ctrl: Controls, (T, num_envs, nu), or (T, nu) for all environments.
             nstep: Steps that each control is held.
             fields: What to write down after every control: "qpos" (T, num_envs, nq), "qvel" (T, num_envs, nv), "act" (T, num_envs,
-                na), "observation" (T, num_envs, nsensordata). None is what `out` names, and without `out` all but "act".
+                na), "sensordata" (T, num_envs, nsensordata). None is what `out` names, and without `out` all but "act".
             out: Arrays to write into, by field: of those shapes, C-contiguous, float64, or float32 with `precision="f32"`.
 
         Returns:
@@ -1017,7 +1021,7 @@ class Stepper:
         *,
         act: ArrayLike | None = None,
         time: ArrayLike | None = None,
-        cold: bool = True,
+        keep_warmstart: bool = False,
     ) -> None:
         """Sets configuration, velocity, activations or time; or, given a `State`, everything that survives a step.
 
@@ -1034,10 +1038,10 @@ class Stepper:
                 others.
             act: (num_envs, na) or (na,).
             time: s, (num_envs,) or one for all.
-            cold: Whether the memory is forgotten where qpos, qvel or act are set: impulses that the solver starts from, contacts,
-                flags, delay lines (which the next control and reading fill) and errors of sensors, so that what follows depends on
-                the new state alone. False keeps it, for whoever corrects the state of an environment that goes on: an observer beside
-                its plant. That also saves the time of a start from nothing.
+            keep_warmstart: Whether to keep all memory where qpos, qvel or act are set, to correct the state of an environment that
+                goes on, as an observer does: the solver's warm start, contacts, flags, drives (delay lines, lags, integrals) and
+                sensors (bias, drift, delay lines, held samples). False clears all of these, and the next control and reading fill
+                the delay lines: what follows depends on the new state alone.
 
         Raises:
             ValueError: A wrong shape, a number that is not finite, a quaternion of zeros, a state of another model. Nothing is
@@ -1087,7 +1091,7 @@ class Stepper:
             **settings: See `stepper.Recorder`.
         """
     def observe(self, out: _Array | None = None) -> _Array:
-        """`observation`, written into `out` if there is one: (num_envs, nsensordata)."""
+        """Copy of `sensordata`, in `out` if it is given: (num_envs, nsensordata)."""
     def get_state(self, env: int | None = None) -> State:
         """Everything that survives a step, the controls in force included.
 
@@ -1235,37 +1239,11 @@ class Stepper:
         Raises:
             ModuleNotFoundError: viser is not installed, with how to install it.
         """
-    def mass_matrix(self, env: int | None = 0) -> _Array:
-        """Mass matrix of the present configuration, armature included, without terms that depend on the time step.
-
-        Args:
-            env: The environment; None is all of them, in one pass.
+    def mass_matrix(self) -> _Array:
+        """Mass matrices of the present configurations, armature included, without terms that depend on the time step.
 
         Returns:
-            (nv, nv) float64; of all environments (num_envs, nv, nv), in the stepper's scalar type.
-        """
-    def bias_force(self, env: int | None = 0) -> _Array:
-        """Coriolis, centrifugal and gravitational forces of the present state: MuJoCo's qfrc_bias.
-
-        Args:
-            env: The environment; None is all of them, in one pass.
-
-        Returns:
-            (nv,) float64; of all environments (num_envs, nv), in the stepper's scalar type.
-        """
-    def smooth_acceleration(self, env: int | None = 0, *, ctrl: ArrayLike | None = None) -> _Array:
-        """Acceleration without constraints in the present state: MuJoCo's qacc_smooth.
-
-        Args:
-            env: The environment; None is all of them, in one pass.
-            ctrl: Controls of one environment, (nu,); None is those in force. With `actuators=`, what the drives hand on to the
-                actuators' law (None is what they did last).
-
-        Returns:
-            (nv,) float64; of all environments (num_envs, nv), in the stepper's scalar type.
-
-        Raises:
-            ValueError: Controls of another shape, or for all environments.
+            (num_envs, nv, nv), in the stepper's scalar type.
         """
     def rays(
         self,
@@ -1295,9 +1273,21 @@ class Stepper:
             ValueError: An array of another shape, a point that is not finite, a direction of length 0, a mesh that is no part of the model.
             KeyError, IndexError: No geom or body of that name or index.
         """
-    def energy(self, env: int = 0) -> tuple[float, float]:
-        """Potential energy (gravity, joint springs) and kinetic energy (armature included), in J."""
-    def momentum(self, env: int = 0) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Linear momentum in kg m/s (3,), and angular momentum about the centre of mass in kg m^2/s (3,)."""
+    def _in_64_bits(self, env: int) -> list[_Array]:
+        """Mass matrix (nv, nv), bias force (nv,), smooth acceleration (nv,), energies and momenta of an environment, in 64 bits also where
+        the stepper's scalar type has 32: the golden trajectories keep the bits of these.
+        """
+    def energy(self) -> tuple[Any, Any]:
+        """Potential energy (gravity, joint springs) and kinetic energy (armature included) of the present states.
+
+        Returns:
+            Two arrays (num_envs,) float64 in J.
+        """
+    def momentum(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Linear momentum, and angular momentum about the centre of mass, of the present states.
+
+        Returns:
+            Two arrays (num_envs, 3) float64, in kg m/s and kg m^2/s.
+        """
     def __getstate__(self) -> dict[str, Any]: ...
     def __setstate__(self, state: dict[str, Any]) -> None: ...

@@ -27,13 +27,13 @@ Array = NDArray[Any]
 Key = str | int
 
 _BODIES = ("xpos", "xquat", "body_linvel", "body_angvel", "subtree_com", "xipos", "cinert", "cvel", "cfrc_ext", "body_contact_force")
-_DOFS = ("qvel", "qacc", "qfrc_actuator", "qfrc_constraint", "qfrc_applied")
+_DOFS = ("qvel", "qacc", "qacc_smooth", "qfrc_bias", "qfrc_actuator", "qfrc_constraint", "qfrc_applied")
 KINDS: dict[str, str] = {
     **dict.fromkeys((*_BODIES, "xfrc_applied"), "body"),
     **dict.fromkeys(("site_xpos", "site_xquat"), "site"),
     **dict.fromkeys(("geom_xpos", "geom_xquat"), "geom"),
     **dict.fromkeys(("actuator_force", "ctrl", "actuator_saturation"), "actuator"),
-    **dict.fromkeys(("observation", "sensor_truth"), "sensor"),
+    **dict.fromkeys(("sensordata", "sensordata_ideal"), "sensor"),
     **dict.fromkeys(("qpos", *_DOFS), "joint"),
 }
 """What the numbers of a quantity belong to: a row each of a body, site, geom or actuator; columns of a joint or sensor."""
@@ -44,7 +44,7 @@ def read(sim: Stepper, name: str, of: Key | Sequence[Key] | None = None, *, out:
 
     Args:
         sim: The stepper.
-        name: An attribute of `Stepper` in `KINDS`: "xpos", "qvel", "observation".
+        name: An attribute of `Stepper` in `KINDS`: "xpos", "qvel", "sensordata".
         of: A body, site, geom, joint, actuator or sensor, whichever the quantity is of, or several; None is all. One body, site or geom
             is without its axis: (num_envs, 3). Columns of joints and sensors stand one after the other: (num_envs, n).
         out: Array to write to; None is a new one.
@@ -88,31 +88,7 @@ def mass_matrix(sim: Stepper, *, out: Array | None = None) -> Array:
     Raises:
         ValueError: An `out` of another shape or scalar type.
     """
-    return given_out(sim.mass_matrix(None), out)
-
-
-def bias_force(sim: Stepper, *, out: Array | None = None) -> Array:
-    """Coriolis, centrifugal and gravitational forces of the present states: MuJoCo's qfrc_bias.
-
-    Returns:
-        (num_envs, nv) of the scalar type of the stepper, N or N m.
-
-    Raises:
-        ValueError: An `out` of another shape or scalar type.
-    """
-    return given_out(sim.bias_force(None), out)
-
-
-def smooth_acceleration(sim: Stepper, *, out: Array | None = None) -> Array:
-    """Accelerations without constraints in the present states under the controls in force: MuJoCo's qacc_smooth.
-
-    Returns:
-        (num_envs, nv) of the scalar type of the stepper, m/s^2 or rad/s^2.
-
-    Raises:
-        ValueError: An `out` of another shape or scalar type.
-    """
-    return given_out(sim.smooth_acceleration(None), out)
+    return given_out(sim.mass_matrix(), out)
 
 
 def inverse_dynamics(sim: Stepper, qacc: ArrayLike, *, out: Array | None = None) -> Array:
@@ -138,7 +114,7 @@ def inverse_dynamics(sim: Stepper, qacc: ArrayLike, *, out: Array | None = None)
     if wanted.shape not in ((sim.model.nv,), (*shape, sim.model.nv)):
         raise ValueError(f"qacc has shape {wanted.shape}, must be {(*shape, sim.model.nv)} or ({sim.model.nv},)")
     # What the accelerations without constraints say of bias and passive forces, less the forces that made them.
-    free = smooth_acceleration(sim)
+    free = sim.qacc_smooth
     excess = np.broadcast_to(wanted, (*shape, sim.model.nv)) - free
     forces = np.einsum("...ij,...j->...i", mass_matrix(sim), excess)
     forces += np.asarray(sim.qfrc_actuator)

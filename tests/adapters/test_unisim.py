@@ -78,7 +78,7 @@ def test_steps_and_resets_are_those_of_the_stepper(backend):
     for name in ("qpos", "qvel", "ctrl"):
         assert views[name].dtype == torch.float32
         np.testing.assert_array_equal(views[name].numpy(), getattr(sim, name).astype(np.float32))
-    np.testing.assert_array_equal(backend.get_sensor_view("rate").numpy(), sim.observation[:, 1:].astype(np.float32))
+    np.testing.assert_array_equal(backend.get_sensor_view("rate").numpy(), sim.sensordata[:, 1:].astype(np.float32))
     bodies = backend.get_tracked_body_views(("pole", "cart"))
     np.testing.assert_array_equal(bodies.pos_w.numpy(), sim.xpos[:, [2, 1]].astype(np.float32))
     np.testing.assert_array_equal(bodies.ang_vel_w.numpy(), sim.body_angvel[:, [2, 1]].astype(np.float32))

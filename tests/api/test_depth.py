@@ -1,4 +1,4 @@
-"""`depth`, `limit_overshoot`, and the flags that they set."""
+"""`max_penetration`, `max_limit_violation`, and the flags that they set."""
 
 import numpy as np
 import pytest
@@ -28,7 +28,7 @@ def test_limit_overshoot_is_how_far_the_farthest_joint_or_tendon_is_out(qpos, ov
     sim = simulate(HINGE, 2, stabilization="none")
     sim.set_state(np.array([qpos, [0, 1, 0, 0, 0, 0]], float))
     sim.step()
-    assert sim.limit_overshoot == pytest.approx([overshoot, 0.0], abs=1e-12)
+    assert sim.max_limit_violation == pytest.approx([overshoot, 0.0], abs=1e-12)
     assert bool(sim.status[0] & stepper.Status.OVER_LIMIT) == (overshoot > 0.01)
     assert sim.status[1] == stepper.Status.OK
 
@@ -38,20 +38,20 @@ def test_overshoot_and_depth_are_the_largest_of_the_call():
     sim = simulate(HINGE, stabilization="split")
     sim.set_state(qpos=[1.5, 1, 0, 0, 0, 0])
     sim.step()
-    first = sim.limit_overshoot
+    first = sim.max_limit_violation
     sim.set_state(qpos=[1.5, 1, 0, 0, 0, 0])
     sim.step(nstep=400)
-    assert sim.limit_overshoot == first > 0.3
+    assert sim.max_limit_violation == first > 0.3
     assert sim.status & stepper.Status.OVER_LIMIT
     sim.step()
-    assert sim.limit_overshoot < 1e-3
+    assert sim.max_limit_violation < 1e-3
     assert sim.status == stepper.Status.OK
     ball = simulate(BALL.format(z=0.09), 2, stabilization="split")
     ball.step(nstep=300)
-    assert ball.depth == pytest.approx([0.01, 0.01], rel=0.05)
+    assert ball.max_penetration == pytest.approx([0.01, 0.01], rel=0.05)
     assert (ball.status & stepper.Status.DEEP).all()
     ball.step()
-    assert (ball.depth < 1e-4).all()
+    assert (ball.max_penetration < 1e-4).all()
     assert (ball.status == stepper.Status.OK).all()
 
 
@@ -65,9 +65,9 @@ def test_depth_is_that_of_the_contacts_of_a_step():
         sim.step()
         contacts = sim.contacts()
         deepest = [max([0.0, *-contacts["distance"][contacts["env"] == env]]) for env in range(6)]
-        assert sim.depth.tolist() == deepest
-        assert np.array_equal((sim.status & stepper.Status.DEEP) != 0, sim.depth > 1e-3)
-    assert sim.depth.max() > 1e-3
+        assert sim.max_penetration.tolist() == deepest
+        assert np.array_equal((sim.status & stepper.Status.DEEP) != 0, sim.max_penetration > 1e-3)
+    assert sim.max_penetration.max() > 1e-3
 
 
 def test_robots_at_rest_are_neither_deep_nor_over_a_limit():
@@ -78,7 +78,7 @@ def test_robots_at_rest_are_neither_deep_nor_over_a_limit():
         sim.step(nstep=2000)
         sim.step(nstep=100)
         assert not sim.status & (stepper.Status.DEEP | stepper.Status.OVER_LIMIT), name
-        assert sim.depth < 1e-4
+        assert sim.max_penetration < 1e-4
 
 
 @pytest.mark.parametrize("precision", ["f64", "f32"])
@@ -86,5 +86,5 @@ def test_a_rollout_has_the_depth_of_all_its_steps(precision):
     one, many = (simulate(BALL.format(z=0.09), 2, precision=precision) for _ in range(2))
     one.rollout(np.zeros((20, 0)), nstep=3)
     many.step(nstep=60)
-    assert np.array_equal(one.depth, many.depth)
+    assert np.array_equal(one.max_penetration, many.max_penetration)
     assert one.get_state() == many.get_state()

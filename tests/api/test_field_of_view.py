@@ -45,7 +45,7 @@ def test_it_is_asked_in_the_frame_of_a_sensor(place):
     ways = np.array([-1.001, -0.999, 0.999, 1.001]) * edge + place
     sim = stepper.Stepper(model, 4)
     sim.reset(qpos=np.array([[x, 0.0, 0.0] for x in ways]))
-    reading = np.asarray(sim.sensor_truth)
+    reading = np.asarray(sim.sensordata_ideal)
     np.testing.assert_allclose(reading, np.array([[x - place, 0.0, 0.96] for x in ways]), atol=1e-12)
     assert stepper.FieldOfView(width=0.6, height=0.1).sees(reading).tolist() == [False, True, True, False]
 

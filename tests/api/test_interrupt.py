@@ -44,7 +44,7 @@ def control(shape):
 
 
 def assert_same(one, other):
-    for name in ("qpos", "qvel", "act", "ctrl", "time", "status", "residual", "iterations", "observation"):
+    for name in ("qpos", "qvel", "act", "ctrl", "time", "status", "residual", "iterations", "sensordata"):
         assert np.asarray(getattr(one, name)).tobytes() == np.asarray(getattr(other, name)).tobytes(), name
     # All that survives a step, warm starts too.
     one.step()
@@ -107,7 +107,7 @@ def test_parts_of_a_long_call_make_the_bits_of_single_steps():
         other.step(ctrl)
         status |= other.status
     assert one.status.tolist() == status.tolist()
-    assert one.observation.tobytes() == other.observation.tobytes()
+    assert one.sensordata.tobytes() == other.sensordata.tobytes()
     assert one.qvel.tobytes() == other.qvel.tobytes()
 
 
@@ -125,7 +125,7 @@ def test_mocap_bodies_are_where_the_longer_way_has_brought_them():
         sim.step(nstep=10**7)
     x = 1e3 * caught.value.steps / 10**7
     # Rounding of the time, a sum of up to 1e6 steps.
-    assert sim.observation[0] == pytest.approx(x, rel=1e-9)
+    assert sim.sensordata[0] == pytest.approx(x, rel=1e-9)
     # What hangs on the hand follows it at 0.1 m/s, a fifth of what is left a step.
     assert sim.qpos[0] == pytest.approx(x, abs=5e-4 * 1.1)
     # From there on to where it is put next, and not from where it would have gone.

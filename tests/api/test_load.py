@@ -402,7 +402,7 @@ def test_replace_answers_wrong_shapes_with_both() -> None:
 
 def test_replace_refuses_what_a_model_cannot_have() -> None:
     model = stepper.load(PENDULUM)
-    with pytest.raises(stepper.ModelError, match="no field .colour.*help"):
+    with pytest.raises(stepper.ModelError, match=r"no field .colour.*help"):
         model.replace(colour=[1.0])
     with pytest.raises(stepper.ModelError, match='body "arm": mass is -1 kg'):
         model.replace(body_mass=[0.0, -1.0])

@@ -87,7 +87,7 @@ def test_sensor_truth_is_made_once():
 
     def check():
         """Reads twice, and compares with a stepper that has never read."""
-        first, second = sim.sensor_truth, sim.sensor_truth
+        first, second = sim.sensordata_ideal, sim.sensordata_ideal
         assert first is not second
         assert np.array_equal(first, second)
         other = stepper.Stepper(sim.model, 2)
@@ -95,7 +95,7 @@ def test_sensor_truth_is_made_once():
         other.mocap_pos, other.qfrc_applied = sim.mocap_pos, sim.qfrc_applied
         if "gravity" in sim.randomized:
             other.randomize(gravity=sim.randomized["gravity"])
-        assert np.array_equal(first, other.sensor_truth)
+        assert np.array_equal(first, other.sensordata_ideal)
         return first
 
     changes = [

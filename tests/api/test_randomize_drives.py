@@ -69,9 +69,8 @@ def roll(sim, ctrl, nstep=2):
 
 
 def read(sim, env=None) -> list[bytes]:
-    own = [sim.qpos, sim.qvel, sim.residual, np.uint32(sim.status), sim.actuator_saturation]
-    at = env or 0
-    return [np.asarray(x if env is None else np.asarray(x)[env]).tobytes() for x in own] + [sim.smooth_acceleration(at).tobytes()]
+    own = [sim.qpos, sim.qvel, sim.residual, np.uint32(sim.status), sim.actuator_saturation, sim.qacc_smooth]
+    return [np.asarray(x if env is None else np.asarray(x)[env]).tobytes() for x in own]
 
 
 @pytest.mark.parametrize("precision", ["f64", "f32"])
@@ -289,6 +288,6 @@ def test_ranges_of_forces_and_delays_of_the_model_stay():
     force = []
     for _ in range(6):
         sim.step([5.0])
-        force.append(sim.sensor_truth[:, 0])
+        force.append(sim.sensordata_ideal[:, 0])
     assert np.max(force, axis=0).tolist() == [2.0, 2.0]
     assert np.count_nonzero(force, axis=0)[0] == np.count_nonzero(force, axis=0)[1] + 2

@@ -80,12 +80,12 @@ def test_a_difference_is_named_by_step_field_and_environment(tmp_path):
     assert "environment 3" in str(difference)
 
 
-@pytest.mark.parametrize("field", ["depth", "limit_overshoot"])
+@pytest.mark.parametrize("field", ["max_penetration", "max_limit_violation"])
 def test_overlaps_are_compared(tmp_path, field):
     run(tmp_path / "run")
 
     def change(arrays):
-        assert arrays["depth"].any()
+        assert arrays["max_penetration"].any()
         arrays[field][12, 3] += 1e-9
 
     edit_file(tmp_path / "run", change)
@@ -193,7 +193,7 @@ def test_a_header_that_lacks_something_or_has_nonsense_is_one_documented_error(t
     lambda arrays: arrays.update(kind=np.array([0, 2], np.uint8)),
     lambda arrays: arrays.update(kind=np.array(["a", "b"])),
     lambda arrays: arrays.pop("ctrl"),
-    lambda arrays: arrays.pop("depth"),
+    lambda arrays: arrays.pop("max_penetration"),
     lambda arrays: arrays.update(qpos=arrays["qpos"][:0]),
     lambda arrays: arrays.update(qpos=arrays["qpos"][..., :0]),
     lambda arrays: arrays.update(nstep=np.array([-1])),
@@ -326,7 +326,7 @@ def test_noisy_readings_are_replayed_too(tmp_path, precision, num_envs):
     with np.load(tmp_path / "run/00000.npz") as rows:
         for k in range(6):
             larger.step(np.sin([0.1 * k]), nstep=1 + k % 3)
-            np.testing.assert_array_equal(larger.observation[:num_envs], rows["observation"][k])
+            np.testing.assert_array_equal(larger.sensordata[:num_envs], rows["sensordata"][k])
 
 
 def test_failures_of_sensing_are_counted_by_sensor(tmp_path):
@@ -339,10 +339,10 @@ def test_failures_of_sensing_are_counted_by_sensor(tmp_path):
         sim.reset(qpos=[[0.0], [0.05], [1.0], [2.0]])
         for _ in range(steps):
             sim.step()
-            saturated = np.any(np.abs(sim.sensor_truth[:, 1:4]) > 0.5, axis=1)
+            saturated = np.any(np.abs(sim.sensordata_ideal[:, 1:4]) > 0.5, axis=1)
             beyond += saturated
-            still += sim.observation[:, 7] == before
-            before = sim.observation[:, 7]
+            still += sim.sensordata[:, 7] == before
+            before = sim.sensordata[:, 7]
             np.testing.assert_array_equal(sim.sensor_faults[:, 1], np.stack([saturated, np.zeros(4)], axis=1))
         last = sim.sensor_faults
         assert last.shape == (4, 4, 2)

@@ -30,13 +30,13 @@ def stepper_of(num_envs=ENVS, **settings):
 
 def step_by_step(sim, ctrl, nstep):
     """What a rollout must write down, by calls of `step`; status and residual step by step."""
-    rows = {name: [] for name in ("qpos", "qvel", "act", "observation", "status", "residual")}
+    rows = {name: [] for name in ("qpos", "qvel", "act", "sensordata", "status", "residual")}
     for row in ctrl:
         status, residual = np.uint32(0), 0.0
         for _ in range(nstep):
             sim.step(row)
             status, residual = status | sim.status, np.maximum(residual, sim.residual)
-        for name in ("qpos", "qvel", "act", "observation"):
+        for name in ("qpos", "qvel", "act", "sensordata"):
             rows[name].append(getattr(sim, name))
         rows["status"].append(status)
         rows["residual"].append(residual)
@@ -52,7 +52,7 @@ def test_the_bits_of_that_many_steps(precision, threads, num_envs):
     settings = {"precision": precision, "threads": threads}
     one, other = stepper_of(num_envs, **settings), stepper_of(num_envs, **settings)
     expected = step_by_step(one, ctrl, NSTEP)
-    found = other.rollout(ctrl, NSTEP, fields=("qpos", "qvel", "act", "observation"))
+    found = other.rollout(ctrl, NSTEP, fields=("qpos", "qvel", "act", "sensordata"))
     assert set(found) == set(expected)
     for name, values in found.items():
         assert values.shape == expected[name].shape, name
@@ -87,7 +87,7 @@ def test_arrays_of_the_caller():
         assert found[name] is array
         assert np.array_equal(array, expected[name])
     assert set(stepper_of().rollout(ctrl, fields=["qpos"], out=out)) == {"qpos", "qvel", "status", "residual"}
-    assert set(expected) == {"qpos", "qvel", "observation", "status", "residual"}
+    assert set(expected) == {"qpos", "qvel", "sensordata", "status", "residual"}
 
 
 def test_an_array_to_be_filled_stays_as_it_is_until_the_end():

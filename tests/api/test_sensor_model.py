@@ -51,10 +51,10 @@ def noisy(model: stepper.Model, num_envs: int | None = None, **settings) -> step
 
 
 def episode(sim: stepper.Stepper, calls: int = 20) -> np.ndarray:
-    rows = [sim.observation]
+    rows = [sim.sensordata]
     for k in range(calls):
         sim.step(np.full(sim.model.nu, np.sin(0.3 * k)), nstep=1 + k % 3)
-        rows.append(sim.observation)
+        rows.append(sim.sensordata)
     return np.array(rows)
 
 
@@ -62,17 +62,17 @@ def test_shapes_and_addresses(model):
     assert model.nsensordata == 1 + 1 + 3 + 3 + 4 + 1
     assert model.sensor_names == ["angle", "rate", "gyro", "acceleration", "attitude", "clock"]
     assert [(s["type"], s["adr"], s["dim"]) for s in model.sensors][2:5] == [("gyro", 2, 3), ("accelerometer", 5, 3), ("framequat", 8, 4)]
-    assert stepper.Stepper(model).observation.shape == (13,)
-    assert stepper.Stepper(model, 3).observation.shape == (3, 13)
-    assert stepper.Stepper(model, 3, precision="f32").sensor_truth.dtype == np.float32
+    assert stepper.Stepper(model).sensordata.shape == (13,)
+    assert stepper.Stepper(model, 3).sensordata.shape == (3, 13)
+    assert stepper.Stepper(model, 3, precision="f32").sensordata_ideal.dtype == np.float32
 
 
 def test_without_a_model_of_errors_the_truth_is_observed(model):
     sim = stepper.Stepper(model, 5)
     sim.step(1.0 * np.ones(1), nstep=10)
-    np.testing.assert_array_equal(sim.observation, sim.sensor_truth)
-    np.testing.assert_array_equal(sim.observation[:, 0], sim.qpos[:, 0])
-    np.testing.assert_array_equal(sim.observation[:, 12], sim.time)
+    np.testing.assert_array_equal(sim.sensordata, sim.sensordata_ideal)
+    np.testing.assert_array_equal(sim.sensordata[:, 0], sim.qpos[:, 0])
+    np.testing.assert_array_equal(sim.sensordata[:, 12], sim.time)
 
 
 def test_reading_twice_gives_the_same_and_reading_changes_nothing(model):
@@ -80,10 +80,10 @@ def test_reading_twice_gives_the_same_and_reading_changes_nothing(model):
     for k in range(15):
         for sim in (read, unread):
             sim.step(np.array([np.sin(k)]))
-        first = read.observation
-        read.sensor_truth  # noqa: B018  (reading is what is tested)
-        np.testing.assert_array_equal(read.observation, first)
-    np.testing.assert_array_equal(read.observation, unread.observation)
+        first = read.sensordata
+        read.sensordata_ideal  # noqa: B018  (reading is what is tested)
+        np.testing.assert_array_equal(read.sensordata, first)
+    np.testing.assert_array_equal(read.sensordata, unread.sensordata)
     assert read.get_state() == unread.get_state()
 
 
@@ -91,9 +91,9 @@ def test_observe_fills_an_array(model):
     sim = noisy(model, 4)
     out = np.empty((4, model.nsensordata))
     assert sim.observe(out=out) is out
-    np.testing.assert_array_equal(out, sim.observation)
+    np.testing.assert_array_equal(out, sim.sensordata)
     single = np.empty((4, model.nsensordata), dtype=np.float32)
-    np.testing.assert_array_equal(sim.observe(out=single), sim.observation.astype(np.float32))
+    np.testing.assert_array_equal(sim.observe(out=single), sim.sensordata.astype(np.float32))
     with pytest.raises(ValueError, match=r"out has shape \(4,\), must be \(4, 13\)"):
         sim.observe(out=np.empty(4))
 
@@ -131,7 +131,7 @@ def test_a_masked_reset_leaves_the_others_alone(model):
     sim.reset(mask)
     for s in (sim, other):
         s.step(np.ones(1), nstep=3)
-    np.testing.assert_array_equal(sim.observation[~mask], other.observation[~mask])
+    np.testing.assert_array_equal(sim.sensordata[~mask], other.sensordata[~mask])
     assert np.all(sim.time[mask] == pytest.approx(0.006))
 
 
@@ -143,7 +143,7 @@ def test_a_masked_reset_leaves_nothing_behind(model):
     for sim in (used, new):
         sim.reset(mask, seed=7)
     for k in range(20):
-        np.testing.assert_array_equal(used.observation[mask], new.observation[mask])
+        np.testing.assert_array_equal(used.sensordata[mask], new.sensordata[mask])
         for sim in (used, new):
             sim.step(np.full(1, np.sin(k)))
 
@@ -167,12 +167,12 @@ def test_states_carry_bias_drift_and_delay_lines(model):
 def test_delay_lines_begin_with_the_first_reading(model):
     sim = stepper.Stepper(model, 2, sensors=SensorModel({"angle": Transfer(delay=0.01)}))
     sim.reset(qpos=np.array([[0.5], [-0.25]]))
-    np.testing.assert_array_equal(sim.observation[:, 0], [0.5, -0.25])
-    truth = [sim.sensor_truth[:, 0]]
+    np.testing.assert_array_equal(sim.sensordata[:, 0], [0.5, -0.25])
+    truth = [sim.sensordata_ideal[:, 0]]
     for k in range(12):
         sim.step()
-        truth.append(sim.sensor_truth[:, 0])
-        np.testing.assert_array_equal(sim.observation[:, 0], truth[max(0, k + 1 - 5)])
+        truth.append(sim.sensordata_ideal[:, 0])
+        np.testing.assert_array_equal(sim.sensordata[:, 0], truth[max(0, k + 1 - 5)])
 
 
 def test_what_is_refused_is_named(model):
@@ -202,14 +202,14 @@ def test_numbers_may_differ_between_environments(model):
     delay = np.array([0.0, 0.002, 0.006, 0.008])
     sim = stepper.Stepper(model, 4, sensors=SensorModel({"clock": Transfer(delay=delay, scale=[1, 2, 3, 4])}))
     sim.step(nstep=10)
-    np.testing.assert_allclose(sim.observation[:, 12], (0.02 - delay) * [1, 2, 3, 4], rtol=1e-12)
+    np.testing.assert_allclose(sim.sensordata[:, 12], (0.02 - delay) * [1, 2, 3, 4], rtol=1e-12)
 
 
 def test_names_patterns_and_default(model):
     sensors = SensorModel({"a*": Transfer(scale=2.0), "angle": Transfer(scale=3.0), "attitude": Transfer()}, default=Transfer(scale=5.0))
     sim = stepper.Stepper(model, sensors=sensors)
     sim.reset(qpos=[1.0], qvel=[1.0])
-    ratio = sim.observation[[0, 1, 5]] / sim.sensor_truth[[0, 1, 5]]
+    ratio = sim.sensordata[[0, 1, 5]] / sim.sensordata_ideal[[0, 1, 5]]
     np.testing.assert_allclose(ratio, [3, 5, 2], rtol=1e-12)
 
 
@@ -218,8 +218,8 @@ def test_mjcf_declares_noise_and_cutoff(model):
     assert sensors == SensorModel({"angle": Transfer(noise_std=0.01), "rate": Transfer(limits=(-0.5, 0.5))})
     sim = stepper.Stepper(model, sensors=sensors)
     sim.reset(qvel=[3.0])
-    assert sim.observation[1] == 0.5
-    assert 0 < abs(sim.observation[0]) < 0.06
+    assert sim.sensordata[1] == 0.5
+    assert 0 < abs(sim.sensordata[0]) < 0.06
 
 
 @pytest.mark.parametrize(
@@ -239,7 +239,7 @@ def test_mjcf_declares_delays_and_intervals(history):
     sim = stepper.Stepper(loaded, sensors=SensorModel.from_mjcf(loaded))
     for _ in range(40):
         mujoco.mj_step(mj, data)
-        assert sim.observation == pytest.approx(data.sensordata, abs=1e-12)
+        assert sim.sensordata == pytest.approx(data.sensordata, abs=1e-12)
         sim.step()
 
 
@@ -279,15 +279,15 @@ def test_fans_of_rays_and_combinations_are_added(tmp_path):
     assert stepper.load(tmp_path / "grown.stepper") == grown
     sim = stepper.Stepper(grown, 9, sensors=SensorModel({"fan": Transfer(delay=0.01)}))
     sim.step(nstep=3)
-    x = sim.sensor_truth
+    x = sim.sensordata_ideal
     sim.reset(qvel=np.full((9, 1), 0.3))
-    x = sim.sensor_truth
+    x = sim.sensordata_ideal
     # The eye stands at (0.1, 0, 2), the wall's face at x = 2.9.
     np.testing.assert_allclose(x[:, 7:11], np.tile([2.8, 2.0, 2 * np.sqrt(2), -1.0], (9, 1)), atol=1e-12)
     np.testing.assert_allclose(x[:, 11:15], np.tile([2.0, 0.1, 0.0, 0.0], (9, 1)), atol=1e-12)
     np.testing.assert_allclose(x[:, 15:18], 2.0 * x[:, 1:4] - 0.5 * x[:, 4:7], atol=1e-14)
     np.testing.assert_allclose(x[:, 18:21], 2 * x[:, 15:18], atol=1e-14)
-    np.testing.assert_array_equal(sim.observation[:, 7:11], x[:, 7:11])
+    np.testing.assert_array_equal(sim.sensordata[:, 7:11], x[:, 7:11])
 
 
 @pytest.mark.parametrize(
@@ -362,7 +362,7 @@ def test_files(model, tmp_path):
 def test_every_device_works(model, name):
     sim = stepper.Stepper(model, 2, sensors=SensorModel({"gyro": devices.find(name)}))
     sim.step(nstep=3)
-    assert np.all(np.isfinite(sim.observation))
+    assert np.all(np.isfinite(sim.sensordata))
 
 
 def test_each_environment_has_the_seed_that_it_was_given(model):

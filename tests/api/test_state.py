@@ -53,7 +53,7 @@ def test_a_push_does_not_leak_into_the_next_episode():
     sim.step()
     new.step()
     assert np.array_equal(sim.qpos[mask], new.qpos[mask])
-    assert np.array_equal(sim.sensor_truth[mask], new.sensor_truth[mask])
+    assert np.array_equal(sim.sensordata_ideal[mask], new.sensordata_ideal[mask])
 
 
 def test_a_reset_environment_is_a_new_one_in_all_that_remembers():
@@ -69,7 +69,7 @@ def test_a_reset_environment_is_a_new_one_in_all_that_remembers():
     run(sim, 20, seed=5)
     run(new, 20, seed=5)
     assert np.array_equal(sim.qpos, new.qpos)
-    assert np.array_equal(sim.observation, new.observation)
+    assert np.array_equal(sim.sensordata, new.sensordata)
 
 
 def test_a_replay_has_resets_that_end_what_was_applied(tmp_path):
@@ -80,7 +80,7 @@ def test_a_replay_has_resets_that_end_what_was_applied(tmp_path):
             sim.step(np.ones(2))
             sim.reset(np.arange(3) == k % 3, keyframe=1 if k % 2 else "up")
             sim.step(nstep=2)
-            sim.set_state(qvel=[0.1], cold=False, time=float(k))
+            sim.set_state(qvel=[0.1], keep_warmstart=True, time=float(k))
     assert stepper.replay(tmp_path / "run")
 
 
@@ -109,7 +109,7 @@ def test_a_keyframe_brings_its_controls():
     sim, told = stepper.Stepper(model, 2), stepper.Stepper(model, 2)
     sim.reset([False, True], keyframe="up")
     assert sim.ctrl.tolist() == [[0, 0], [0.5, -0.5]]
-    assert sim.sensor_truth[1].tolist() == pytest.approx([1.0, 1.25])
+    assert sim.sensordata_ideal[1].tolist() == pytest.approx([1.0, 1.25])
     told.reset([False, True], keyframe="up")
     sim.step()
     told.step([[0, 0], [0.5, -0.5]])
@@ -146,7 +146,7 @@ def test_the_state_of_one_environment_can_be_given_to_many(precision):
     for ctrl in controls(plant, 15, seed=2)[:, 0]:
         for sim in (plant, planner, untouched):
             sim.step(ctrl)
-    for name in ("qpos", "qvel", "ctrl", "time", "residual", "observation", "depth"):
+    for name in ("qpos", "qvel", "ctrl", "time", "residual", "sensordata", "max_penetration"):
         found = getattr(planner, name)
         assert all(np.array_equal(row, getattr(plant, name)) for row in found[mask]), name
         assert np.array_equal(found[~mask], getattr(untouched, name)[~mask]), name
@@ -160,15 +160,15 @@ def test_an_environment_is_copied_to_others():
     sim.set_state(sim.get_state(env=3), mask=[True, False, False, False, True])
     assert all(np.array_equal(sim.qpos[env], sim.qpos[3]) for env in (0, 4))
     assert not np.array_equal(sim.qpos[1], sim.qpos[3])
-    assert np.array_equal(sim.observation[0], sim.observation[3])
+    assert np.array_equal(sim.sensordata[0], sim.sensordata[3])
     sim.step(np.full(4, 0.1), nstep=3)
     assert np.array_equal(sim.qpos[0], sim.qpos[3])
     # Noise is each environment's own.
-    assert not np.array_equal(sim.observation[0], sim.observation[3])
+    assert not np.array_equal(sim.sensordata[0], sim.sensordata[3])
     sim.set_state(kept, mask=[True, False, False, False, True])
     again = run(whole(5), 12)
     assert np.array_equal(sim.qpos[[0, 4]], again.qpos[[0, 4]])
-    assert np.array_equal(sim.observation[[0, 4]], again.observation[[0, 4]])
+    assert np.array_equal(sim.sensordata[[0, 4]], again.sensordata[[0, 4]])
 
 
 def test_nothing_of_an_environment_with_more_contacts_is_left_to_one_with_fewer():
@@ -216,11 +216,11 @@ def test_time_is_set():
 def test_a_cold_start_forgets_what_a_correction_keeps():
     """Delay lines: an observer that corrects its state goes on as its plant, one that starts cold does not."""
     plant, warm, cold = (run(whole(), 20) for _ in range(3))
-    for sim, is_cold in [(warm, False), (cold, True)]:
-        sim.set_state(plant.qpos, plant.qvel, cold=is_cold)
+    for sim, kept in [(warm, True), (cold, False)]:
+        sim.set_state(plant.qpos, plant.qvel, keep_warmstart=kept)
     assert warm.residual.any() and not cold.residual.any()
     for sim in (plant, warm, cold):
         sim.step(np.full(4, -1.0))
     assert np.array_equal(warm.qpos, plant.qpos)
-    assert np.array_equal(warm.observation, plant.observation)
+    assert np.array_equal(warm.sensordata, plant.sensordata)
     assert np.abs(cold.qvel - plant.qvel).max() > 1e-6

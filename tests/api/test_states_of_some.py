@@ -149,14 +149,14 @@ def test_a_mask_moves_the_mocap_bodies_of_its_environments(tmp_path):
 def test_a_rollout_begins_where_it_is_told_to():
     plant, planner = batch(1), batch(5, steps=2)
     ctrl = np.random.default_rng(4).uniform(-1, 1, (6, 5, plant.model.nu))
-    found = states.rollout(planner, ctrl, 2, initial=plant.get_state(0), fields=["qpos", "observation"])
+    found = states.rollout(planner, ctrl, 2, initial=plant.get_state(0), fields=["qpos", "sensordata"])
     mine = plant.get_state()
     for k in range(5):
         plant.set_state(mine)
         for t in range(6):
             plant.step(ctrl[t, k], nstep=2)
             np.testing.assert_array_equal(found["qpos"][t, k], plant.qpos[0])
-            np.testing.assert_array_equal(found["observation"][t, k], plant.observation[0])
+            np.testing.assert_array_equal(found["sensordata"][t, k], plant.sensordata[0])
     again = states.rollout(planner, ctrl, 2, initial=states.save(planner)[::-1])
     assert again["qpos"].shape == (6, 5, plant.model.nq)
 

@@ -52,7 +52,7 @@ class Everything(Task):
 
     def quantities(self):
         return (
-            *(Quantity(name) for name in ("observation", "qvel", "xpos", "mocap_pos", "time")),
+            *(Quantity(name) for name in ("sensordata", "qvel", "xpos", "mocap_pos", "time")),
             Quantity("memory", of=lambda now: np.column_stack([now.memory["drawn"], now.memory["last"]])),
             Quantity("step", of=lambda now: np.column_stack([now.action, now.velocity])),
         )

@@ -94,7 +94,7 @@ class Forgetful(Task):
 
     def quantities(self):
         return (
-            Quantity("observation"),
+            Quantity("sensordata"),
             Quantity("step", of=lambda now: np.hstack([now.action, now.velocity])),
             Quantity("count", of=lambda now: now.memory["count"]),
         )

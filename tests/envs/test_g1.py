@@ -181,7 +181,7 @@ def test_rough_ground_is_where_the_task_says():
         _, _, terminated, _, _ = rough.step(stance(rough))
         assert not terminated.any()
         # What lands at 1 m/s moves by 5 mm in a step.
-        assert (rough.sim.depth < 5e-3).all()
+        assert (rough.sim.max_penetration < 5e-3).all()
     assert (rough.sim.geom_xpos[:, feet, 2] - task.ground(rough.sim.geom_xpos[:, feet, :2]) > -0.02).all()
 
 

@@ -249,7 +249,7 @@ class Heard(Task):
         return SensorModel(default=Transfer(noise_std=1.0))
 
     def quantities(self):
-        return (Quantity("read", of=lambda now: now.observation),)
+        return (Quantity("read", of=lambda now: now.sensordata),)
 
     def reward(self, now):
         return np.zeros(now.sim.num_envs or 1), {}

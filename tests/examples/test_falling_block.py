@@ -75,7 +75,7 @@ def test_many_blocks_bounce_as_single_ones_of_their_restitution():
         sim = stepper.Stepper(model, options=falling_block.OPTIONS)
         sim.reset(qpos=[0.2], qvel=[-0.1])
         for row in rows:
-            np.testing.assert_array_equal(sim.observation, row[0][env])
+            np.testing.assert_array_equal(sim.sensordata, row[0][env])
             sim.step([0.5])
 
 

@@ -62,7 +62,7 @@ def test_the_tray_slides_until_the_gripper_reacts(tmp_path):
     exact = math.sqrt(2 * 0.03 / (a * (1 + a / (mu * g))))
     # The push ends within a control of 8 ms, in which it is scaled: of second order in that, and the bracket is 0.35 ms wide.
     assert (end.low + end.high) / 2 == pytest.approx(exact, abs=5e-4)
-    ways = [level.mean for level in found.of("timestep")]
+    ways = [level.mean for level in found.levels_of("timestep")]
     assert ways == pytest.approx([0.5 * a * 0.15**2 * (1 + a / (mu * g))] * 4, rel=5e-3)
     with Results(study, tmp_path / "stuck") as results:
         (row,) = run_points(study, [Point(study.nominal | {"friction": 1.0, "timestep": 0.001})], results.journal)
@@ -76,7 +76,7 @@ def test_ten_percent_at_each_touch_is_no_friction(tmp_path):
     end = ends["stepper", "friction"]
     assert end.low - 1e-6 <= block.THEORY <= end.high + 1e-6
     assert ends["stepper", "speed"].high == pytest.approx(block.SPEED, abs=2e-3)
-    for level in found.of("friction"):
+    for level in found.levels_of("friction"):
         expected = level.value * (1 + block.RESTITUTION) * block.IMPACT / block.SPEED
         # The impact is found within the step: its speed to the gravity of a step's end, 1e-5 of it.
         assert level.mean == pytest.approx(expected, rel=1e-4, abs=1e-12)
@@ -86,7 +86,7 @@ def test_what_decides_where_a_pushed_box_stops(tmp_path):
     study = replace(lab("pushed_box.py"), episodes=3)
     ends, found = cliffs(study, tmp_path, "friction", "mass", "height", "camera delay", cliffs=False)
     del ends
-    mean = {name: [level.mean for level in found.of(name)] for name in ("friction", "mass", "height", "camera delay")}
+    mean = {name: [level.mean for level in found.levels_of(name)] for name in ("friction", "mass", "height", "camera delay")}
     # Mass and height have no part in v t + v^2 / (2 mu g); 2 mm are the camera's noise and looks every 20 ms at 0.3 m/s.
     for name in ("mass", "height"):
         assert np.ptp(mean[name]) < 2e-3
@@ -105,9 +105,9 @@ def test_where_the_camera_hangs_and_what_it_sees_decides(tmp_path):
     end = ends["stepper", "field of view"]
     assert exact[0] <= end.low < end.high <= exact[1]
     # The camera reads less by its place, and by the tilt times the distance; the box stops that much later. In six millimetres of a look.
-    mean = {level.value: level.mean for level in found.of("camera place")}
+    mean = {level.value: level.mean for level in found.levels_of("camera place")}
     assert mean[0.03] - mean[0.0] == pytest.approx(0.03, abs=6e-3)
-    tilt = {level.value: level.mean for level in found.of("camera tilt")}
+    tilt = {level.value: level.mean for level in found.levels_of("camera tilt")}
     assert tilt[0.015] - tilt[0.0] == pytest.approx(2 * 0.015 * lab_of.AHEAD, abs=6e-3)
     # What is not seen is perception's failure, as all of it goes well with a camera that sees everything.
     narrow = replace(study, parameters={**study.parameters, "field of view": replace(study.parameters["field of view"], nominal=0.4)})
@@ -125,7 +125,7 @@ def test_perfect_sensors_inflate_a_score(tmp_path):
         study = lab(f"{name}.py")
         delay = replace(study.parameters["delay"], low=None, high=None, values=(0.0, 0.01))
         found = stepper.sweep(replace(study, parameters={"delay": delay}), tmp_path, cliffs=False).sweep
-        shares[name] = [level.successes for level in found.of("delay")]
+        shares[name] = [level.successes for level in found.levels_of("delay")]
     # All, none and all of 16 where it was measured. Products of NumPy differ between machines in their last bits, and a fall may follow.
     assert shares["encoders"][0] >= 15
     assert shares["encoders"][1] <= 1
@@ -140,7 +140,7 @@ def test_a_policy_is_trained_by_what_encoders_say():
         first, _ = envs.reset(seed=1)
         for _ in range(4):
             observation, *_ = envs.step(np.zeros((3, 1), np.float32))
-        truth = lesson.encoders.seen(np.asarray(envs.sim.sensor_truth, float))
+        truth = lesson.encoders.seen(np.asarray(envs.sim.sensordata_ideal, float))
         seen.append((first, observation))
         errors = np.abs(observation - truth).max(axis=0)
         # Sines of angles, to 0.02 rad of noise a sample, and rates, to 0.2 rad/s; the cart, which moves for 10 ms, to its delay.

@@ -165,7 +165,7 @@ def look(sim: stepper.Stepper, attempt: Attempts) -> None:
     sim.reset()
     sim.step(np.zeros(sim.model.nu), nstep=2)
     assert np.isfinite(sim.qpos).all(), "a state that is not finite"
-    _ = sim.observation, sim.sensor_truth, sim.xpos, sim.contacts(), sim.memory(), repr(sim)
+    _ = sim.sensordata, sim.sensordata_ideal, sim.qfrc_bias, sim.qacc_smooth, sim.xpos, sim.contacts(), sim.memory(), repr(sim)
     _ = sim.qacc, sim.body_contact_force, sim.subtree_com
 
 
@@ -224,13 +224,13 @@ def _rollout(rng: Random, sim: stepper.Stepper, _: Path) -> tuple[list[Any], dic
     m, calls = sim.model, int(rng.integers(0, 4))
     keywords: dict[str, Any] = {"nstep": int(rng.integers(0, 3))}
     if rng.random() < 0.3:
-        keywords["fields"] = list(rng.choice(["qpos", "qvel", "act", "observation", "x"], int(rng.integers(0, 4))).tolist())
+        keywords["fields"] = list(rng.choice(["qpos", "qvel", "act", "sensordata", "x"], int(rng.integers(0, 4))).tolist())
     if rng.random() < 0.4:
         real = "f8" if sim.precision == "f64" else "f4"
         shared = np.zeros((calls, *_tail(sim, m.nq)), real)
         out = {"qpos": shared, "qvel": np.zeros((calls, *_tail(sim, m.nv)), real), "status": np.zeros((calls, *_tail(sim)), "u4")}
         if rng.random() < 0.2:
-            out["observation"] = shared
+            out["sensordata"] = shared
         if rng.random() < 0.2:
             out["qvel"] = nonsense(rng, sim)
         keywords["out"] = out
@@ -301,7 +301,7 @@ def _new(model: Any, *arguments: Any, **keywords: Any) -> None:
     other = stepper.Stepper(*arguments, **keywords)
     if (other.num_envs or 1) <= 1000:
         other.step(nstep=2)
-        _ = other.observation
+        _ = other.sensordata
         pickle.loads(pickle.dumps(other))
 
 
@@ -335,15 +335,13 @@ CALLS: dict[str, Callable[[Random, stepper.Stepper, Path], Made]] = {
     "step": lambda rng, sim, _: ([array(rng, _tail(sim, sim.model.nu))], {"nstep": int(rng.integers(-1, 4))}),
     "rollout": _rollout,
     "reset": _reset,
-    "set_state": lambda rng, sim, _: ([], _state(rng, sim) | {"mask": _mask(rng, sim), "cold": bool(rng.random() < 0.5)}),
+    "set_state": lambda rng, sim, _: ([], _state(rng, sim) | {"mask": _mask(rng, sim), "keep_warmstart": bool(rng.random() < 0.5)}),
     "stepper.State": lambda rng, sim, _: ([sim.get_state().bytes], {}),
     "get_state": lambda rng, sim, _: ([int(rng.integers(-4, 10))], {}),
     "contacts": lambda rng, sim, _: ([int(rng.integers(-4, 10))], {}),
-    "energy": lambda rng, sim, _: ([int(rng.integers(-4, 10))], {}),
-    "momentum": lambda rng, sim, _: ([int(rng.integers(-4, 10))], {}),
-    "mass_matrix": lambda rng, sim, _: ([int(rng.integers(-4, 10))], {}),
-    "bias_force": lambda rng, sim, _: ([int(rng.integers(-4, 10))], {}),
-    "smooth_acceleration": lambda rng, sim, _: ([0], {"ctrl": array(rng, (sim.model.nu,))}),
+    "energy": lambda rng, sim, _: ([], {}),
+    "momentum": lambda rng, sim, _: ([], {}),
+    "mass_matrix": lambda rng, sim, _: ([], {}),
     "rays": lambda rng, sim, _: ([array(rng, (3, 3)), array(rng, (3, 3))], {"exclude": int(rng.integers(-2, 9))}),
     "observe": lambda rng, sim, _: ([array(rng, _tail(sim, sim.model.nsensordata))], {}),
     "randomize": _randomize,

@@ -77,7 +77,7 @@ def try_stepping(rng: Random, model: stepper.Model) -> None:
     sim = stepper.Stepper(model, int(rng.integers(1, 4)), precision=precision, options=stepper.Options(integrator=integrator))
     sim.step(rng.uniform(-1, 1, model.nu), nstep=3)
     assert np.isfinite(sim.qpos).all() and np.isfinite(sim.qvel).all(), "a state that is not finite"
-    _ = sim.observation, sim.sensor_truth, sim.xpos, sim.contacts(), sim.energy(), sim.mass_matrix()
+    _ = sim.sensordata, sim.sensordata_ideal, sim.xpos, sim.contacts(), sim.energy(), sim.mass_matrix()
     _ = sim.qfrc_constraint, sim.actuator_force
     model.explain()
     other = pickle.loads(pickle.dumps(sim))
@@ -119,7 +119,7 @@ def try_state(rng: Random, folder: Path) -> None:
     sim.set_state(stepper.State(data))
     sim.step(nstep=3)
     assert np.isfinite(sim.qpos).all(), "a state that is not finite"
-    _ = sim.observation, sim.sensor_truth, sim.contacts(), sim.sensor_faults, sim.actuator_saturation
+    _ = sim.sensordata, sim.sensordata_ideal, sim.contacts(), sim.sensor_faults, sim.actuator_saturation
     assert stepper.State(sim.get_state().bytes) == sim.get_state()
 
 

@@ -10,11 +10,15 @@ from typing import Any
 import numpy as np
 import stepper
 
+LABELS = {
+    "max_penetration": "depth", "max_limit_violation": "limit_overshoot", "sensordata": "observation", "sensordata_ideal": "sensor_truth",
+}  # fmt: skip
+"""Labels of attributes in the digests, where these are not the names of the attributes."""
 READINGS = (
-    "qpos", "qvel", "act", "ctrl", "time", "status", "residual", "iterations", "depth", "limit_overshoot", "observation", "sensor_truth",
-    "sensor_faults", "actuator_saturation", "xpos", "xquat",
+    "qpos", "qvel", "act", "ctrl", "time", "status", "residual", "iterations", "max_penetration", "max_limit_violation", "sensordata",
+    "sensordata_ideal", "sensor_faults", "actuator_saturation", "xpos", "xquat",
 )  # fmt: skip
-"""What is read of a stepper after every call of `step`, beside its contacts."""
+"""Attributes of a stepper that are read after every call of `step`, in addition to its contacts."""
 CONTACT = ("env", "geom", "body", "pos", "normal", "distance", "force", "torque", "frame")
 """What is read of a contact."""
 
@@ -110,18 +114,13 @@ def record(trajectory: Trajectory) -> Record:
         if ctrl is None:
             ctrl = random.uniform(-trajectory.control, trajectory.control, (*envs, model.nu))
         sim.step(ctrl, nstep=trajectory.nstep)
-        readings += [(f"call {call}: {name}", np.ascontiguousarray(getattr(sim, name)).tobytes()) for name in READINGS]
+        readings += [(f"call {call}: {LABELS.get(name, name)}", np.ascontiguousarray(getattr(sim, name)).tobytes()) for name in READINGS]
         met = sim.contacts()
         readings += [(f"call {call}: contacts {name}", np.ascontiguousarray(met[name]).tobytes()) for name in CONTACT]
         contacts += len(met)
         flags |= int(np.bitwise_or.reduce(np.ravel(sim.status)))
+    labels = ("mass matrix", "bias force", "smooth acceleration", "energy", "momentum")
     for env in range(trajectory.num_envs or 1):
-        evaluated = {
-            "mass matrix": sim.mass_matrix(env),
-            "bias force": sim.bias_force(env),
-            "smooth acceleration": sim.smooth_acceleration(env),
-            "energy": sim.energy(env),
-            "momentum": sim.momentum(env),
-        }
-        readings += [(f"end, environment {env}: {name}", np.asarray(value).tobytes()) for name, value in evaluated.items()]
+        evaluated = zip(labels, sim._in_64_bits(env), strict=True)
+        readings += [(f"end, environment {env}: {name}", value.tobytes()) for name, value in evaluated]
     return Record(model.digest, readings, contacts, stepper.Status(flags))

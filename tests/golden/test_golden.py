@@ -16,7 +16,7 @@ import pytest
 import stepper
 
 from golden import kept
-from golden.record import READINGS, Record, Trajectory, record
+from golden.record import LABELS, READINGS, Record, Trajectory, record
 from golden.trajectories import TRAJECTORIES
 
 
@@ -61,7 +61,7 @@ def short() -> Record:
     return record(Trajectory(model=whole.model, precision=whole.precision, calls=2, offset=0.2))
 
 
-@pytest.mark.parametrize("name", [*READINGS, "contacts force", "mass matrix"])
+@pytest.mark.parametrize("name", [*(LABELS.get(name, name) for name in READINGS), "contacts force", "mass matrix"])
 def test_one_bit_of_one_reading_is_a_change_of_the_step(short, name):
     entry = short.entry()
     assert kept.verdict(entry, short.entry(), "4") == ""

@@ -62,7 +62,7 @@ def interrupt(sim: stepper.Stepper, random: Random, call: int) -> np.ndarray | N
     if call == 25:
         sim.set_state(qvel=random.uniform(-1, 1, sim.qvel.shape), mask=mask)
     if call == 30:
-        sim.set_state(qvel=sim.qvel * 0.5, mask=mask, cold=False)
+        sim.set_state(qvel=sim.qvel * 0.5, mask=mask, keep_warmstart=True)
     if call == 35:
         sim.set_state(sim.get_state(env=1), mask=mask)
     if call == 40:

@@ -18,14 +18,14 @@ def episode_of(model, ctrl, period, channels, options=TIGHT, **start):
     """What ideal sensors of a model read."""
     sim = stepper.Stepper(model, options=options, actuators=start.pop("actuators", None))
     sim.set_state(start.get("qpos", model.qpos0), start.get("qvel", np.zeros(model.nv)))
-    made = sim.rollout(ctrl, round(period / sim.timestep), fields=("qpos", "qvel", "observation"))
+    made = sim.rollout(ctrl, round(period / sim.timestep), fields=("qpos", "qvel", "sensordata"))
     readings = {}
     for name in channels:
         if name in ("qpos", "qvel"):
             readings[name] = made[name]
         else:
             sensor = model.sensor(name)
-            readings[name] = made["observation"][:, sensor.adr : sensor.adr + sensor.dim]
+            readings[name] = made["sensordata"][:, sensor.adr : sensor.adr + sensor.dim]
     return stepper.Episode(ctrl, readings, period, **start)
 
 

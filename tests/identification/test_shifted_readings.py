@@ -54,7 +54,7 @@ def swing() -> np.ndarray:
     """Readings of the pendulum's angle with 1 mrad of noise, (100, 1)."""
     sim = stepper.Stepper(PENDULUM, options=TIGHT)
     sim.set_state([ANGLE], [0.0])
-    clean = sim.rollout(np.zeros((100, 0)), 10, fields=("observation",))["observation"]
+    clean = sim.rollout(np.zeros((100, 0)), 10, fields=("sensordata",))["sensordata"]
     return clean + 1e-3 * np.random.default_rng(0).standard_normal(clean.shape)
 
 

@@ -46,7 +46,7 @@ def test_a_motor_spins_up_exponentially(ratio, control, integrator):
         left *= x
         assert sim.qvel[0] * gear / speed == pytest.approx(1 - left, abs=ROUNDING)
         # The torque that there is, at the speed after the step.
-        assert sim.sensor_truth == pytest.approx(gear * stall * left, abs=ROUNDING)
+        assert sim.sensordata_ideal == pytest.approx(gear * stall * left, abs=ROUNDING)
     if ratio == 0.01:
         # x^n - e^(-n ratio): the rule's truncation, n ratio^4 / 72 or n ratio^2 / 2 times what is left.
         bound = {"midpoint": ratio**3 / 72, "implicit": ratio / 2, "euler": ratio / 2}[integrator]
@@ -83,7 +83,7 @@ def test_step_response_of_a_lag(tau):
         sim.step([3.0])
         risen = -np.expm1(-k * H / tau)
         assert sim.qvel[0] == pytest.approx(3.0 / J * (k * H - tau * risen), rel=1e-10)
-        assert sim.sensor_truth == pytest.approx(3.0 * risen, rel=1e-10)
+        assert sim.sensordata_ideal == pytest.approx(3.0 * risen, rel=1e-10)
 
 
 @pytest.mark.parametrize("steps", [0, 1, 2.5, 7, 10.25])
@@ -137,7 +137,7 @@ def test_a_sampled_pid_is_the_textbooks(every, limits, integral_limit):
     for k in range(600):
         states.append((sim.qpos[0], sim.qvel[0]))
         sim.step([target[k]])
-        effort.append(sim.sensor_truth[0])
+        effort.append(sim.sensordata_ideal[0])
     expected = numpy_pid(servo, limits, target, states, every)
     assert np.abs(np.array(effort) - expected).max() < ROUNDING * max(1, np.abs(expected).max())
 
@@ -200,13 +200,13 @@ def test_a_gear_loses_power_both_ways(efficiency):
         sim.set_state(qvel=[qvel])
         sim.step([torque])
         assert (sim.qvel[0] - qvel) * J / H == pytest.approx(expected, rel=1e-9)  # A difference of velocities.
-        assert sim.sensor_truth == pytest.approx(expected, rel=1e-9)
+        assert sim.sensordata_ideal == pytest.approx(expected, rel=1e-9)
     for load in np.linspace(efficiency * torque + 1e-6, torque / efficiency - 1e-6, 5) if efficiency < 1 else ():
         sim = wheel(Drive(motor=motor))
         sim.qfrc_applied[:] = -load
         sim.step([torque], nstep=50)
         assert abs(sim.qvel[0]) < 1e-12
-        assert sim.sensor_truth == pytest.approx(load, rel=1e-9)
+        assert sim.sensordata_ideal == pytest.approx(load, rel=1e-9)
 
 
 @pytest.mark.parametrize("integrator", INTEGRATORS)
@@ -243,8 +243,8 @@ def test_friction_and_rotors_are_the_joints():
     assert sims[0].mass_matrix() == pytest.approx(sims[1].mass_matrix(), rel=1e-14)
     assert sims[0].qvel == pytest.approx(sims[1].qvel, rel=ROUNDING)
     # The reader of the joint's own friction does not see it, that of the drive's does.
-    assert sims[1].sensor_truth[0] == pytest.approx(0.2 * np.sin(299 / 20), rel=ROUNDING)
-    assert abs(sims[0].sensor_truth[0] - sims[1].sensor_truth[0]) <= 0.03 * (1 + 1e-9)
+    assert sims[1].sensordata_ideal[0] == pytest.approx(0.2 * np.sin(299 / 20), rel=ROUNDING)
+    assert abs(sims[0].sensordata_ideal[0] - sims[1].sensordata_ideal[0]) <= 0.03 * (1 + 1e-9)
 
 
 def test_limits_hold():
@@ -253,7 +253,7 @@ def test_limits_hold():
         before = sim.qvel[0]
         sim.step([command])
         assert (sim.qvel[0] - before) * J / H == pytest.approx(expected, rel=1e-9)
-        assert sim.sensor_truth == pytest.approx(expected, rel=ROUNDING)
+        assert sim.sensordata_ideal == pytest.approx(expected, rel=ROUNDING)
 
 
 @pytest.mark.parametrize("precision", ["f64", "f32"])

@@ -127,7 +127,7 @@ def test_reading_it_follows_the_last_call_as_its_siblings_do():
     told, kept = np.array(sim.max_equality_violation), sim.get_state()
     assert (told > 1e-2).all()
     sim.set_state(qpos=np.zeros((2, 3)))
-    assert sim.max_equality_violation.tolist() == sim.limit_overshoot.tolist() == [0.0, 0.0]
+    assert sim.max_equality_violation.tolist() == sim.max_limit_violation.tolist() == [0.0, 0.0]
     sim.step()
     assert (sim.max_equality_violation < 1e-4).all()  # One step of free fall of a closed loop opens it by 2e-6.
     sim.set_state(kept)

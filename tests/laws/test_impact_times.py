@@ -32,7 +32,7 @@ def pit(tilt: float) -> str:
 
 
 def energies(sim: stepper.Stepper) -> np.ndarray:
-    return np.array([sum(sim.energy(env)) for env in range(sim.num_envs or 1)])
+    return np.atleast_1d(np.sum(sim.energy(), axis=0))
 
 
 @pytest.mark.parametrize("integrator", ["midpoint", "rk4"])

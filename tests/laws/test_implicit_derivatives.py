@@ -277,7 +277,7 @@ def test_damping_of_what_corrects_nothing_is_not_decided_by_rounding():
         copies = simulation(model, points, law, tolerance=1e-13)
         copies.set_state(sim.get_state(env=env))
         # By Euler's rule velocities move no foot from the floor and no coupling out of its place: there is no kink but of friction.
-        copies.set_state(None, sim.qvel[env] + places[:, None] * along[env], cold=False)
+        copies.set_state(None, sim.qvel[env] + places[:, None] * along[env], keep_warmstart=True)
         copies.step(ctrl[env])
         ends = model.differentiate_pos(np.tile(copies.qpos[points // 2], (points, 1)), copies.qpos)
         found.append(np.abs(ends - basis @ np.linalg.lstsq(basis, ends, rcond=None)[0]).max())

@@ -165,7 +165,7 @@ def test_a_body_that_hits_another_stops(mover, obstacle, timestep, solver, speed
     sim.set_state(qvel=[0, 0, -speed, 0, 0, 0])
     for _ in range(int(np.ceil(0.2 / speed / timestep)) + 2):
         sim.step()
-        assert sim.depth < 2e-5  # Twice the slop.
+        assert sim.max_penetration < 2e-5  # Twice the slop.
     assert sim.qvel[2] > -1e-3 * speed
 
 

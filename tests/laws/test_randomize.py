@@ -47,17 +47,9 @@ def roll(sim: stepper.Stepper, envs=slice(None), n: int = N) -> stepper.Stepper:
 
 def everything(sim: stepper.Stepper, env: int | None) -> list[bytes]:
     """Bits of all that can be read of an environment; None is the only one."""
-    own = [sim.qpos, sim.qvel, sim.residual, np.uint32(sim.iterations), np.uint32(sim.status), sim.observation]
-    at = env or 0
-    asked = [
-        contact_bits(sim.contacts(at)),
-        sim.mass_matrix(at),
-        sim.bias_force(at),
-        sim.smooth_acceleration(at),
-        sim.energy(at),
-        *sim.momentum(at),
-    ]
-    return [np.asarray(x if env is None else x[env]).tobytes() for x in own] + [np.asarray(x).tobytes() for x in asked]
+    own = [sim.qpos, sim.qvel, sim.residual, np.uint32(sim.iterations), np.uint32(sim.status), sim.sensordata]
+    own += [sim.mass_matrix(), sim.qfrc_bias, sim.qacc_smooth, *sim.energy(), *sim.momentum()]
+    return [np.asarray(x if env is None else x[env]).tobytes() for x in own] + [np.asarray(contact_bits(sim.contacts(env or 0))).tobytes()]
 
 
 @pytest.mark.parametrize("name", FIELDS)

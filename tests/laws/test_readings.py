@@ -27,10 +27,10 @@ def errors(steps: int, num_envs: int, dt: float = 0.01, seed: int = 0, **transfe
     """Readings of sensors at rest, (steps + 1, num_envs, nsensordata)."""
     model = stepper.load(STILL.format(dt=dt))
     sim = stepper.Stepper(model, num_envs, sensors=SensorModel(transfers), seed=seed)
-    rows = [sim.observation]
+    rows = [sim.sensordata]
     for _ in range(steps):
         sim.step()
-        rows.append(sim.observation)
+        rows.append(sim.sensordata)
     return np.array(rows)
 
 
@@ -98,11 +98,11 @@ def test_a_fixed_bias_is_the_same_in_every_episode_and_what_is_drawn_is_about_it
     fixed = stepper.Stepper(model, 3, sensors=SensorModel({"gyro": Transfer(bias=[0.1, -0.2, 0.0])}))
     for _ in range(3):
         fixed.step(nstep=2)
-        errors = (fixed.observation - fixed.sensor_truth)[:, GYRO]
+        errors = (fixed.sensordata - fixed.sensordata_ideal)[:, GYRO]
         np.testing.assert_allclose(errors, np.tile([[0.1], [-0.2], [0.0]], 3), atol=1e-15)
         fixed.reset()
     drawn = stepper.Stepper(model, 4096, sensors=SensorModel({"gyro": Transfer(bias=0.1, bias_std=0.2)}))
-    errors = (drawn.observation - drawn.sensor_truth)[:, GYRO].ravel()
+    errors = (drawn.sensordata - drawn.sensordata_ideal)[:, GYRO].ravel()
     assert abs(errors.mean() - 0.1) < 5 * 0.2 / np.sqrt(errors.size)
     assert abs(errors.std() - 0.2) < 5 * 0.2 / np.sqrt(2 * errors.size)
 
@@ -110,11 +110,11 @@ def test_a_fixed_bias_is_the_same_in_every_episode_and_what_is_drawn_is_about_it
 def test_bias_is_drawn_once_an_episode():
     model = stepper.load(STILL.format(dt=0.01))
     sim = stepper.Stepper(model, 4096, sensors=SensorModel({"gyro": Transfer(bias_std=0.2)}))
-    first = sim.observation[:, GYRO]
+    first = sim.sensordata[:, GYRO]
     sim.step(nstep=10)
-    np.testing.assert_array_equal(sim.observation[:, GYRO], first)
+    np.testing.assert_array_equal(sim.sensordata[:, GYRO], first)
     sim.reset()
-    second = sim.observation[:, GYRO]
+    second = sim.sensordata[:, GYRO]
     n = first.size
     assert abs(np.std(first) / 0.2 - 1) < 5 / np.sqrt(2 * n)
     assert abs(np.mean(first * second)) < 5 * 0.04 / np.sqrt(n)
@@ -239,7 +239,7 @@ def test_jitter_scatters_the_delay():
     late = []
     for _ in range(200):
         sim.step()
-        late.append(sim.time - sim.observation[:, 7])
+        late.append(sim.time - sim.sensordata[:, 7])
     late = np.array(late)
     assert late.min() >= 0.03 - 1e-12
     assert late.max() <= 0.07 + 1e-12
@@ -261,8 +261,8 @@ def test_misalignment_mixes_the_axes():
     matrix = np.array([[1.0, 0.1, 0.0], [0.0, 2.0, 0.0], [0.0, -0.2, 1.0]])
     sim = stepper.Stepper(model, sensors=SensorModel({"gyro": Transfer(scale=matrix)}))
     sim.reset(qvel=[3.0])
-    np.testing.assert_allclose(sim.observation[GYRO], matrix @ sim.sensor_truth[GYRO], rtol=1e-14)
-    np.testing.assert_allclose(sim.sensor_truth[GYRO], [0, 3, 0], atol=1e-14)
+    np.testing.assert_allclose(sim.sensordata[GYRO], matrix @ sim.sensordata_ideal[GYRO], rtol=1e-14)
+    np.testing.assert_allclose(sim.sensordata_ideal[GYRO], [0, 3, 0], atol=1e-14)
 
 
 TRAY = """
@@ -300,7 +300,7 @@ def test_a_wrist_carries_weight_inertia_and_what_lies_on_the_tray():
     struck = 0
     for k in range(600):
         sim.step([0.1 * np.sin(0.02 * k), 0.05 * np.cos(0.03 * k), 0.3 * np.sin(0.05 * k)])
-        x = sim.sensor_truth
+        x = sim.sensordata_ideal
         axes = x[-9:].reshape(3, 3).T
         contact = sum((c["force"] @ c["frame"] for c in sim.contacts() if c["body"][1] == 3), np.zeros(3))
         found = axes @ x[:3]
@@ -321,11 +321,11 @@ def test_a_robot_at_rest_weighs_what_it_weighs():
       <sensor><accelerometer site="imu"/><touch site="sole"/><contact subtree1="box" data="found" num="8"/></sensor></mujoco>"""
     sim = stepper.Stepper(stepper.load(text))
     for _ in range(2):
-        x = sim.sensor_truth
+        x = sim.sensordata_ideal
         np.testing.assert_allclose(x[:3], [0, 0, 9.81], atol=1e-4)
         np.testing.assert_allclose(x[3], 3 * 9.81, rtol=1e-4)
         assert np.array_equal(x[4:], [4, 4, 4, 4, 0, 0, 0, 0])
         sim.step(nstep=200)
     sim.xfrc_applied[1, 2] = 5.0
     sim.step(nstep=100)
-    np.testing.assert_allclose(sim.sensor_truth[3], 3 * 9.81 - 5.0, rtol=1e-4)
+    np.testing.assert_allclose(sim.sensordata_ideal[3], 3 * 9.81 - 5.0, rtol=1e-4)

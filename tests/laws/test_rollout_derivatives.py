@@ -31,7 +31,7 @@ def loss_of(sim, weights, nstep, *, qpos=None, qvel=None, parameters=None):
         other.randomize(**(parameters or {}))
         other.set_state(sim.get_state())
         if qpos is not None or qvel is not None:
-            other.set_state(qpos=qpos, qvel=qvel, cold=False)
+            other.set_state(qpos=qpos, qvel=qvel, keep_warmstart=True)
         made = other.rollout(ctrl, nstep, fields=["qpos", "qvel"])
         return sum((made[name] * weights[name]).sum(axis=(0, 2)) for name in weights)
 

@@ -53,7 +53,7 @@ def test_what_is_added_reads_what_the_file_has(name):
         sim.set_state(qvel=rng.normal(size=(4, model.nv)))
         sim.step(rng.uniform(-1, 1, (4, model.nu)), nstep=3)
         for sensor in readings:
-            file, added = (stepper.quantities.read(sim, "sensor_truth", which) for which in (sensor, f"added {sensor}"))
+            file, added = (stepper.quantities.read(sim, "sensordata_ideal", which) for which in (sensor, f"added {sensor}"))
             np.testing.assert_array_equal(added, file, f"{sensor}: {readings[sensor]}")
     assert len({reading.type for reading in readings.values()}) > 20
 
@@ -82,5 +82,5 @@ def test_what_is_wrong_is_said(reading, said):
 def test_what_is_added_has_errors_of_its_own():
     model = stepper.load(HAND).with_sensors({"hand": stepper.Reading(type="framepos", site="tip")})
     sim = stepper.Stepper(model, 2, sensors=stepper.SensorModel({"hand": stepper.Transfer(bias=0.5)}))
-    np.testing.assert_array_equal(stepper.quantities.read(sim, "sensor_truth", "hand"), [[0.4, 0, 0]] * 2)
-    np.testing.assert_array_equal(stepper.quantities.read(sim, "observation", "hand"), [[0.9, 0.5, 0.5]] * 2)
+    np.testing.assert_array_equal(stepper.quantities.read(sim, "sensordata_ideal", "hand"), [[0.4, 0, 0]] * 2)
+    np.testing.assert_array_equal(stepper.quantities.read(sim, "sensordata", "hand"), [[0.9, 0.5, 0.5]] * 2)

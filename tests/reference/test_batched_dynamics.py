@@ -21,13 +21,21 @@ def crowd(name, num_envs=ENVS, **settings):
     return source, sim, q, v, rng
 
 
+def alone_as(sim, env, **settings):
+    """A stepper of one environment in the state of another stepper's, with the same applied forces."""
+    alone = stepper.Stepper(sim.model, **settings)
+    alone.set_state(sim.get_state(env))
+    alone.qfrc_applied[:], alone.xfrc_applied[:] = sim.qfrc_applied[env], sim.xfrc_applied[env]
+    return alone
+
+
 @pytest.mark.parametrize("name", ROBOTS)
 def test_mass_matrices_and_inverse_dynamics_are_mujocos(name):
     source, sim, q, v, rng = crowd(name)
     source.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
     sim.qfrc_applied[:], sim.xfrc_applied[:] = rng.normal(size=(ENVS, source.nv)), rng.normal(size=(ENVS, source.nbody, 6))
     qacc = rng.normal(size=(ENVS, source.nv))
-    mass, bias, forces = np.full((ENVS, source.nv, source.nv), np.nan), quantities.bias_force(sim), quantities.inverse_dynamics(sim, qacc)
+    mass, bias, forces = np.full((ENVS, source.nv, source.nv), np.nan), sim.qfrc_bias, quantities.inverse_dynamics(sim, qacc)
     assert quantities.mass_matrix(sim, out=mass) is mass
     data = mujoco.MjData(source)
     for k in range(ENVS):
@@ -50,10 +58,10 @@ def test_all_environments_have_the_bits_of_each(name):
     half = stepper.Stepper(sim.model, ENVS, precision="f32")
     half.set_state(sim.qpos, sim.qvel, act=sim.act)
     half.step(sim.ctrl, nstep=0)
-    for what in ("mass_matrix", "bias_force", "smooth_acceleration"):
-        found = getattr(quantities, what)(sim)
-        np.testing.assert_array_equal(found, [getattr(sim, what)(env) for env in range(ENVS)], what)
-        assert getattr(quantities, what)(half).dtype == np.float32
+    alone = [alone_as(sim, env) for env in range(ENVS)]
+    for what in (stepper.Stepper.mass_matrix, lambda sim: sim.qfrc_bias, lambda sim: sim.qacc_smooth):
+        np.testing.assert_array_equal(what(sim), [what(one) for one in alone])
+        assert what(half).dtype == np.float32
     mass = quantities.mass_matrix(sim)
     # Sums of some tens of terms of single precision.
     np.testing.assert_allclose(quantities.mass_matrix(half), mass, rtol=0, atol=1e-5 * np.abs(mass).max())
@@ -72,9 +80,9 @@ def test_tendons_with_inertia_and_drives_count_in_one_pass():
         rng = np.random.default_rng(4)
         sim.reset(qpos=rng.normal(size=(11, 2)), qvel=rng.normal(size=(11, 2)))
         sim.step(rng.normal(size=(11, 1)), nstep=4)
-        for what in ("mass_matrix", "smooth_acceleration"):
-            found = getattr(quantities, what)(sim)
-            np.testing.assert_array_equal(found, [getattr(sim, what)(env) for env in range(11)], what)
+        alone = [alone_as(sim, env, **settings) for env in range(11)]
+        np.testing.assert_array_equal(sim.mass_matrix(), [one.mass_matrix() for one in alone])
+        np.testing.assert_array_equal(sim.qacc_smooth, [one.qacc_smooth for one in alone])
 
 
 def test_forces_of_inverse_dynamics_make_the_acceleration():
@@ -90,7 +98,7 @@ def test_forces_of_inverse_dynamics_make_the_acceleration():
         sim.step(np.full((3, 2), 0.3), nstep=7)
         wanted = np.random.default_rng(0).normal(size=(3, 2))
         sim.qfrc_applied[:] = quantities.inverse_dynamics(sim, wanted) - np.asarray(sim.qfrc_actuator)
-        np.testing.assert_allclose(quantities.smooth_acceleration(sim), wanted, rtol=1e-10, atol=1e-10)
+        np.testing.assert_allclose(sim.qacc_smooth, wanted, rtol=1e-10, atol=1e-10)
 
 
 @pytest.mark.parametrize("precision", ["f64", "f32"])
@@ -124,7 +132,7 @@ def test_a_stepper_without_an_axis_has_none():
     assert quantities.mass_matrix(sim).shape == (14, 14)
     assert quantities.inverse_dynamics(sim, np.zeros(14)).shape == (14,)
     sim.xfrc_applied[1, 2] = 5.0
-    np.testing.assert_allclose(quantities.inverse_dynamics(sim, quantities.smooth_acceleration(sim))[:3], [0, 0, 5.0], atol=1e-12)
+    np.testing.assert_allclose(quantities.inverse_dynamics(sim, sim.qacc_smooth)[:3], [0, 0, 5.0], atol=1e-12)
 
 
 @pytest.mark.parametrize(("call", "error", "said"), [
@@ -133,7 +141,6 @@ def test_a_stepper_without_an_axis_has_none():
     (lambda sim: quantities.read(sim, "xpos", 99), IndexError, "99"),
     (lambda sim: quantities.read(sim, "xpos", out=np.empty((5, 14, 3), np.float32)), ValueError, "float32, must have"),
     (lambda sim: quantities.mass_matrix(sim, out=np.empty((5, 14, 13))), ValueError, r"out has shape \(5, 14, 13\)"),
-    (lambda sim: sim.smooth_acceleration(None, ctrl=np.zeros(8)), ValueError, "ctrl is for one environment"),
     (lambda sim: quantities.inverse_dynamics(sim, np.zeros((4, 14))), ValueError, r"qacc has shape \(4, 14\), must be \(5, 14\)"),
     (quantities.jacobian, ValueError, "body"),
 ])  # fmt: skip

@@ -25,14 +25,15 @@ def test_forces_lengths_and_velocities(kind):
         state = random_state(model, rng)
         act, ctrl = rng.uniform(-0.3, 0.3, model.na), rng.uniform(-1, 1, model.nu)
         data = forward(model, *state, ctrl, act=act)
+        sim.step(ctrl)  # Puts the controls in force; the state is set again below.
         sim.set_state(*state, act=act)
         idle.set_state(*state)
-        found = sim.mass_matrix() @ (sim.smooth_acceleration(ctrl=ctrl) - idle.smooth_acceleration())
+        found = sim.mass_matrix() @ (sim.qacc_smooth - idle.qacc_smooth)
         assert relative_error(found, data.qfrc_actuator) < BOUND
         # A step so short that it changes nothing takes up the control.
         reader.set_state(*state, act=act)
         reader.step(ctrl)
-        assert relative_error(reader.sensor_truth, data.sensordata) < BOUND
+        assert relative_error(reader.sensordata_ideal, data.sensordata) < BOUND
 
 
 @pytest.mark.parametrize("gear", ["0 0 0 1 0 0", "0 0 0 .1 0 -.05", "0 0 0 -2 1 3", "1 0 0 1 0 0"])
@@ -59,8 +60,9 @@ def test_setpoints_of_angles_are_those_nearest_to_them(sites, gear):
         for _ in range(STATES):
             state, act, ctrl = random_state(model, rng), rng.uniform(-20, 20, model.na), rng.uniform(-20, 20, 1)
             data = forward(model, *state, ctrl, act=act)
+            sim.step(ctrl)  # Puts the controls in force; the state is set again below.
             sim.set_state(*state, act=act)
-            assert relative_error(sim.smooth_acceleration(ctrl=ctrl), data.qacc_smooth) < BOUND
+            assert relative_error(sim.qacc_smooth, data.qacc_smooth) < BOUND
             # Activations follow the nearest setpoint too. MuJoCo's own differ by whole turns, of which forces know nothing.
             if model.na:
                 sim.step(ctrl)
@@ -159,7 +161,7 @@ def test_a_stiff_servo_on_a_site_is_stable(target, integrator):
     actuator = f'<position {TARGETS[target]} kp="1e6" kv="1e3" name="a"/>'
     text = TREE.format(actuators=actuator, sensors='<actuatorpos actuator="a"/>').replace("-9.81", "0")
     sim = simulate(text, integrator=integrator)
-    length = sim.sensor_truth[0]
+    length = sim.sensordata_ideal[0]
     energy = 1e6 / 2 * 1e-3**2  # Of a servo whose set point is a thousandth beyond its length, in J: all that there is.
     for _ in range(2000):
         sim.step([length + 1e-3])

@@ -38,11 +38,11 @@ def test_passive_forces(shapes, medium):
         qpos, qvel = random_state(model, rng, speed=0.0 if k == 0 else 3.0)
         sim.set_state(qpos, qvel)
         data = forward(model, qpos, qvel)
-        found = sim.mass_matrix() @ sim.smooth_acceleration() + sim.bias_force()
+        found = sim.mass_matrix() @ sim.qacc_smooth + sim.qfrc_bias
         # The sums that are compared cancel from the size of the bias and of the forces.
         size = np.abs(data.qfrc_passive).max() + np.abs(data.qfrc_bias).max()
         assert np.abs(found - data.qfrc_passive).max() < BOUND * size
-        difference = sim.smooth_acceleration() - data.qacc_smooth
+        difference = sim.qacc_smooth - data.qacc_smooth
         mass = full_mass_matrix(model, data)
         assert difference @ mass @ difference < BOUND**2 * (data.qacc_smooth @ mass @ data.qacc_smooth + 1e-20)
 
@@ -54,7 +54,7 @@ def test_flags_switch_it_off_as_in_mujoco():
     model.opt.disableflags = int(mujoco.mjtDisableBit.mjDSBL_SPRING) | int(mujoco.mjtDisableBit.mjDSBL_DAMPER)
     sim, data = simulate(model), forward(model, model.qpos0, np.ones(model.nv))
     sim.set_state(qvel=np.ones(model.nv))
-    assert np.abs(sim.smooth_acceleration() - data.qacc_smooth).max() < BOUND * np.abs(data.qacc_smooth).max()
+    assert np.abs(sim.qacc_smooth - data.qacc_smooth).max() < BOUND * np.abs(data.qacc_smooth).max()
 
 
 @pytest.mark.parametrize("integrator", ["midpoint", "implicit"])
@@ -115,7 +115,7 @@ def fluid_forces(kind: str, size, coef, rng, *, wind: str = "3 -2 1", speed: flo
         qvel[:3] += model.opt.wind  # The speed is that against the medium.
         data = forward(model, qpos, qvel)
         sim.set_state(qpos, qvel)
-        found.append(sim.smooth_acceleration())
+        found.append(sim.qacc_smooth)
         right.append(data.qacc_smooth)
     return np.array(found), np.array(right)
 

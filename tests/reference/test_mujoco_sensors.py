@@ -136,7 +136,7 @@ def test_every_smooth_sensor_reads_what_mujocos_does(name):
         sim.xfrc_applied[:] = xfrc
         # The step that would be made is under no control: servos act all the same.
         expected, words = readings(compiled, model, forward(compiled, *state, xfrc=xfrc))
-        found = sim.sensor_truth
+        found = sim.sensordata_ideal
         assert found.shape == expected.shape == (model.nsensordata,)
         assert len(set(words)) > 20
         scale = {word: max(1.0, *(abs(x) for x, w in zip(expected, words, strict=True) if w == word)) for word in set(words)}
@@ -210,7 +210,7 @@ def test_limits_are_overlaps_as_mujocos_and_forces_as_statics_has_them():
         qpos, qvel = rng.uniform(-0.5, 0.5, 2), rng.normal(size=2)
         sim.reset(qpos=qpos, qvel=qvel)
         expected = forward(compiled, qpos, qvel).sensordata
-        np.testing.assert_allclose(sim.sensor_truth[[0, 1, 3, 4]], expected[[0, 1, 3, 4]], rtol=0, atol=1e-15)
+        np.testing.assert_allclose(sim.sensordata_ideal[[0, 1, 3, 4]], expected[[0, 1, 3, 4]], rtol=0, atol=1e-15)
         beyond += np.count_nonzero(expected[[0, 3]])
     assert 50 < beyond < 350
     # At rest the second mass hangs on the rope, 3 g, which draws the first one down twice as much; that lies in its own limit, which
@@ -219,8 +219,8 @@ def test_limits_are_overlaps_as_mujocos_and_forces_as_statics_has_them():
     sim.step(nstep=3000)
     assert sim.status == 0
     # Rows are solved to 1e-6 m/s in a step of 1 ms, for 2 kg and more: 1e-2 N.
-    np.testing.assert_allclose(sim.sensor_truth[[2, 5]], [11 * 9.81, 3 * 9.81], atol=1e-2)
-    np.testing.assert_allclose(sim.sensor_truth[[1, 4]], 0, atol=1e-6)
+    np.testing.assert_allclose(sim.sensordata_ideal[[2, 5]], [11 * 9.81, 3 * 9.81], atol=1e-2)
+    np.testing.assert_allclose(sim.sensordata_ideal[[1, 4]], 0, atol=1e-6)
 
 
 def test_rays_see_planes_without_end():
@@ -229,7 +229,7 @@ def test_rays_see_planes_without_end():
       <body pos="3 0 1"><freejoint/><geom size=".1"/><site name="eye" euler="180 0 0"/></body></worldbody>
       <sensor><rangefinder site="eye"/></sensor></mujoco>""")
     assert forward(compiled, compiled.qpos0, np.zeros(6)).sensordata == [-1]
-    np.testing.assert_allclose(stepper.Stepper(stepper.load(compiled)).sensor_truth, [1.0], atol=1e-12)
+    np.testing.assert_allclose(stepper.Stepper(stepper.load(compiled)).sensordata_ideal, [1.0], atol=1e-12)
 
 
 SHAPES = """
@@ -268,6 +268,6 @@ def test_rays_and_distances_are_mujocos():
         sim.reset(qpos=qpos)
         expected = forward(compiled, qpos, np.zeros(compiled.nv)).sensordata
         # Of two points of parallel edges either is nearest: no random state has them.
-        np.testing.assert_allclose(sim.sensor_truth, expected, rtol=0, atol=BOUND)
+        np.testing.assert_allclose(sim.sensordata_ideal, expected, rtol=0, atol=BOUND)
         hits += expected[0] > 0
     assert 50 < hits < 300

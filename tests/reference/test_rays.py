@@ -147,7 +147,7 @@ def test_range_finders_see_a_field():
     met = 0
     for k, q in enumerate(states):
         expected = forward(m, q, np.zeros(m.nv)).sensordata[places]
-        found = np.asarray(sim.sensor_truth)[k, columns]
+        found = np.asarray(sim.sensordata_ideal)[k, columns]
         np.testing.assert_allclose(found, expected, rtol=0, atol=BOUND)
         met += (expected > 0).sum()
     assert met > 30
@@ -155,7 +155,7 @@ def test_range_finders_see_a_field():
     sites = [model.site(m.site(int(s)).name).id for s in m.sensor_objid[finders]]
     z = np.array([[mujoco_matrix(quat)[:, 2] for quat in quats] for quats in np.asarray(sim.site_xquat)[:, sites]])
     asked, _ = sim.rays(np.asarray(sim.site_xpos)[:, sites], z, exclude=int(m.site_bodyid[m.sensor_objid[finders][0]]))
-    np.testing.assert_allclose(asked, np.asarray(sim.sensor_truth)[:, columns], rtol=0, atol=BOUND)
+    np.testing.assert_allclose(asked, np.asarray(sim.sensordata_ideal)[:, columns], rtol=0, atol=BOUND)
 
 
 def eyes() -> tuple[stepper.Model, np.ndarray]:
@@ -184,7 +184,7 @@ def test_rays_around_a_body_are_those_of_a_fan(precision, bound):
     sim, rays = crowd(20, precision=precision)
     found, geoms = quantities.rays(sim, np.zeros((60, 3)), 3.0 * rays, body="ball")
     assert found.dtype == {"f64": np.float64, "f32": np.float32}[precision]
-    read = np.asarray(quantities.read(sim, "sensor_truth", "lidar"))
+    read = np.asarray(quantities.read(sim, "sensordata_ideal", "lidar"))
     same = (found > 0) == (read > 0)
     assert same.mean() > 0.99
     np.testing.assert_allclose(found[same], read[same], rtol=bound, atol=bound)
@@ -280,7 +280,7 @@ def test_a_mesh_that_is_only_drawn_is_no_part_of_the_model():
     eye = '<body pos=".1 .1 3"><site name="eye" euler="180 0 0"/></body>'
     m = mujoco.MjModel.from_xml_string(text.format(eye=eye, sensor='<sensor><rangefinder site="eye"/></sensor>'))
     expected = forward(m, m.qpos0, np.zeros(m.nv)).sensordata
-    np.testing.assert_allclose(stepper.Stepper(stepper.load(m)).sensor_truth, expected, atol=BOUND)
+    np.testing.assert_allclose(stepper.Stepper(stepper.load(m)).sensordata_ideal, expected, atol=BOUND)
     assert 1 < expected[0] < 4
 
 

@@ -37,7 +37,7 @@ def pendulum(**changed):
 
 
 def scene(**changed):
-    return stepper.Study.of(SCENE, name="scene", seconds=0.2, qvel_noise=0.1, **changed)
+    return stepper.Study.from_model(SCENE, name="scene", seconds=0.2, qvel_noise=0.1, **changed)
 
 
 def test_a_smooth_motion_is_known_as_well_as_its_reference_says():

@@ -39,7 +39,7 @@ def clock(monkeypatch):
 
 
 def ball(**changed):
-    return stepper.Study.of(BALL, name="ball", seconds=0.2, qvel_noise=0.1, drive=None, **changed)
+    return stepper.Study.from_model(BALL, name="ball", seconds=0.2, qvel_noise=0.1, drive=None, **changed)
 
 
 def test_a_run_that_the_clock_stops_has_what_it_saw(clock):
@@ -76,7 +76,7 @@ def test_an_episode_that_is_not_finite_is_over(tmp_path):
     wild = """<mujoco><option timestep=".02" integrator="Euler"/><worldbody><body><joint name="j"/><geom size=".1" pos=".1 0 0"/></body>
       <body pos="3 0 0"><joint name="k"/><geom size=".1" pos=".1 0 0"/></body></worldbody>
       <actuator><general joint="j" biastype="affine" biasprm="0 1e7 1e6"/></actuator></mujoco>"""
-    study = stepper.Study.of(
+    study = stepper.Study.from_model(
         wild,
         seconds=1.0,
         drive=None,

@@ -16,7 +16,7 @@ HINGE = """<mujoco><worldbody><body><joint name="j" axis="0 1 0"/><geom size=".1
 
 def episodes(**values):
     """A run whose outcomes are given."""
-    made = stepper.Study.of(
+    made = stepper.Study.from_model(
         HINGE,
         seconds=0.04,
         drive=None,

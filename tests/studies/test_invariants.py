@@ -32,7 +32,7 @@ LOOP = """<mujoco><worldbody><body><joint name="a" axis="0 1 0" range="-10 10"/>
 
 
 def study(model, **changed):
-    return stepper.Study.of(model, **({"seconds": 0.4, "qvel_noise": 1.0, "drive": None} | changed))
+    return stepper.Study.from_model(model, **({"seconds": 0.4, "qvel_noise": 1.0, "drive": None} | changed))
 
 
 def moved(trace, qpos=0.0, qvel=0.0):

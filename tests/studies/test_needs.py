@@ -193,7 +193,7 @@ def test_explicit_pairs_may_touch_and_excluded_ones_do_not():
         for name, x, mask in (("a", 0, 0), ("b", 0.15, 0), ("c", 2, 1), ("d", 3, 1))
     )
     scene = f'<mujoco><worldbody>{balls}</worldbody><contact><pair geom1="b" geom2="a"/><exclude body1="c" body2="d"/></contact></mujoco>'
-    study = stepper.Study.of(scene)
+    study = stepper.Study.from_model(scene)
     assert pairs_that_may_touch(*study.loaded) == {(1, 2)}
     (use,) = [use for use in account(scene, episodes=1).uses if use.name == "pairs of bodies within reach of a step"]
     assert (use.could, use.did) == (1, 1)

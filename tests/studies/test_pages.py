@@ -86,7 +86,7 @@ def test_a_cliff_is_as_steep_as_it_is_known(tmp_path):
     found = stepper.sweep(study(["friction"], ["5 iterations"]), tmp_path).sweep
     (cliff, _) = found.cliffs
     points = found.points("friction")
-    assert len(points) > len(found.of("friction"))
+    assert len(points) > len(found.levels_of("friction"))
     x, shares = np.array([p.value for p in points]), np.array([p.share for p in points])
     k = int(np.flatnonzero(np.diff(shares >= 0.5))[0])
     assert (x[k], x[k + 1]) == (cliff.low, cliff.high)

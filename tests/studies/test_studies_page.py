@@ -22,5 +22,5 @@ def test_the_first_study_runs(tmp_path):
     # On both sides of the goal: no success comes back beyond the delay at which the arm begins to swing.
     (cliff,) = found.cliffs
     assert (cliff.parameter, round(1e3 * cliff.high)) == ("delay", 36)
-    assert [level.share for level in found.of("delay")] == [1, 1, 1, 0, 0]
-    assert [level.share for level in found.of("friction")] == [1] * 5
+    assert [level.share for level in found.levels_of("delay")] == [1, 1, 1, 0, 0]
+    assert [level.share for level in found.levels_of("friction")] == [1] * 5

@@ -79,20 +79,20 @@ def test_cliffs_are_where_coulomb_has_them(tmp_path):
         low, high = study_range(name)
         assert ends[name].high - ends[name].low <= 1e-3 * (high - low)
         assert ends[name].low - 1e-4 <= exact <= ends[name].high + 1e-4
-    nominal = found.of("")[0]
+    nominal = found.levels_of("")[0]
     assert (nominal.successes, nominal.episodes, nominal.unsolved) == (3, 3, 0)
     assert nominal.interval == wilson(3, 3)
-    assert [level.share for level in found.of("friction")] == [0, 0, 1, 1, 1]
+    assert [level.share for level in found.levels_of("friction")] == [0, 0, 1, 1, 1]
 
 
 def test_episodes_that_repeat_one_another_are_no_trials(tmp_path):
     told = str(stepper.sweep(tray(qvel_noise=0.0, parameters={"push": tray().parameters["push"]}), tmp_path / "same", cliffs=False))
     assert "as few as 1 different of 3 episodes" in told
     assert "none, 1 different" in told
-    same = swept(tray(qvel_noise=0.0), tmp_path).of("")[0]
+    same = swept(tray(qvel_noise=0.0), tmp_path).levels_of("")[0]
     assert (same.successes, same.episodes, same.different) == (3, 3, 1)
     assert np.isnan(same.interval).all()
-    alone = swept(tray(qvel_noise=0.0, episodes=1), tmp_path).of("")[0]
+    alone = swept(tray(qvel_noise=0.0, episodes=1), tmp_path).levels_of("")[0]
     assert alone.interval == wilson(1, 1)
 
 
@@ -234,7 +234,7 @@ def test_mujoco_beside(tmp_path):
     )
     with Results(study, tmp_path) as results:
         found = sweep(study, results.journal, cliffs=False)
-    ours, theirs, single = ([level.mean for level in found.of("mass", name)] for name in ("stepper", "MuJoCo", "f32"))
+    ours, theirs, single = ([level.mean for level in found.levels_of("mass", name)] for name in ("stepper", "MuJoCo", "f32"))
     # MuJoCo's Euler rule is of first order: a degree's hundredth after one second.
     np.testing.assert_allclose(ours, theirs, rtol=2e-3)
     np.testing.assert_allclose(ours, single, rtol=1e-4)
@@ -366,7 +366,7 @@ def test_a_journal_keeps_what_it_was_told_and_refuses_damage(tmp_path, monkeypat
 def test_what_the_model_leaves_out_is_noted_beside_the_rows(tmp_path):
     asks = """<mujoco><option integrator="RK4"/><worldbody><body name="b"><joint/><geom size=".1"/></body></worldbody>
       <sensor><user name="own" dim="1"/></sensor></mujoco>"""
-    study = stepper.Study.of(asks, seconds=0.1, episodes=2, outcomes=stepper.Outcome(name="x", measure="body b x"))
+    study = stepper.Study.from_model(asks, seconds=0.1, episodes=2, outcomes=stepper.Outcome(name="x", measure="body b x"))
     stepper.sweep(study, tmp_path)
     (told,) = json.loads((tmp_path / "model" / "in_force.json").read_text()).values()
     assert told["notes"] == study.notes
@@ -766,7 +766,7 @@ def test_softness_is_judged_against_hard_contact_with_nominal_values(tmp_path):
         ),
         tmp_path,
     )
-    assert found.sweep.of("")[0].successes == 1
+    assert found.sweep.levels_of("")[0].successes == 1
     assert {v.rule for v in found.verdicts if v.row["setting"] == "MuJoCo's law"} == {LAW}
 
 

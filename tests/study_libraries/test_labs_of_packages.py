@@ -37,7 +37,7 @@ def test_a_panda_picks_a_cube_wherever_it_lies(tmp_path, lab):
     quick = {name: study.settings[name] for name in ("5 iterations", "MuJoCo's law, 20 iterations", "MuJoCo, 20 iterations")}
     found = stepper.sweep(replace(study, settings=quick, parameters={"friction": friction}, episodes=6), tmp_path, cliffs=False).sweep
     for setting in ("stepper", *quick):
-        low, high = (level.successes for level in found.of("friction", setting))
+        low, high = (level.successes for level in found.levels_of("friction", setting))
         # 0.3 carries 12 N of the cube's 15.7 N.
         assert low == 0
         # All of 16 where it was measured; products of NumPy differ between machines in their last bits.

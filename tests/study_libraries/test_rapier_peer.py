@@ -23,7 +23,7 @@ BLOCK = """<mujoco><option timestep=".002"/><worldbody><geom type="plane" size="
 
 
 def study(model, **changed):
-    return stepper.Study.of(model, **({"seconds": 0.2, "qvel_noise": 0.3, "drive": None} | changed))
+    return stepper.Study.from_model(model, **({"seconds": 0.2, "qvel_noise": 0.3, "drive": None} | changed))
 
 
 def test_a_motion_without_contacts_is_the_same():

@@ -181,7 +181,7 @@ class StepperBackend(SimBackend):  # type: ignore[misc]
     def get_sensor_view(self, name: str, device: Any | None = None) -> torch.Tensor:
         """A copy of the readings of a sensor, (num_envs, its width)."""
         sensor = self.sim.model.sensor(name)
-        return self._tensor(self.sim.observation[:, sensor.adr : sensor.adr + sensor.dim], device)
+        return self._tensor(self.sim.sensordata[:, sensor.adr : sensor.adr + sensor.dim], device)
 
     def get_tracked_body_views(self, body_names: Sequence[str] | None = None, device: Any | None = None) -> TrackedBodyStateViews:
         """Copies of places, quaternions, and velocities of bodies in world axes; None is all bodies that have a name."""

@@ -26,7 +26,7 @@ def explain(source: str, *, run: bool = False, out: Path | None = None) -> None:
 
     Example: stepper explain robot.xml --run
     """
-    study = Study.of(Path(source))
+    study = Study.from_model(Path(source))
     with warnings.catch_warnings():
         # The report has it.
         warnings.simplefilter("ignore", ModelWarning)

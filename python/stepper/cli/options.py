@@ -24,4 +24,4 @@ def of_file(path: Path, *, ray: bool) -> Study:
 
 def of_source(source: str, *, ray: bool) -> Any:
     """A model or a study, over Ray where that is asked for."""
-    return Study.of(source, ray=True) if ray else source
+    return Study.from_model(source, ray=True) if ray else source

@@ -199,7 +199,7 @@ def ends_of(sim: Stepper, count: int, *, sensors: bool) -> tuple[dict[str, Array
     moved = sim.model.differentiate_pos(np.array(np.broadcast_to(end["qpos"][:, :1], end["qpos"].shape)), end["qpos"])
     outputs = [moved, end["qvel"] - end["qvel"][:, :1], end["act"] - end["act"][:, :1]]
     if sensors:
-        truth = np.array(sim.sensor_truth)
+        truth = np.array(sim.sensordata_ideal)
         truth = truth.reshape(n, count, truth.shape[1])
         outputs.append(truth - truth[:, :1])
     return end, np.concatenate(outputs, axis=-1)
@@ -291,7 +291,7 @@ def _begin(sim: Stepper, copies: Stepper, nominal: Nominal, flat: dict[str, Arra
     _restore(sim, copies, index)
     for name, value in nominal.applied.items():
         getattr(copies, name)[...] = value[index]
-    copies.set_state(flat["qpos"], flat["qvel"], act=flat["act"], cold=False)
+    copies.set_state(flat["qpos"], flat["qvel"], act=flat["act"], keep_warmstart=True)
 
 
 def _restore(sim: Stepper, copies: Stepper, index: NDArray[np.int64]) -> None:

@@ -71,7 +71,7 @@ class Rollout:
             for name in STATE:
                 states[name].append(np.array(getattr(sim, name), np.float64))
             if sensors:
-                states["sensors"].append(np.array(sim.sensor_truth, np.float64))
+                states["sensors"].append(np.array(sim.sensordata_ideal, np.float64))
         self.qpos, self.qvel, self.act = (np.stack(states[name]) for name in STATE)
         self.sensors = np.stack(states["sensors"]) if sensors else None
 

@@ -89,7 +89,7 @@ def smoothed(
     for name in ("qvel", "act", "ctrl"):
         flat[name] = flat[name] + displaced(name, flat[name].shape[1])
     points = replicas_of(sim, nominal, count)
-    points.set_state(flat["qpos"], flat["qvel"], act=flat["act"], cold=False)
+    points.set_state(flat["qpos"], flat["qvel"], act=flat["act"], keep_warmstart=True)
     lin = linearize(points, wrt, ctrl=flat["ctrl"], sensors=sensors, **settings)
     single = sim.num_envs is None
 

@@ -275,9 +275,7 @@ def _of_recording(path: Path, model: Model, channels: Sequence[str] | None) -> l
             readings = {}
             for name in own if channels is None else channels:
                 rows = (
-                    segment.readings["observation"][:, env, own[name][0] : sum(own[name])]
-                    if name in own
-                    else segment.readings[name][:, env]
+                    segment.readings["sensordata"][:, env, own[name][0] : sum(own[name])] if name in own else segment.readings[name][:, env]
                 )
                 readings[name] = rows
             qpos, qvel, act = (segment.start[name][env] for name in COORDINATES)

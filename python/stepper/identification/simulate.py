@@ -79,7 +79,7 @@ def _channel(model: Model, name: str, width: int) -> Channel:
         quaternion = model.sensors[sensor.id]["datatype"] == "quaternion"
         dim = 3 if quaternion else sensor.dim
         return Channel(
-            name, "observation", tuple(range(sensor.adr, sensor.adr + sensor.dim)), (), quaternion, slice(width, width + dim), sensor.id
+            name, "sensordata", tuple(range(sensor.adr, sensor.adr + sensor.dim)), (), quaternion, slice(width, width + dim), sensor.id
         )
     head, _, joint = name.partition(":")
     if head in COORDINATES and not joint:

@@ -30,8 +30,8 @@ from stepper.shared.files import existing
 Arrays = dict[str, np.ndarray[Any, Any]]
 Header = dict[str, Any]
 
-FORMAT = 5
-"""5: rows of steps have `max_equality_violation`."""
+FORMAT = 6
+"""6: fields have the names of the attributes of `Stepper`."""
 HEADER, MODEL = "run.json", "model.stepper"
 KINDS = ("start", "step", "reset", "set_state", "applied", "randomize")
 """What a row can be. "applied" stands before a step whose forces, mocap poses or equalities are other than those of the step before."""
@@ -42,12 +42,12 @@ FIELDS = {
     "qvel": "m/s and rad/s",
     "act": "",
     "time": "s",
-    "observation": "of each sensor",
+    "sensordata": "of each sensor",
     "residual": "m/s",
     "iterations": "",
     "status": "flags, stepper.Status",
-    "depth": "m",
-    "limit_overshoot": "rad or m",
+    "max_penetration": "m",
+    "max_limit_violation": "rad or m",
     "max_equality_violation": "m or rad",
 }
 COMPARED = tuple(name for name in FIELDS if name not in ("ctrl", "nstep"))

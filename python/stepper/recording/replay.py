@@ -145,8 +145,8 @@ def repeat(sim: Stepper, kind: str, arrays: Arrays, row: int, step: int) -> Diff
         apply_parameters(sim, arrays)
         sim.set_state(State(arrays["state"].tobytes()))
     elif kind == "set_state":
-        cold = bool(arrays.pop("cold", True))
-        sim.set_state(**arrays, cold=cold)
+        kept = bool(arrays.pop("keep_warmstart", False))
+        sim.set_state(**arrays, keep_warmstart=kept)
     elif kind == "randomize":
         apply_parameters(sim, arrays)
     elif kind == "reset":

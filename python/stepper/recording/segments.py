@@ -15,7 +15,7 @@ from stepper.recording.format import HEADER, Arrays, read_header, read_rows, rea
 from stepper.recording.replay import recorded_stepper, repeat
 from stepper.shared.fields import APPLIED
 
-READ = ("qpos", "qvel", "act", "observation")
+READ = ("qpos", "qvel", "act", "sensordata")
 
 
 @dataclass(frozen=True)
@@ -28,7 +28,7 @@ class Segment:
         period: Time of a call of `step`, s.
         start: State before it: "qpos", "qvel", "act", (num_envs, ...).
         ctrl: Controls, (T, num_envs, nu).
-        readings: "qpos", "qvel", "act" and "observation" after every call, (T, num_envs, ...).
+        readings: "qpos", "qvel", "act" and "sensordata" after every call, (T, num_envs, ...).
         applied: Applied forces and mocap poses that were in force, (T, num_envs, ...), of those that were given at all.
     """
 
@@ -67,7 +67,7 @@ def segments(path: str | os.PathLike[str]) -> Iterator[Segment]:
                 steps.append(arrays | {f"applied/{name}": array for name, array in applied.items()})
                 # The state that was recorded, without the step that led to it.
                 shape = (lambda x: x) if sim.num_envs is not None else (lambda x: np.reshape(x, np.shape(x)[-1:]))
-                sim.set_state(shape(arrays["qpos"]), shape(arrays["qvel"]), act=shape(arrays["act"]), cold=False)
+                sim.set_state(shape(arrays["qpos"]), shape(arrays["qvel"]), act=shape(arrays["act"]), keep_warmstart=True)
             elif kind == "applied":
                 applied = {name: arrays[name] for name in APPLIED if name in arrays}
             else:

@@ -62,7 +62,8 @@ class Drag:
 
 def felt_mass(sim: Stepper, env: int, body: int, place: Array) -> float | None:
     """Mass that a force at a place of a body feels, kg: the harmonic mean over the three directions. None where the place cannot move."""
-    mass = sim.mass_matrix(env)
+    matrices_of_mass = np.asarray(sim.mass_matrix(), np.float64)
+    mass = matrices_of_mass if sim.num_envs is None else matrices_of_mass[env]
     if not len(mass):
         return None
     jacobian = sim.jacobian(body=body)

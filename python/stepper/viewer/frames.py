@@ -30,7 +30,7 @@ class Frame:
         contact_force: Forces on the second geoms in world axes, N: (k, 3).
         status: Flags, see `stepper.Status`: (n,).
         residual: Residuals of the last steps, m/s: (n,).
-        depth: Deepest overlaps of the last call of `step`, m: (n,).
+        max_penetration: Largest penetrations of the last call of `step`, m: (n,).
         energy: Potential and kinetic energy, J: (n, 2).
     """
 
@@ -45,7 +45,7 @@ class Frame:
     contact_force: Array
     status: Array
     residual: Array
-    depth: Array
+    max_penetration: Array
     energy: Array
 
 
@@ -71,12 +71,15 @@ def frame_of(sim: Stepper, envs: Array, *, energy: bool = False) -> Frame:
     row[envs] = np.arange(len(envs))
     listed = listed[row[listed["env"]] >= 0]
     return Frame(
-        **{name: some_of(sim, name, envs) for name in ("time", "geom_xpos", "geom_xquat", "xpos", "xquat", "status", "residual", "depth")},
+        **{
+            name: some_of(sim, name, envs)
+            for name in ("time", "geom_xpos", "geom_xquat", "xpos", "xquat", "status", "residual", "max_penetration")
+        },
         center=some_of(sim, "subtree_com", envs)[:, 0],
         contact_env=row[listed["env"]],
         contact_pos=listed["pos"],
         contact_force=np.einsum("nij,ni->nj", listed["frame"], listed["force"]),
-        energy=np.array([sim.energy(int(env)) for env in envs]) if energy else np.zeros((len(envs), 2)),
+        energy=np.column_stack([np.atleast_1d(part)[envs] for part in sim.energy()]) if energy else np.zeros((len(envs), 2)),
     )
 
 

@@ -15,7 +15,7 @@ from stepper.viewer.frames import Envs, Frame, frame_of, shown_envs
 from stepper.viewer.looks import Array
 
 _STATE = ("qpos", "qvel", "act", "time")
-_SAID = ("status", "residual", "depth")
+_SAID = ("status", "residual", "max_penetration")
 
 
 class RecordedRun:

@@ -33,7 +33,8 @@ class RerunLog:
                 sim.step()
                 log.log()
 
-    It has for each environment its bodies with their geoms, contacts with their forces, and the scalars residual, depth, contacts, status,
+    It has for each environment its bodies with their geoms, contacts with their forces, and the scalars residual, max_penetration,
+    contacts, status,
     potential and kinetic energy.
 
     Args:
@@ -147,7 +148,7 @@ class _Writer:
             stream.log(f"env_{env}/contacts", arrows)
             said = {
                 "residual": frame.residual[row],
-                "depth": frame.depth[row],
+                "max_penetration": frame.max_penetration[row],
                 "contacts": contacts[row],
                 "energy/potential": frame.energy[row, 0],
                 "energy/kinetic": frame.energy[row, 1],

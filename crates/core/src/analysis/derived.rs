@@ -92,8 +92,8 @@ impl DerivedQuantity {
             Self::BodyMotion => "cvel",
             Self::BodyForce => "cfrc_ext",
             Self::MassMatrix => "mass_matrix",
-            Self::BiasForce => "bias_force",
-            Self::SmoothAcceleration => "smooth_acceleration",
+            Self::BiasForce => "qfrc_bias",
+            Self::SmoothAcceleration => "qacc_smooth",
             Self::BodyJacobian(_) | Self::SiteJacobian(_) => "jacobian",
         }
     }

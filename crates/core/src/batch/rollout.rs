@@ -31,7 +31,7 @@ impl Quantity {
             Self::Qpos => "qpos",
             Self::Qvel => "qvel",
             Self::Act => "act",
-            Self::Observation => "observation",
+            Self::Observation => "sensordata",
         }
     }
 

@@ -138,6 +138,19 @@ impl Stepper {
         slf.derived(py, DerivedQuantity::Acceleration)
     }
 
+    /// Coriolis, centrifugal and gravitational forces of the present state: (num_envs, nv) in N or N m. As `mj_forward` leaves them.
+    #[getter]
+    fn qfrc_bias<'py>(mut slf: Writing<'_>, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        slf.derived(py, DerivedQuantity::BiasForce)
+    }
+
+    /// Acceleration without constraints at the present state with the controls in force: (num_envs, nv) in m/s^2 or rad/s^2. As
+    /// `mj_forward` leaves it. With `actuators=`, drives contribute what they handed on in the last step.
+    #[getter]
+    fn qacc_smooth<'py>(mut slf: Writing<'_>, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        slf.derived(py, DerivedQuantity::SmoothAcceleration)
+    }
+
     /// Forces of the actuators at the present state with the controls in force, before their gears: (num_envs, nu) in N or N m. As
     /// `mj_forward` leaves them.
     #[getter]

@@ -26,37 +26,32 @@ impl Stepper {
         slf.per_env(py, "residual", |env| slf.simulation.certificate(env).residual)
     }
 
-    /// Sweeps and Newton steps of the solver in the last step, together: (num_envs,) uint32.
+    /// Iterations of the solver in the last step, Gauss-Seidel iterations and Newton steps together: (num_envs,) uint32.
     #[getter]
     fn iterations<'py>(slf: Reading<'_>, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         let both = |env| slf.simulation.certificate(env).sweeps + slf.simulation.certificate(env).newton_steps;
         slf.per_env(py, "iterations", both)
     }
 
-    /// Sweeps of the solver in the last step: (num_envs,) uint32.
-    #[getter]
-    fn sweeps<'py>(slf: Reading<'_>, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        slf.per_env(py, "sweeps", |env| slf.simulation.certificate(env).sweeps)
-    }
-
-    /// Newton steps of the solver in the last step, over all islands of bodies: (num_envs,) uint32.
+    /// Newton steps of the solver in the last step, over all islands of bodies: (num_envs,) uint32. The rest of `iterations` are
+    /// Gauss-Seidel iterations.
     #[getter]
     fn newton_steps<'py>(slf: Reading<'_>, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         slf.per_env(py, "newton_steps", |env| slf.simulation.certificate(env).newton_steps)
     }
 
-    /// Deepest overlap of a contact beyond its margin in the last call of `step`, of all its steps, in m: (num_envs,) float64. It is
-    /// seen where a step is taken, by "midpoint" and "rk4" in its middle. Above 1 mm `status` says DEEP.
+    /// Largest penetration of a contact beyond its margin in any step of the last call of `step`, in m: (num_envs,) float64. A step
+    /// measures it where it detects contacts, "midpoint" and "rk4" in the middle of the step. Above 1 mm `status` has DEEP.
     #[getter]
-    fn depth<'py>(slf: Reading<'_>, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        slf.per_env(py, "depth", |env| slf.simulation.depth(env))
+    fn max_penetration<'py>(slf: Reading<'_>, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        slf.per_env(py, "max_penetration", |env| slf.simulation.depth(env))
     }
 
-    /// Farthest that a joint or tendon was beyond its range after a step of the last call of `step`, in rad or m: (num_envs,)
-    /// float64. Above 0.01 `status` says OVER_LIMIT.
+    /// Largest violation of the range of a joint or tendon after any step of the last call of `step`, in rad or m: (num_envs,)
+    /// float64. Above 0.01 `status` has OVER_LIMIT.
     #[getter]
-    fn limit_overshoot<'py>(slf: Reading<'_>, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        slf.per_env(py, "limit_overshoot", |env| slf.simulation.limit_overshoot(env))
+    fn max_limit_violation<'py>(slf: Reading<'_>, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        slf.per_env(py, "max_limit_violation", |env| slf.simulation.limit_overshoot(env))
     }
 
     /// Largest position error of an equality (connect, weld, joint, tendon) after any step of the last call of `step`, in m or rad:

@@ -1,104 +1,84 @@
-//! Quantities of one environment outside a step: mass matrix, forces, energy, momentum.
+//! Quantities of all environments outside a step: mass matrix, energy, momentum.
 
-use numpy::PyUntypedArrayMethods;
-use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use stepper_core::{DerivedQuantity, Precision, Snapshot, StepInputs};
 
 use crate::arguments::Env;
-use crate::array::{array, check_shape, readonly};
+use crate::array::array;
 use crate::error::value_error;
 use crate::stepper::{Stepper, Writing};
 
 impl Stepper {
-    /// One environment with these controls, those in force where there are none.
-    fn snapshot(&mut self, py: Python<'_>, env: Env, ctrl: &[f64]) -> PyResult<Snapshot<'_>> {
-        let env = self.env(env)?;
+    /// Values that `evaluate` computes of each environment with the controls in force, in one vector.
+    fn of_each(&mut self, py: Python<'_>, evaluate: impl Fn(&mut Snapshot<'_>) -> Vec<f64>) -> PyResult<Vec<f64>> {
         self.apply(py)?;
-        self.simulation.snapshot(env, &StepInputs { ctrl, ..StepInputs::default() }).map_err(value_error)
+        let mut values = Vec::new();
+        for env in 0..self.n() {
+            values.extend(evaluate(&mut self.simulation.snapshot(env, &StepInputs::default()).map_err(value_error)?));
+        }
+        Ok(values)
     }
 
-    /// A quantity of all environments, in one pass.
-    fn of_all<'py>(&mut self, py: Python<'py>, quantity: DerivedQuantity) -> PyResult<Bound<'py, PyAny>> {
-        self.apply(py)?;
-        Ok(self.derive(py, &[quantity])?.remove(0))
+    /// Two arrays (num_envs, width) of the two halves of each row; numbers instead of arrays without axes.
+    fn halves<'py>(&self, py: Python<'py>, rows: &[f64], width: &[usize]) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyAny>)> {
+        let size: usize = width.iter().product();
+        let half = |k: usize| {
+            let values = rows.chunks_exact(2 * size).flat_map(|row| row[k * size..][..size].iter().copied()).collect();
+            let values = array(py, &self.shape(width), values, Precision::F64)?;
+            if self.batched || !width.is_empty() { Ok(values) } else { values.call_method0("item") }
+        };
+        Ok((half(0)?, half(1)?))
     }
 }
 
 #[pymethods]
 impl Stepper {
-    /// Mass matrix of the present configuration, armature included, without terms that depend on the time step.
-    ///
-    /// Args:
-    ///     env: The environment; None is all of them, in one pass.
+    /// Mass matrices of the present configurations, armature included, without terms that depend on the time step.
     ///
     /// Returns:
-    ///     (nv, nv) float64; of all environments (num_envs, nv, nv), in the stepper's scalar type.
-    #[pyo3(signature = (env=Some(Env(0))), text_signature = "($self, env=0)")]
-    fn mass_matrix<'py>(mut slf: Writing<'_>, py: Python<'py>, env: Option<Env>) -> PyResult<Bound<'py, PyAny>> {
-        let Some(env) = env else { return slf.of_all(py, DerivedQuantity::MassMatrix) };
-        let nv = slf.simulation.model().nv();
-        array(py, &[nv, nv], slf.snapshot(py, env, &[])?.mass_matrix(), Precision::F64)
+    ///     (num_envs, nv, nv), in the stepper's scalar type.
+    fn mass_matrix<'py>(mut slf: Writing<'_>, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        slf.apply(py)?;
+        Ok(slf.derive(py, &[DerivedQuantity::MassMatrix])?.remove(0))
     }
 
-    /// Coriolis, centrifugal and gravitational forces of the present state: MuJoCo's qfrc_bias.
-    ///
-    /// Args:
-    ///     env: The environment; None is all of them, in one pass.
+    /// Mass matrix (nv, nv), bias force (nv,), smooth acceleration (nv,), energies and momenta of an environment, in 64 bits also where
+    /// the stepper's scalar type has 32: the golden trajectories keep the bits of these.
+    fn _in_64_bits<'py>(mut slf: Writing<'_>, py: Python<'py>, env: Env) -> PyResult<Vec<Bound<'py, PyAny>>> {
+        let env = slf.env(env)?;
+        slf.apply(py)?;
+        let mut snapshot = slf.simulation.snapshot(env, &StepInputs::default()).map_err(value_error)?;
+        let (mass, bias, smooth) = (snapshot.mass_matrix(), snapshot.bias_force(), snapshot.smooth_acceleration());
+        let ((potential, kinetic), (linear, angular)) = (snapshot.energy(), snapshot.momentum());
+        let nv = bias.len();
+        let arrays = [
+            (vec![nv, nv], mass),
+            (vec![nv], bias),
+            (vec![nv], smooth),
+            (vec![2], vec![potential, kinetic]),
+            (vec![2, 3], linear.into_iter().chain(angular).collect()),
+        ];
+        arrays.into_iter().map(|(shape, values)| array(py, &shape, values, Precision::F64)).collect()
+    }
+
+    /// Potential energy (gravity, joint springs) and kinetic energy (armature included) of the present states.
     ///
     /// Returns:
-    ///     (nv,) float64; of all environments (num_envs, nv), in the stepper's scalar type.
-    #[pyo3(signature = (env=Some(Env(0))), text_signature = "($self, env=0)")]
-    fn bias_force<'py>(mut slf: Writing<'_>, py: Python<'py>, env: Option<Env>) -> PyResult<Bound<'py, PyAny>> {
-        let Some(env) = env else { return slf.of_all(py, DerivedQuantity::BiasForce) };
-        let out = slf.snapshot(py, env, &[])?.bias_force();
-        array(py, &[out.len()], out, Precision::F64)
+    ///     Two arrays (num_envs,) float64 in J.
+    fn energy<'py>(mut slf: Writing<'_>, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyAny>)> {
+        let rows = slf.of_each(py, |snapshot| <[f64; 2]>::from(snapshot.energy()).to_vec())?;
+        slf.halves(py, &rows, &[])
     }
 
-    /// Acceleration without constraints in the present state: MuJoCo's qacc_smooth.
-    ///
-    /// Args:
-    ///     env: The environment; None is all of them, in one pass.
-    ///     ctrl: Controls of one environment, (nu,); None is those in force. With `actuators=`, what the drives hand on to the
-    ///         actuators' law (None is what they did last).
+    /// Linear momentum, and angular momentum about the centre of mass, of the present states.
     ///
     /// Returns:
-    ///     (nv,) float64; of all environments (num_envs, nv), in the stepper's scalar type.
-    ///
-    /// Raises:
-    ///     ValueError: Controls of another shape, or for all environments.
-    #[pyo3(signature = (env=Some(Env(0)), *, ctrl=None), text_signature = "($self, env=0, *, ctrl=None)")]
-    fn smooth_acceleration<'py>(
-        mut slf: Writing<'_>,
-        py: Python<'py>,
-        env: Option<Env>,
-        ctrl: Option<Bound<'py, PyAny>>,
-    ) -> PyResult<Bound<'py, PyAny>> {
-        let Some(env) = env else {
-            if ctrl.is_some() {
-                return Err(PyValueError::new_err("ctrl is for one environment, and env is None: leave it out for the controls in force"));
-            }
-            return slf.of_all(py, DerivedQuantity::SmoothAcceleration);
-        };
-        let ctrl = ctrl.as_ref().map(|ctrl| readonly(ctrl, "ctrl")).transpose()?;
-        if let Some(ctrl) = &ctrl {
-            check_shape("ctrl", ctrl.shape(), &[&[slf.simulation.model().nu()]])?;
-        }
-        let ctrl = ctrl.as_ref().map_or(Ok(&[][..]), |ctrl| ctrl.as_slice())?;
-        let out = slf.snapshot(py, env, ctrl)?.smooth_acceleration();
-        array(py, &[out.len()], out, Precision::F64)
-    }
-
-    /// Potential energy (gravity, joint springs) and kinetic energy (armature included), in J.
-    #[pyo3(signature = (env=Env(0)), text_signature = "($self, env=0)")]
-    fn energy(mut slf: Writing<'_>, py: Python<'_>, env: Env) -> PyResult<(f64, f64)> {
-        Ok(slf.snapshot(py, env, &[])?.energy())
-    }
-
-    /// Linear momentum in kg m/s (3,), and angular momentum about the centre of mass in kg m^2/s (3,).
-    #[pyo3(signature = (env=Env(0)), text_signature = "($self, env=0)")]
-    fn momentum<'py>(mut slf: Writing<'_>, py: Python<'py>, env: Env) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyAny>)> {
-        let (linear, angular) = slf.snapshot(py, env, &[])?.momentum();
-        Ok((array(py, &[3], linear.to_vec(), Precision::F64)?, array(py, &[3], angular.to_vec(), Precision::F64)?))
+    ///     Two arrays (num_envs, 3) float64, in kg m/s and kg m^2/s.
+    fn momentum<'py>(mut slf: Writing<'_>, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyAny>)> {
+        let rows = slf.of_each(py, |snapshot| {
+            let (linear, angular) = snapshot.momentum();
+            linear.into_iter().chain(angular).collect()
+        })?;
+        slf.halves(py, &rows, &[3])
     }
 }

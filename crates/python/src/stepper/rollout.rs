@@ -148,7 +148,7 @@ impl Stepper {
     ///     ctrl: Controls, (T, num_envs, nu), or (T, nu) for all environments.
     ///     nstep: Steps that each control is held.
     ///     fields: What to write down after every control: "qpos" (T, num_envs, nq), "qvel" (T, num_envs, nv), "act" (T, num_envs,
-    ///         na), "observation" (T, num_envs, nsensordata). None is what `out` names, and without `out` all but "act".
+    ///         na), "sensordata" (T, num_envs, nsensordata). None is what `out` names, and without `out` all but "act".
     ///     out: Arrays to write into, by field: of those shapes, C-contiguous, float64, or float32 with `precision="f32"`.
     ///
     /// Returns:

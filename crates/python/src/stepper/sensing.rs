@@ -30,18 +30,18 @@ impl Stepper {
     /// Sensor readings of the last step, the same however often they are read: (num_envs, nsensordata). `observe()` gives an array to
     /// write to.
     #[getter]
-    fn observation<'py>(mut slf: Writing<'_>, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        read_only(slf.readings(py, false)?, "observation")
+    fn sensordata<'py>(mut slf: Writing<'_>, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        read_only(slf.readings(py, false)?, "sensordata")
     }
 
-    /// The readings of ideal sensors: (num_envs, nsensordata).
+    /// Readings of ideal sensors: (num_envs, nsensordata).
     ///
     /// Positions and velocities are those after the last step; accelerations are (v+ - v) / h of that step, impulses of contacts and
     /// limits included, and forces are impulses over h. Where no step was made since the state was set, accelerations and forces are
     /// those of the step that would be made from it.
     #[getter]
-    fn sensor_truth<'py>(mut slf: Writing<'_>, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        read_only(slf.readings(py, true)?, "sensor_truth")
+    fn sensordata_ideal<'py>(mut slf: Writing<'_>, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        read_only(slf.readings(py, true)?, "sensordata_ideal")
     }
 
     /// Of each sensor, readings that were clipped to its limits and samples that were lost in the last call of `step`:
@@ -59,7 +59,7 @@ impl Stepper {
         slf.sensors.as_ref().map(|s| s.clone_ref(py))
     }
 
-    /// `observation`, written into `out` if there is one: (num_envs, nsensordata).
+    /// Copy of `sensordata`, in `out` if it is given: (num_envs, nsensordata).
     #[pyo3(signature = (out=None))]
     fn observe<'py>(mut slf: Writing<'_>, py: Python<'py>, out: Option<Bound<'py, PyAny>>) -> PyResult<Bound<'py, PyAny>> {
         let Some(out) = out else { return slf.readings(py, false) };

@@ -108,15 +108,15 @@ impl Stepper {
     ///         others.
     ///     act: (num_envs, na) or (na,).
     ///     time: s, (num_envs,) or one for all.
-    ///     cold: Whether the memory is forgotten where qpos, qvel or act are set: impulses that the solver starts from, contacts,
-    ///         flags, delay lines (which the next control and reading fill) and errors of sensors, so that what follows depends on
-    ///         the new state alone. False keeps it, for whoever corrects the state of an environment that goes on: an observer beside
-    ///         its plant. That also saves the time of a start from nothing.
+    ///     keep_warmstart: Whether to keep all memory where qpos, qvel or act are set, to correct the state of an environment that
+    ///         goes on, as an observer does: the solver's warm start, contacts, flags, drives (delay lines, lags, integrals) and
+    ///         sensors (bias, drift, delay lines, held samples). False clears all of these, and the next control and reading fill
+    ///         the delay lines: what follows depends on the new state alone.
     ///
     /// Raises:
     ///     ValueError: A wrong shape, a number that is not finite, a quaternion of zeros, a state of another model. Nothing is
     ///         changed then.
-    #[pyo3(signature = (qpos=None, qvel=None, mask=None, *, act=None, time=None, cold=true), text_signature = "($self, qpos=None, qvel=None, mask=None, *, act=None, time=None, cold=True)")]
+    #[pyo3(signature = (qpos=None, qvel=None, mask=None, *, act=None, time=None, keep_warmstart=false), text_signature = "($self, qpos=None, qvel=None, mask=None, *, act=None, time=None, keep_warmstart=False)")]
     fn set_state(
         slf: &Bound<'_, Self>,
         qpos: Option<Bound<'_, PyAny>>,
@@ -124,12 +124,12 @@ impl Stepper {
         mask: Option<Bound<'_, PyAny>>,
         act: Option<Bound<'_, PyAny>>,
         time: Option<Bound<'_, PyAny>>,
-        cold: bool,
+        keep_warmstart: bool,
     ) -> PyResult<()> {
         let mut this = borrow(slf)?;
         let envs = this.chosen(mask.as_ref())?;
         if let Some(state) = qpos.as_ref().and_then(|q| q.cast::<State>().ok()) {
-            if qvel.is_some() || act.is_some() || time.is_some() || !cold {
+            if qvel.is_some() || act.is_some() || time.is_some() || keep_warmstart {
                 return Err(PyValueError::new_err("set_state(state) takes a mask and nothing else: a State has all the rest"));
             }
             this.simulation.restore_state_in(&state.get().saved, &envs).map_err(value_error)?;
@@ -139,10 +139,11 @@ impl Stepper {
         let (q, v) = (this.field_rows(Field::Qpos, qpos.as_ref())?, this.field_rows(Field::Qvel, qvel.as_ref())?);
         let (a, t) = (this.field_rows(Field::Act, act.as_ref())?, this.times(time.as_ref())?);
         let rows = StateRows { qpos: numbers(&q)?, qvel: numbers(&v)?, act: numbers(&a)?, time: numbers(&t)? };
-        this.simulation.set_rows(&envs, &rows, cold).map_err(value_error)?;
+        this.simulation.set_rows(&envs, &rows, !keep_warmstart).map_err(value_error)?;
         let recorder = recorder_of(slf.py(), this);
-        let cold = (!cold).then(|| PyBool::new(slf.py(), false).to_owned().into_any());
-        notify(slf, recorder, "set_state", &[("mask", mask), ("qpos", qpos), ("qvel", qvel), ("act", act), ("time", time), ("cold", cold)])
+        let kept = keep_warmstart.then(|| PyBool::new(slf.py(), true).to_owned().into_any());
+        let given = [("mask", mask), ("qpos", qpos), ("qvel", qvel), ("act", act), ("time", time), ("keep_warmstart", kept)];
+        notify(slf, recorder, "set_state", &given)
     }
 
     /// Everything that survives a step, the controls in force included.

@@ -62,7 +62,7 @@ class FallingBlock(Task):
 
     def quantities(self) -> tuple[Quantity, ...]:
         """Height and velocity as the sensors read them: (2,)."""
-        return (Quantity("observation"),)
+        return (Quantity("sensordata"),)
 
     def reward(self, now: Moment) -> tuple[Array, Terms]:
         """1 where the block is up."""

@@ -100,7 +100,7 @@ def rotation(now: Moment, body: str) -> Array:
 def reading(now: Moment, *sensors: str) -> Array:
     """What sensors read, one after the other: (num_envs, n)."""
     found = [now.sim.model.sensor(name) for name in sensors]
-    return np.concatenate([now.sensor_truth[:, sensor.adr : sensor.adr + sensor.dim] for sensor in found], axis=1)
+    return np.concatenate([now.sensordata_ideal[:, sensor.adr : sensor.adr + sensor.dim] for sensor in found], axis=1)
 
 
 def norm(vectors: Array) -> Array:

@@ -106,7 +106,7 @@ def account(source: Any, *, episodes: int = 4) -> Account:
     """
     if episodes < 1:
         raise ValueError(f"episodes is {episodes}, must be at least 1")
-    study = Study.of(source)
+    study = Study.from_model(source)
     seen = touching(study, range(episodes))
     uses = tuple(_uses(study, seen))
     parts = tuple(_costs(study, range(episodes)))

@@ -58,7 +58,7 @@ class Budget:
     begin: float
 
     @classmethod
-    def of(cls, seconds: float) -> Budget:
+    def from_seconds(cls, seconds: float) -> Budget:
         """A budget that begins now."""
         return cls(seconds, time.time())
 

@@ -97,8 +97,8 @@ def chart(
         ValueError: A model without joints, a horizon that is not within the episodes, a budget in which nothing is known of what is right.
     """
     seconds = (QUICK if quick else math.inf) if budget is None else quantity(budget, name="budget", units=("s",))[0]
-    clock = Budget.of(seconds)
-    study = replace(check_moves(Study.of(source)), threads=1)
+    clock = Budget.from_seconds(seconds)
+    study = replace(check_moves(Study.from_model(source)), threads=1)
     if unit not in TARGET:
         raise ValueError(f'unit is {unit!r}, must be "m" or "rad"')
     asked = None if horizon is None else quantity(horizon, name="horizon", units=("s",))[0]

@@ -45,7 +45,7 @@ class Ground:
     distance: Distance
     right: Reference
     most: int
-    budget: Budget = field(default_factory=lambda: Budget.of(math.inf))
+    budget: Budget = field(default_factory=lambda: Budget.from_seconds(math.inf))
 
 
 @dataclass(frozen=True)

@@ -165,7 +165,7 @@ class Seen:
             path=(over[2], over[3]),
             finite=self.finite,
             outcomes={name: np.where(lost, np.nan, value) for name, value in self._watch.values(world).items()},
-            depth=told["depth"],
+            depth=told["max_penetration"],
             residual=told["residual"],
             settings=world.settings(),
             timestep=world.timestep,

@@ -175,7 +175,7 @@ def tune(
     for name, share in (("coverage", coverage), ("confidence", confidence)):
         if not 0 < share < 1:
             raise ValueError(f"{name} is {share}, must be between 0 and 1")
-    study = Study.of(source)
+    study = Study.from_model(source)
     if study.options.contact != "hard":
         raise ValueError('the study has contact="mujoco", whose settings are those of its file; tuning chooses among those of hard contact')
     study = replace(check_moves(study), threads=1, seconds=max(study.hold, math.ceil(round(seconds / study.hold, 9)) * study.hold))

@@ -79,11 +79,11 @@ class Ours:
 
     def energy(self, env: int) -> float:
         """See `Engine.energy`."""
-        return float(sum(self._sim.energy(env)))
+        return float(sum(np.atleast_1d(part)[env] for part in self._sim.energy()))
 
     def overshoot(self) -> Array:
         """See `Engine.overshoot`."""
-        return np.array(self._sim.limit_overshoot)
+        return np.array(self._sim.max_limit_violation)
 
 
 class Theirs:

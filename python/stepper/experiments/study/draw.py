@@ -141,7 +141,7 @@ def _panel(panel: Axes, sweep: Sweep, name: str, *, shares: bool) -> None:
     settings = [USUAL, *study.settings]
     words = any(isinstance(value, str) for value in parameter.levels())
     for number, setting in enumerate(settings):
-        if sweep.of(name, setting):
+        if sweep.levels_of(name, setting):
             _series(panel, sweep, name, number, shares=shares)
         for cliff in sweep.cliffs:
             if (cliff.parameter, cliff.setting) == (name, setting):
@@ -171,7 +171,7 @@ def _series(panel: Axes, sweep: Sweep, name: str, number: int, *, shares: bool) 
     """Points of the settings of a number. Markers of later settings are smaller, so that those that lie on one another are all seen."""
     settings = [USUAL, *sweep.study.settings]
     setting, colour = settings[number], COLOURS[number % len(COLOURS)]
-    points, levels = sweep.points(name, setting), sweep.of(name, setting)
+    points, levels = sweep.points(name, setting), sweep.levels_of(name, setting)
     line = panel.plot(
         _places(points),
         _bars(points, shares=shares)[0],

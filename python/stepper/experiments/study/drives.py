@@ -164,7 +164,7 @@ class Policy:
 
     def __call__(self, now: World) -> Array:
         """Controls for what the sensors say."""
-        made = self.act(now.observation)
+        made = self.act(now.sensordata)
         controls = np.asarray(made.detach().cpu().numpy() if hasattr(made, "detach") else made, float)
         if controls.shape not in ((now.num_envs, now.model.nu), (now.model.nu,)):
             raise ValueError(

@@ -182,8 +182,8 @@ class RapierWorld(MujocoWorld):
         return {
             "status": np.where(self._lost, int(Status.NON_FINITE), 0),
             "residual": nothing,
-            "depth": self._depth,
-            "limit_overshoot": nothing,
+            "max_penetration": self._depth,
+            "max_limit_violation": nothing,
             "max_equality_violation": nothing,
         }
 

@@ -169,7 +169,7 @@ def no_peer(study: Study) -> str | None:
 
 
 def _summary(study: Study, found: Sweep, verdicts: Sequence[Verdict]) -> list[Section]:
-    nominal = found.of("")[0]
+    nominal = found.levels_of("")[0]
     model = f" of model `{name}`" if (name := study.loaded[0].name) else ""
     words = [
         f"`{study.name}`{model}: {counted(study.episodes, 'episode')} of {study.seconds:g} s at every point, "
@@ -370,7 +370,7 @@ def _cliffs(found: Sweep, folder: Path) -> list[Section]:
 
 def _transfer(study: Study, found: Sweep) -> list[Section]:
     outcome = measured(study)
-    own = [level for level in found.of("")]
+    own = [level for level in found.levels_of("")]
     head = (
         "settings",
         "successes",
@@ -385,7 +385,7 @@ def _transfer(study: Study, found: Sweep) -> list[Section]:
     base = _nominal_rows(found, USUAL)
     rows = []
     for setting in [USUAL, *study.settings]:
-        level, mine = found.of("", setting)[0], _nominal_rows(found, setting)
+        level, mine = found.levels_of("", setting)[0], _nominal_rows(found, setting)
         both = [(row, base[e]) for e, row in mine.items() if not diverged(row) and not diverged(base[e])]
         gap = np.array([row["outcomes"][outcome] - other["outcomes"][outcome] for row, other in both])
         otherwise = sum(row["success"] != base[e]["success"] for e, row in mine.items())

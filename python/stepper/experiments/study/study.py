@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stepper import _stepper
-from stepper._hints import near
+from stepper._hints import Hinting, near
 from stepper._options import Options, Precision
 from stepper._stepper import Model, __version__
 from stepper.actuators import ActuatorModel
@@ -46,7 +46,7 @@ _ROWS = 2
 
 
 @dataclass(frozen=True, kw_only=True)
-class Study:
+class Study(metaclass=Hinting):
     """Episodes of a model under a drive, measured, where parameters may be other than one thinks.
 
     Attributes:
@@ -128,7 +128,7 @@ class Study:
             self.setting(name, given)
 
     @classmethod
-    def of(cls, source: Any, **changed: Any) -> Study:
+    def from_model(cls, source: Any, **changed: Any) -> Study:
         """A study of a model alone: random controls, from slightly different velocities. A study is given back as it is, but for changes.
 
         Args:

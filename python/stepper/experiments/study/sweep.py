@@ -111,13 +111,13 @@ class Sweep:
     skipped: tuple[str, ...] = field(default=())
     bisected: tuple[Level, ...] = field(default=())
 
-    def of(self, parameter: str, setting: str = USUAL) -> list[Level]:
+    def levels_of(self, parameter: str, setting: str = USUAL) -> list[Level]:
         """Levels of a parameter ("" is the nominal point) with settings."""
         return [level for level in self.levels if (level.parameter, level.setting) == (parameter, setting)]
 
     def points(self, parameter: str, setting: str = USUAL) -> list[Level]:
         """Levels of a parameter with settings, those of bisections among them, in the order of their values where these are numbers."""
-        found = self.of(parameter, setting)
+        found = self.levels_of(parameter, setting)
         found += [level for level in self.bisected if (level.parameter, level.setting) == (parameter, setting)]
         words = any(isinstance(level.value, str) for level in found)
         return found if words else sorted(found, key=lambda level: float(level.value or 0))
@@ -131,7 +131,7 @@ class Sweep:
         """
         found = []
         for name in self.study.parameters:
-            values = [level.mean if self.study.decisive is None else level.share for level in self.of(name)]
+            values = [level.mean if self.study.decisive is None else level.share for level in self.levels_of(name)]
             values = [value for value in values if math.isfinite(value)]
             if values:
                 found.append((name, float(np.ptp(values))))

@@ -19,7 +19,8 @@ class Table:
     """Rows of a study as columns.
 
     Columns are "setting", "episode", "seed"; "theta.NAME" (NaN or "" where a parameter is as the model has it); "outcome.NAME"; "success"
-    (1, 0, or -1 without one); "status" (flags of `stepper.Status`), "residual" (m/s), "depth" (m), "limit_overshoot" (rad or m),
+    (1, 0, or -1 without one); "status" (flags of `stepper.Status`), "residual" (m/s), "max_penetration" (m),
+    "max_limit_violation" (rad or m),
     "max_equality_violation" (m or rad), the worst of the episode; "settings.NAME", in force; and "in_force", which names an entry of
     in_force.json.
 

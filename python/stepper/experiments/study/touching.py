@@ -184,10 +184,9 @@ class _Ledger:
         for joint, at, low, high in self._limited:
             near = 0.01 * (high - low) if np.isfinite(high - low) else 0.01
             self.limits[joint] += np.count_nonzero((qpos[:, at] < low + near) | (qpos[:, at] > high - near))
-        self.sweeps, self.newton_steps = (
-            max(self.sweeps, int(now.sim.sweeps.max())),
-            max(self.newton_steps, int(now.sim.newton_steps.max())),
-        )
+        iterations, newton_steps = now.sim.iterations, now.sim.newton_steps
+        self.sweeps = max(self.sweeps, int((iterations - newton_steps).max()))
+        self.newton_steps = max(self.newton_steps, int(newton_steps.max()))
         self.status |= int(np.bitwise_or.reduce(now.sim.status))
         self.saturated += np.count_nonzero(now.sim.actuator_saturation, axis=0)
         contacts = now.sim.contacts()

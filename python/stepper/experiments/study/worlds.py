@@ -122,13 +122,13 @@ class World:
         raise NotImplementedError
 
     @property
-    def observation(self) -> Array:
-        """What the sensors say, (num_envs, nsensordata)."""
+    def sensordata(self) -> Array:
+        """Sensor readings, (num_envs, nsensordata)."""
         raise NotImplementedError
 
     @property
-    def sensor_truth(self) -> Array:
-        """What ideal sensors would say, (num_envs, nsensordata)."""
+    def sensordata_ideal(self) -> Array:
+        """Readings of ideal sensors, (num_envs, nsensordata)."""
         raise NotImplementedError
 
     @property
@@ -196,12 +196,12 @@ class World:
     def sensor(self, name: str | int) -> Array:
         """What a sensor says, (num_envs, its dim)."""
         sensor = self.model.sensor(name)
-        return self.observation[:, sensor.adr : sensor.adr + sensor.dim]
+        return self.sensordata[:, sensor.adr : sensor.adr + sensor.dim]
 
     def truth(self, name: str | int) -> Array:
         """What an ideal sensor would say, (num_envs, its dim)."""
         sensor = self.model.sensor(name)
-        return self.sensor_truth[:, sensor.adr : sensor.adr + sensor.dim]
+        return self.sensordata_ideal[:, sensor.adr : sensor.adr + sensor.dim]
 
     def contact_force(self, name: str | int) -> Array:
         """Force and torque of all contacts of the last step on a body, (num_envs, 6)."""
@@ -229,7 +229,7 @@ class StepperWorld(World):
         if own:
             self.sim.randomize(**own)
         self.timestep = float(self.sim.timestep)
-        names = ("residual", "depth", "limit_overshoot", "max_equality_violation")
+        names = ("residual", "max_penetration", "max_limit_violation", "max_equality_violation")
         self._worst: dict[str, NDArray[Any]] = {"status": np.zeros(num_envs, np.int64)} | {name: np.zeros(num_envs) for name in names}
 
     @property
@@ -263,16 +263,16 @@ class StepperWorld(World):
         return np.asarray(self.sim.geom_xpos, np.float64)
 
     @property
-    def observation(self) -> Array:
-        """See `World.observation`."""
+    def sensordata(self) -> Array:
+        """See `World.sensordata`."""
         self.senses = True
-        return np.asarray(self.sim.observation, np.float64)
+        return np.asarray(self.sim.sensordata, np.float64)
 
     @property
-    def sensor_truth(self) -> Array:
-        """See `World.sensor_truth`."""
+    def sensordata_ideal(self) -> Array:
+        """See `World.sensordata_ideal`."""
         self.senses = True
-        return np.asarray(self.sim.sensor_truth, np.float64)
+        return np.asarray(self.sim.sensordata_ideal, np.float64)
 
     @property
     def body_contact_force(self) -> Array:
@@ -305,7 +305,7 @@ class StepperWorld(World):
         worst = self._worst
         worst["status"] = worst["status"] | np.asarray(self.sim.status, np.int64)
         worst["status"][self._beyond()] |= Status.NON_FINITE
-        for name in ("residual", "depth", "limit_overshoot", "max_equality_violation"):
+        for name in ("residual", "max_penetration", "max_limit_violation", "max_equality_violation"):
             worst[name] = np.maximum(worst[name], np.asarray(getattr(self.sim, name), float))
 
     def step(self, ctrl: Any, nstep: int) -> None:
@@ -491,14 +491,14 @@ class MujocoWorld(World):
         return np.array([data.geom_xpos for data in self._now()])
 
     @property
-    def observation(self) -> Array:
-        """See `World.observation`."""
+    def sensordata(self) -> Array:
+        """See `World.sensordata`."""
         return np.array([data.sensordata for data in self._now()])
 
     @property
-    def sensor_truth(self) -> Array:
-        """See `World.sensor_truth`."""
-        return self.observation
+    def sensordata_ideal(self) -> Array:
+        """See `World.sensordata_ideal`."""
+        return self.sensordata
 
     @property
     def body_contact_force(self) -> Array:
@@ -521,9 +521,9 @@ class MujocoWorld(World):
         return self._applied
 
     def certificate(self) -> dict[str, NDArray[Any]]:
-        """See `World.certificate`. MuJoCo reports no residual in m/s and no violation; depth is that of the last step of a control."""
-        nothing = dict.fromkeys(("residual", "limit_overshoot", "max_equality_violation"), np.full(self.num_envs, np.nan))
-        return {"status": self._status, "depth": self._depth, **nothing}
+        """See `World.certificate`. MuJoCo reports no residual in m/s and no violation; the penetration is the last step's."""
+        nothing = dict.fromkeys(("residual", "max_limit_violation", "max_equality_violation"), np.full(self.num_envs, np.nan))
+        return {"status": self._status, "max_penetration": self._depth, **nothing}
 
     def settings(self) -> dict[str, Any]:
         """See `World.settings`."""

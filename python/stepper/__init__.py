@@ -14,7 +14,7 @@ from stepper._stepper import Model, ModelError, State, Stepper, __version__, cpu
 from stepper.actuators import PID, ActuatorModel, DCMotor, Drive
 from stepper.loading import HeightField, ModelWarning, load
 from stepper.recording import Difference, Recorder, RecordingError, Replay, replay
-from stepper.sensors import Combination, FieldOfView, RayFan, Reading, SensorModel, Transfer
+from stepper.sensors import Combination, FieldOfView, RayFan, SensorModel, SensorSpec, Transfer
 
 if TYPE_CHECKING:
     from stepper.derivatives import Kink, Linearization
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from stepper.experiments.study import Outcome, Parameter, Policy, Study
     from stepper.experiments.study.ranking import Ranking, rank
     from stepper.experiments.study.report import Report, report, sweep
-    from stepper.identification import Episode, Identification, Tracked, Tracker, Unknown, identify
+    from stepper.identification import Episode, FitParameter, Identification, Tracked, Tracker, identify
 
 __all__ = [
     "PID",
@@ -37,6 +37,7 @@ __all__ = [
     "Drive",
     "Episode",
     "FieldOfView",
+    "FitParameter",
     "HeightField",
     "Identification",
     "Kink",
@@ -50,12 +51,12 @@ __all__ = [
     "Policy",
     "Ranking",
     "RayFan",
-    "Reading",
     "Recorder",
     "RecordingError",
     "Replay",
     "Report",
     "SensorModel",
+    "SensorSpec",
     "State",
     "Status",
     "Stepper",
@@ -64,7 +65,6 @@ __all__ = [
     "Tracker",
     "Transfer",
     "Tuning",
-    "Unknown",
     "__version__",
     "bodies",
     "chart",
@@ -90,7 +90,7 @@ _LATER = {
     **dict.fromkeys(
         ("Outcome", "Parameter", "Policy", "Ranking", "Report", "Study", "rank", "report", "sweep"), "stepper.experiments.study"
     ),
-    **dict.fromkeys(("Episode", "Identification", "Tracked", "Tracker", "Unknown", "identify"), "stepper.identification"),
+    **dict.fromkeys(("Episode", "Identification", "Tracked", "Tracker", "FitParameter", "identify"), "stepper.identification"),
 }
 """Names whose modules are imported when they are asked for: a loop that steps needs none of them, and they take longer than all else."""
 

@@ -17,7 +17,7 @@ from stepper._options import Options, Precision
 from stepper.actuators import ActuatorModel
 from stepper.derivatives import Linearization
 from stepper.recording import Recorder
-from stepper.sensors import Combination, RayFan, Reading, SensorModel
+from stepper.sensors import Combination, RayFan, SensorModel, SensorSpec
 from stepper.viewer import View
 
 __all__ = [
@@ -620,7 +620,7 @@ class Model:
         Returns:
             (name of one geom, name of the other, depth in m); "#3 of body arm" where a geom has no name.
         """
-    def with_sensors(self, sensors: Mapping[str, RayFan | Combination | Reading]) -> Model:
+    def with_sensors(self, sensors: Mapping[str, RayFan | Combination | SensorSpec]) -> Model:
         """A new model with more sensors by name, behind its own.
 
         Raises:

@@ -309,7 +309,7 @@ def test_fans_of_rays_and_combinations_are_added(tmp_path):
         ({"sum": stepper.Combination(["gyro"])}, TypeError, r"sensor 'sum': terms is \['gyro'\], must be a mapping"),
         ({"sum": stepper.Combination({"gyro": None})}, TypeError, r"sensor 'sum': the coefficient of 'gyro' is None, must be a number"),
         ({3: stepper.Combination({"gyro": 1.0})}, TypeError, r"sensor 3: its name must be a string"),
-        ({"sum": {"gyro": 1.0}}, TypeError, r"sensor 'sum' is .* must be a stepper.Reading, RayFan or Combination"),
+        ({"sum": {"gyro": 1.0}}, TypeError, r"sensor 'sum' is .* must be a stepper.SensorSpec, RayFan or Combination"),
         ([stepper.Combination({"gyro": 1.0})], TypeError, r"must be a mapping of names"),
     ],
 )  # fmt: skip

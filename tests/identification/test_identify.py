@@ -103,9 +103,9 @@ def test_a_search_that_begins_where_friction_never_slides():
     truth = truth.replace(actuator_gain=truth.actuator_gain / 20, actuator_bias=truth.actuator_bias / 20)
     ctrl = np.linspace(0, 0.6, 60)[:, None]
     episode = episode_of(truth, ctrl, 0.02, ("wrist_force", "box_x"))
-    found = stepper.identify(soft, [episode], [stepper.Unknown("friction", ("floor", "box"), bounds=(0.05, 10))], starts=6)
+    found = stepper.identify(soft, [episode], [stepper.FitParameter("friction", ("floor", "box"), bounds=(0.05, 10))], starts=6)
     assert found.values[0] == pytest.approx(0.35, rel=1e-4)
-    alone = stepper.identify(soft, [episode], [stepper.Unknown("friction", ("floor", "box"), bounds=(0.05, 10))], starts=1)
+    alone = stepper.identify(soft, [episode], [stepper.FitParameter("friction", ("floor", "box"), bounds=(0.05, 10))], starts=1)
     # From that start alone nothing is found, and that is said.
     assert alone.values[0] == pytest.approx(5.0, rel=0.1)
     assert any("not determined" in text for text in alone.warnings)

@@ -46,7 +46,7 @@ def test_a_held_box_is_weighed_at_once_and_its_friction_is_known_when_it_slips()
 def test_an_estimate_leaves_the_bound_that_it_begins_at(start, bounds):
     """There the slope is that of the side within bounds."""
     clean = readings(np.full(200, 0.8), 0.45)
-    tracker = stepper.Tracker(SCENE.model(start, 0.6), [stepper.Unknown("mass", "box", bounds=bounds)], noise=NOISE, period=PERIOD)
+    tracker = stepper.Tracker(SCENE.model(start, 0.6), [stepper.FitParameter("mass", "box", bounds=bounds)], noise=NOISE, period=PERIOD)
     for k, row in enumerate(controls()[:20]):
         now = tracker.update(row, {name: rows[k] for name, rows in clean.items()})
     # The readings are exact: a standard deviation of the mass after 20 samples of 0.3 N on a weight of 8 N, which the prior may still pull.

@@ -19,7 +19,7 @@ NAMED = {
 
 
 def written_again(m):
-    """Every sensor of a compiled model as a `Reading`, by the word of its type; without those that have no word there."""
+    """Every sensor of a compiled model as a `SensorSpec`, by the word of its type; without those that have no word there."""
     known = {**JOINTS, **TENDONS, **ACTUATORS, **SITES, **SUBTREES, **FRAMES, **SCENE}
     readings = {}
     for i in range(m.nsensor):
@@ -36,7 +36,7 @@ def written_again(m):
                 name = mujoco.mj_id2name(m, OBJECTS.mjOBJ_BODY if kind == OBJECTS.mjOBJ_XBODY else kind, index)
                 what = "inertial" if kind == OBJECTS.mjOBJ_BODY and word in FRAMES else NAMED.get(kind, "body")
                 of[f"{prefix}{what}"] = name
-        readings[mujoco.mj_id2name(m, OBJECTS.mjOBJ_SENSOR, i)] = stepper.Reading(type=word, **of)
+        readings[mujoco.mj_id2name(m, OBJECTS.mjOBJ_SENSOR, i)] = stepper.SensorSpec(type=word, **of)
     return readings
 
 
@@ -76,11 +76,11 @@ HAND = """<mujoco><worldbody><body name="arm"><joint name="hinge"/><geom name="l
 ])  # fmt: skip
 def test_what_is_wrong_is_said(reading, said):
     with pytest.raises(ValueError, match=said):
-        stepper.load(HAND).with_sensors({"new": stepper.Reading(**reading)})
+        stepper.load(HAND).with_sensors({"new": stepper.SensorSpec(**reading)})
 
 
 def test_what_is_added_has_errors_of_its_own():
-    model = stepper.load(HAND).with_sensors({"hand": stepper.Reading(type="framepos", site="tip")})
+    model = stepper.load(HAND).with_sensors({"hand": stepper.SensorSpec(type="framepos", site="tip")})
     sim = stepper.Stepper(model, 2, sensors=stepper.SensorModel({"hand": stepper.Transfer(bias=0.5)}))
     np.testing.assert_array_equal(stepper.quantities.read(sim, "sensordata_ideal", "hand"), [[0.4, 0, 0]] * 2)
     np.testing.assert_array_equal(stepper.quantities.read(sim, "sensordata", "hand"), [[0.9, 0.5, 0.5]] * 2)

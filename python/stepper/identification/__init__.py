@@ -9,9 +9,19 @@ from stepper.identification.data import Episode, episodes_of
 from stepper.identification.design import Prospect, design
 from stepper.identification.fit import identify
 from stepper.identification.online import Tracked, Tracker
-from stepper.identification.parameters import KINDS, Unknown
+from stepper.identification.parameters import KINDS, FitParameter
 from stepper.identification.result import Identification, Search
 
 __all__ = [
-    "KINDS", "Episode", "Identification", "Prospect", "Search", "Tracked", "Tracker", "Unknown", "design", "episodes_of", "identify",
+    "KINDS",
+    "Episode",
+    "FitParameter",
+    "Identification",
+    "Prospect",
+    "Search",
+    "Tracked",
+    "Tracker",
+    "design",
+    "episodes_of",
+    "identify",
 ]  # fmt: skip

@@ -17,7 +17,7 @@ from stepper.actuators import ActuatorModel
 from stepper.identification.data import Data, episodes_of
 from stepper.identification.findings import warnings_of
 from stepper.identification.inertia import Array
-from stepper.identification.parameters import Block, Unknown, bind, write
+from stepper.identification.parameters import Block, FitParameter, bind, write
 from stepper.identification.residuals import Linearized, Residuals, Together
 from stepper.identification.result import Identification, Search
 from stepper.identification.shift import EARLY, FREED_STD, LATE, RATIO, finding_of_fit, suspicious
@@ -43,7 +43,7 @@ QUIETEST = 1e-6
 def identify(
     model: Model,
     data: Data,
-    parameters: Sequence[Unknown | str],
+    parameters: Sequence[FitParameter | str],
     *,
     options: Options | None = None,
     actuators: ActuatorModel | None = None,
@@ -67,7 +67,7 @@ def identify(
     Args:
         model: The model, with everything that is known.
         data: `Episode`s, paths of recordings, CSV or npz files, or several of these.
-        parameters: What is sought: `Unknown`s, or text like "mass:box" and "friction:floor,box=0.1..2".
+        parameters: What is sought: `FitParameter`s, or text like "mass:box" and "friction:floor,box=0.1..2".
         options: Settings of the step; None is hard contact. Where they leave the tolerance open, it is 1e-9 m/s.
         actuators: What is known of the drives.
         noise: Standard deviations of channels by name, each a number or one for every column. Of the other channels it is estimated from

@@ -28,7 +28,7 @@ from stepper.identification.data import COORDINATES, vector
 from stepper.identification.findings import undetermined
 from stepper.identification.inertia import Array
 from stepper.identification.linear import Directions
-from stepper.identification.parameters import READING, Block, Unknown, bind, natural, write
+from stepper.identification.parameters import READING, Block, FitParameter, bind, natural, write
 from stepper.identification.shift import Watch, finding
 from stepper.identification.simulate import UNTRUSTED, compared, find_channels, noise_of, solved
 from stepper.shared.fields import RANDOMIZED
@@ -143,7 +143,7 @@ class Tracker:
 
     Args:
         model: The model, with everything that is known.
-        parameters: What is followed, as of `identify`; `Unknown.prior` says what is known of them. Without one, a positive quantity is
+        parameters: What is followed, as of `identify`; `FitParameter.prior` says what is known of them. Without one, a positive quantity is
             known to a factor of e, and other numbers as their bounds say.
         noise: Standard deviation of each channel by name (a number, or one for every column): sensors, "qpos", "qvel", "qpos:elbow" ...
             These channels are read.
@@ -174,7 +174,7 @@ class Tracker:
     def __init__(
         self,
         model: Model,
-        parameters: Sequence[Unknown | str],
+        parameters: Sequence[FitParameter | str],
         *,
         noise: Mapping[str, ArrayLike],
         period: float,
@@ -566,7 +566,7 @@ def _known(blocks: Sequence[Block]) -> tuple[Array, Array]:
         else:
             mean, std = block.start, (block.high - block.low) / 4
         if not np.isfinite(std).all():
-            raise ValueError(f"{block.parameter}: nothing bounds it; give a prior, as Unknown(..., prior=(mean, standard deviation))")
+            raise ValueError(f"{block.parameter}: nothing bounds it; give a prior, as FitParameter(..., prior=(mean, standard deviation))")
         means.append(mean)
         stds.append(std)
     return np.concatenate(means), np.concatenate(stds)

@@ -84,8 +84,8 @@ READING = ("bias", "scale", "lag")
 
 
 @dataclass(frozen=True)
-class Unknown:
-    """Something to identify.
+class FitParameter:
+    """Parameter to identify: a quantity of one or more elements, with start, bounds and prior.
 
     Attributes:
         kind: What it is, of `stepper.identification.KINDS`: "mass", "friction", "damping" ...
@@ -119,7 +119,7 @@ class Unknown:
             raise ValueError(f"{self}: the standard deviation of the prior is {self.prior[1]}, must be above 0")
 
     @classmethod
-    def parse(cls, text: str) -> Unknown:
+    def parse(cls, text: str) -> FitParameter:
         """A parameter from text: "mass:box", "friction:floor,box", with bounds "mass:box=0.1..5"."""
         head, _, limits = text.partition("=")
         kind, colon, names = head.partition(":")
@@ -180,7 +180,7 @@ class Block:
         prior: Mean and standard deviation of theta, or None.
     """
 
-    def __init__(self, parameter: Unknown, model: Model):
+    def __init__(self, parameter: FitParameter, model: Model):
         self.parameter, self.kind = parameter, KINDS[parameter.kind]
         self.index = tuple(k for name in parameter.of for k in _find(model, self.kind.element, name))
         self.names = tuple(_name(model, self.kind.element, k) for k in self.index)
@@ -385,7 +385,7 @@ _BLOCKS: dict[str, type[Block]] = {
 }  # fmt: skip
 
 
-def bind(parameters: Sequence[Unknown | str], model: Model) -> list[Block]:
+def bind(parameters: Sequence[FitParameter | str], model: Model) -> list[Block]:
     """Blocks of theta for parameters of a model.
 
     Raises:
@@ -393,13 +393,13 @@ def bind(parameters: Sequence[Unknown | str], model: Model) -> list[Block]:
         ValueError: Two parameters of one number, a parameter that cannot begin where the model is, one of geoms that an explicit pair
             overrides.
     """
-    if isinstance(parameters, str | Unknown):
+    if isinstance(parameters, str | FitParameter):
         parameters = [parameters]
-    given = [Unknown.parse(p) if isinstance(p, str) else p for p in parameters]
+    given = [FitParameter.parse(p) if isinstance(p, str) else p for p in parameters]
     if not given:
         raise ValueError('there is no parameter to identify; give some, as in ["mass:box", "friction:floor,box"]')
     blocks = [_BLOCKS.get(p.kind, Block)(p, model) for p in given]
-    taken: dict[tuple[str, int], Unknown] = {}
+    taken: dict[tuple[str, int], FitParameter] = {}
     for block in blocks:
         same = {"inertia": ("mass", "com", "moments", "inertia"), "kp": ("kp", "gain"), "gain": ("kp", "gain")}
         for kind in same.get(block.parameter.kind, (block.parameter.kind,)):

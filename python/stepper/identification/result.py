@@ -16,7 +16,7 @@ from stepper._stepper import Model
 from stepper.actuators import ActuatorModel
 from stepper.identification.findings import undetermined
 from stepper.identification.inertia import Array
-from stepper.identification.parameters import Block, Unknown, bind, natural, split, write
+from stepper.identification.parameters import Block, FitParameter, bind, natural, split, write
 from stepper.shared.fields import RANDOMIZED
 from stepper.shared.machine import require
 
@@ -60,7 +60,7 @@ class Identification:
     """
 
     model: Model
-    parameters: tuple[Unknown, ...]
+    parameters: tuple[FitParameter, ...]
     theta: Array
     covariance: Array
     information: Array
@@ -249,7 +249,7 @@ class Identification:
             if kept["model"] != model.digest:
                 raise ValueError(f"it is of model {kept['model'][:12]}, the model given is {model.digest[:12]}")
             parameters = tuple(
-                Unknown(
+                FitParameter(
                     p["kind"], tuple(p["of"]), p["start"], *(None if p[name] is None else tuple(p[name]) for name in ("bounds", "prior"))
                 )
                 for p in kept["parameters"]

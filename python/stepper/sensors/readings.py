@@ -47,13 +47,13 @@ class Combination:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Reading:
-    """A sensor by MuJoCo's word for its type, for `Model.with_sensors`: what a line of MJCF's `<sensor>` would add.
+class SensorSpec:
+    """Sensor by MuJoCo's word for its type, for `Model.with_sensors`: what a line of MJCF's `<sensor>` would add.
 
         model.with_sensors({
-            "hand": stepper.Reading(type="framepos", site="grasp", reference_body="base"),
-            "spin": stepper.Reading(type="gyro", site="imu"),
-            "knee": stepper.Reading(type="jointpos", joint="knee"),
+            "hand": stepper.SensorSpec(type="framepos", site="grasp", reference_body="base"),
+            "spin": stepper.SensorSpec(type="gyro", site="imu"),
+            "knee": stepper.SensorSpec(type="jointpos", joint="knee"),
         })
 
     One of what it is of is named; scenes' sensors (clock, e_potential, e_kinetic) are of nothing.
@@ -105,7 +105,7 @@ _WORDS: dict[str, tuple[tuple[str, ...], dict[str, str]]] = {
 """What a sensor of each family is of, and its types."""
 
 
-def describe(model: Model, sensors: Mapping[str, RayFan | Combination | Reading]) -> list[dict[str, Any]]:
+def describe(model: Model, sensors: Mapping[str, RayFan | Combination | SensorSpec]) -> list[dict[str, Any]]:
     """What the Rust crate's `Sensor` holds, for every sensor.
 
     Raises:
@@ -113,7 +113,7 @@ def describe(model: Model, sensors: Mapping[str, RayFan | Combination | Reading]
         ValueError: A name that nothing has, or directions that are none, with the sensor's name.
     """
     if not isinstance(sensors, Mapping):
-        raise TypeError(f"sensors is {sensors!r}, must be a mapping of names to stepper.Reading, RayFan and Combination")
+        raise TypeError(f"sensors is {sensors!r}, must be a mapping of names to stepper.SensorSpec, RayFan and Combination")
     names = list(model.sensor_names)
     found = []
     for name, sensor in sensors.items():
@@ -124,10 +124,10 @@ def describe(model: Model, sensors: Mapping[str, RayFan | Combination | Reading]
             kind: str | dict[str, Any] = {"RangeFinder": _fan(model, sensor, place)}
         elif isinstance(sensor, Combination):
             kind = {"Combination": _terms(names, sensor, place)}
-        elif isinstance(sensor, Reading):
+        elif isinstance(sensor, SensorSpec):
             kind = _kind(model, sensor, place)
         else:
-            raise TypeError(f"{place} is {sensor!r}, must be a stepper.Reading, RayFan or Combination")
+            raise TypeError(f"{place} is {sensor!r}, must be a stepper.SensorSpec, RayFan or Combination")
         found.append({"name": name, "kind": kind, "noise": 0.0, "cutoff": 0.0, "delay": 0.0, "interval": 0.0})
         names.append(name)
     return found
@@ -167,7 +167,7 @@ def _terms(names: Sequence[str], combination: Combination, place: str) -> list[t
     return terms
 
 
-def _kind(model: Model, reading: Reading, place: str) -> str | dict[str, Any]:
+def _kind(model: Model, reading: SensorSpec, place: str) -> str | dict[str, Any]:
     """What the Rust crate calls what a reading is of."""
     family = next((family for family, (_, words) in _WORDS.items() if reading.type in words), None)
     if family is None:

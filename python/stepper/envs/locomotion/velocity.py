@@ -16,7 +16,7 @@ from stepper.actuators import ActuatorModel, DCMotor, Drive
 from stepper.envs.locomotion import terrain
 from stepper.envs.streams import Draws
 from stepper.envs.task import Array, Moment, Quantity, Task, Terms, per_moment, square_sum
-from stepper.sensors import Reading, SensorModel, Transfer
+from stepper.sensors import SensorModel, SensorSpec, Transfer
 from stepper.shared.rotations import about_vertical, matrices
 
 _COMMANDS, _PUSHES = 2, 3
@@ -291,13 +291,13 @@ def _sensed(robot: Model, imu: str) -> Model:
     """The robot with sensors of what it observes of itself; where it came from is remembered for pictures of it."""
     base, world = robot.body_names[1], robot.body_names[0]
     readings = {
-        "linear_velocity": Reading(type="velocimeter", site=imu),
-        "angular_velocity": Reading(type="gyro", site=imu),
-        "vertical": Reading(type="framezaxis", body=world, reference_body=base),
+        "linear_velocity": SensorSpec(type="velocimeter", site=imu),
+        "angular_velocity": SensorSpec(type="gyro", site=imu),
+        "vertical": SensorSpec(type="framezaxis", body=world, reference_body=base),
     }
     joints = robot.joint_names[1:]
-    readings |= {f"angles {joint}": Reading(type="jointpos", joint=joint) for joint in joints}
-    readings |= {f"rates {joint}": Reading(type="jointvel", joint=joint) for joint in joints}
+    readings |= {f"angles {joint}": SensorSpec(type="jointpos", joint=joint) for joint in joints}
+    readings |= {f"rates {joint}": SensorSpec(type="jointvel", joint=joint) for joint in joints}
     return robot.with_sensors(readings)
 
 

@@ -20,6 +20,7 @@ import numpy as np
 import stepper
 from numpy.typing import NDArray
 from stepper import Options
+from stepper._stepper import cpu_levels
 from stepper.derivatives import Linearization, rollout
 from stepper.derivatives.copies import nominal_of, parts_of
 from stepper.derivatives.linearize import TOLERANCE
@@ -312,7 +313,7 @@ def effort(num_envs: int = 32) -> None:
                 before = [np.array(getattr(copies, name)) for name in ("qpos", "qvel", "act")]
                 copies.set_state(solved)
                 for env in range(where[-1] + 1):
-                    copies.set_state(copies.get_state(env=env * part.count), mask=where == env)
+                    copies.set_state(copies.get_state(env=env * part.count), envs=where == env)
                 copies.set_state(before[0], before[1], act=before[2], keep_warmstart=True)
                 copies.step(part.ctrl)
                 counts.append(mean_effort(copies))
@@ -360,7 +361,7 @@ if __name__ == "__main__":
         "effort": effort,
     }
     with one_core():
-        print(f"{cpu_name()}, CPU level {stepper.cpu_levels()[-1]}, MuJoCo {mujoco.__version__}\n")
+        print(f"{cpu_name()}, CPU level {cpu_levels()[-1]}, MuJoCo {mujoco.__version__}\n")
         for part in sys.argv[1:] or parts:
             parts[part]()
             print()

@@ -13,8 +13,9 @@ from dataclasses import replace
 from statistics import median
 
 import numpy as np
-from stepper import PID, ActuatorModel, DCMotor, Drive, Stepper, load
-from stepper.experiments.demo.race import humanoid_path
+from stepper import ActuatorModel, Drive, Stepper, load
+from stepper.actuators import PID, DCMotor
+from stepper.lab.demo.race import humanoid_path
 
 MOTOR = DCMotor(stall_torque=1.5, no_load_speed=1500.0, rotor_inertia=1e-6)
 SERVO = PID(kp=0.001, ki=0.001, kd=0.0001, integral_limit=0.1)

@@ -130,33 +130,33 @@ class MujocoSim:
             self._bound["ctrl"][:] = ctrl
         self._batch.step(nstep=nstep)
 
-    def reset(self, mask: Array | None = None, *, qpos: Array | None = None, qvel: Array | None = None, seed: Any = None) -> None:
+    def reset(self, envs: Array | None = None, *, qpos: Array | None = None, qvel: Array | None = None, seed: Any = None) -> None:
         """Begins episodes in the environments of a mask; there is nothing that a seed is for."""
-        ids = np.arange(self.num_envs) if mask is None else np.flatnonzero(mask)
+        ids = np.arange(self.num_envs) if envs is None else np.flatnonzero(envs)
         self._batch.reset(ids)
-        self.set_state(qpos, qvel, None if mask is None else np.asarray(mask))
+        self.set_state(qpos, qvel, None if envs is None else np.asarray(envs))
 
     def set_state(
         self,
         qpos: Array | None = None,
         qvel: Array | None = None,
-        mask: Array | None = None,
+        envs: Array | None = None,
         *,
         act: Array | None = None,
-        cold: bool = True,
+        keep_warmstart: bool = False,
     ) -> None:
-        """Sets configurations, velocities and activations. With `cold` what is derived follows, as in Gymnasium's environments."""
-        ids = np.arange(self.num_envs) if mask is None else np.flatnonzero(mask)
+        """Sets configurations, velocities and activations. Derived quantities follow unless `keep_warmstart`, as Gymnasium's do."""
+        ids = np.arange(self.num_envs) if envs is None else np.flatnonzero(envs)
         for name, given in (("qpos", qpos), ("qvel", qvel), ("act", act)):
             if given is not None:
                 target = self._bind(name)
                 target[ids] = np.broadcast_to(given, target.shape)[ids]
-        if cold:
+        if not keep_warmstart:
             self._batch.forward(ids)
 
-    def randomize(self, mask: Array | None = None, **fields: Array) -> None:
+    def randomize(self, envs: Array | None = None, **fields: Array) -> None:
         """Gives environments parameters of their own."""
-        ids = np.arange(self.num_envs) if mask is None else np.flatnonzero(mask)
+        ids = np.arange(self.num_envs) if envs is None else np.flatnonzero(envs)
         for name, values in fields.items():
             target = self._batch.expand(_FIELDS.get(name, name))
             target[ids, ..., : _WIDTH.get(name, target.shape[-1])] = values[ids]

@@ -13,7 +13,7 @@ import mujoco
 import numpy as np
 import stepper
 from derivatives import median_time
-from stepper import quantities
+from stepper._stepper import cpu_levels
 from stepper.shared.machine import cpu_name, one_core
 
 ENVS = 256
@@ -27,10 +27,10 @@ def dynamics(sim: stepper.Stepper) -> list[float]:
     """Mass matrices, forces of bias, accelerations without constraints, inverse dynamics: us an environment."""
     zeros = np.zeros(sim.model.nv)
     calls = [
-        lambda: quantities.mass_matrix(sim),
+        sim.mass_matrix,
         lambda: sim.qfrc_bias,
         lambda: sim.qacc_smooth,
-        lambda: quantities.inverse_dynamics(sim, zeros),
+        lambda: sim.inverse_dynamics(zeros),
     ]
     return [1e6 * median_time(call, 31, lambda: None) / ENVS for call in calls]
 
@@ -48,7 +48,7 @@ def rays(sim: stepper.Stepper, m: mujoco.MjModel) -> list[float]:
 
 def main() -> None:
     """Prints the tables."""
-    print(f"{cpu_name()}, CPU level {stepper.cpu_levels()[-1]}, {ENVS} environments, {RAYS} rays of each\n")
+    print(f"{cpu_name()}, CPU level {cpu_levels()[-1]}, {ENVS} environments, {RAYS} rays of each\n")
     print("| | mass_matrix, us | qfrc_bias, us | qacc_smooth, us | inverse_dynamics, us | rays, ns each | mj_multiRay, ns each |")
     print("|---|---|---|---|---|---|---|")
     with one_core(), warnings.catch_warnings():

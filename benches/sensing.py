@@ -17,7 +17,7 @@ from typing import get_args
 import numpy as np
 from stepper import Model, SensorModel, Stepper, Transfer, load
 from stepper._options import Precision
-from stepper.experiments.demo.race import Plan, humanoid_path, random_control
+from stepper.lab.demo.race import Plan, humanoid_path, random_control
 from stepper.shared.machine import one_core, provenance, require
 
 FULL = Transfer(

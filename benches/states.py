@@ -14,14 +14,15 @@ from typing import Any
 import numpy as np
 import stepper
 from derivatives import median_time, touching
-from stepper import Options, states
+from stepper import Options
+from stepper._stepper import cpu_levels
 from stepper.shared.machine import cpu_name, one_core
 
 
 def some(num_envs: int = 256) -> None:
     """Prints what states of some environments cost."""
     sim, ctrl = touching("dm_control/quadruped", Options(), num_envs)
-    begin, kept = sim.get_state(), states.save(sim)
+    begin, kept = sim.get_state(), [sim.get_state(env) for env in range(num_envs)]
     sources = np.random.default_rng(0).integers(0, num_envs, num_envs)
 
     def back() -> None:
@@ -29,11 +30,11 @@ def some(num_envs: int = 256) -> None:
 
     rows: dict[str, Callable[[], Any]] = {
         "a step": lambda: sim.step(ctrl),
-        "a step of the first quarter": lambda: sim.step(ctrl, mask=np.arange(num_envs) < num_envs // 4),
-        "a step of every fourth": lambda: sim.step(ctrl, mask=np.arange(num_envs) % 4 == 0),
-        "states.copy from random sources": lambda: states.copy(sim, sources),
-        "states.save of all": lambda: states.save(sim),
-        "states.restore of all": lambda: states.restore(sim, kept),
+        "a step of the first quarter": lambda: sim.step(ctrl, envs=np.arange(num_envs) < num_envs // 4),
+        "a step of every fourth": lambda: sim.step(ctrl, envs=np.arange(num_envs) % 4 == 0),
+        "sim.copy_state(sources) from random sources": lambda: sim.copy_state(sources),
+        "sim.get_state(env) of each": lambda: [sim.get_state(env) for env in range(num_envs)],
+        "sim.set_state(states) of all": lambda: sim.set_state(kept),
         "sim.get_state()": sim.get_state,
         "sim.set_state(kept)": back,
     }
@@ -52,7 +53,7 @@ def main() -> None:
             warnings.simplefilter("ignore", stepper.ModelWarning)
             some()
         return
-    print(f"{cpu_name()}, CPU level {stepper.cpu_levels()[-1]}\n")
+    print(f"{cpu_name()}, CPU level {cpu_levels()[-1]}\n")
     print("| environments | bytes of a state, each | a step, us each | get_state() | set_state(state) | set_state(qpos, qvel) |")
     print("|---|---|---|---|---|---|")
     with one_core(), warnings.catch_warnings():

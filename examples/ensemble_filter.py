@@ -41,12 +41,12 @@ def model_of() -> stepper.Model:
     kind, arguments = SUITE["quadruped-walk"]
     model = kind(**arguments).model()
     joints = [joint.name for joint in map(model.joint, range(model.njnt)) if joint.type == "hinge"]
-    encoders = {f"encoder {name}": stepper.SensorSpec(type="jointpos", joint=name) for name in joints}
+    encoders = {f"encoder {name}": stepper.sensors.SensorSpec(type="jointpos", joint=name) for name in joints}
     attitude = {
-        "attitude": stepper.SensorSpec(type="framezaxis", body="torso"),
-        "heading": stepper.SensorSpec(type="framexaxis", body="torso"),
+        "attitude": stepper.sensors.SensorSpec(type="framezaxis", body="torso"),
+        "heading": stepper.sensors.SensorSpec(type="framexaxis", body="torso"),
     }
-    return model.with_sensors({**encoders, "rate": stepper.SensorSpec(type="gyro", site="torso"), **attitude})
+    return model.with_sensors({**encoders, "rate": stepper.sensors.SensorSpec(type="gyro", site="torso"), **attitude})
 
 
 def readings_of(model: stepper.Model) -> tuple[Array, Array]:

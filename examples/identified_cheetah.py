@@ -18,7 +18,7 @@ import numpy as np
 import stepper
 from stepper import policies
 from stepper.envs.vector import StepperVectorEnv
-from stepper.identification import episodes_of
+from stepper.sysid import episodes_of
 
 POLICY = Path(__file__).parent / "policies/half_cheetah.npz"
 MASS, FRICTION = 7.5, 0.3
@@ -59,7 +59,7 @@ def options() -> stepper.Options:
     return StepperVectorEnv("HalfCheetah", 1).sim.options
 
 
-def pieces(episode: stepper.Episode, rng: np.random.Generator) -> list[stepper.Episode]:
+def pieces(episode: stepper.sysid.Episode, rng: np.random.Generator) -> list[stepper.sysid.Episode]:
     """An episode in pieces of `ROWS` samples with noise, since errors of a gait grow too fast for a prediction of a second.
 
     Each begins where the one before ended, as far as encoders say it.
@@ -76,11 +76,11 @@ def pieces(episode: stepper.Episode, rng: np.random.Generator) -> list[stepper.E
     ]  # fmt: skip
 
 
-def identified(folder: Path) -> stepper.Identification:
+def identified(folder: Path) -> stepper.sysid.Identification:
     """What the recording says, through encoders with noise."""
     model, rng = nominal(), np.random.default_rng(0)
     episodes = [piece for whole in episodes_of(folder, model, channels=["qpos", "qvel"]) for piece in pieces(whole, rng)]
-    return stepper.identify(model, episodes, PARAMETERS, options=options(), noise={"qpos": NOISE["qpos"]}, starts=2)
+    return stepper.sysid.identify(model, episodes, PARAMETERS, options=options(), noise={"qpos": NOISE["qpos"]}, starts=2)
 
 
 def returns(parameters: dict[str, Any], episodes: int = 32, actions: int = 200) -> Any:

@@ -121,13 +121,13 @@ class Planner:
         for k in range(1, robot.horizon):
             noise[k] = 0.7 * noise[k - 1] + 0.7 * noise[k]
         tried = np.clip(self._controls[:, None] + robot.noise * (self._high - self._low) / 2.0 * noise, self._low, self._high)
-        found = stepper.states.rollout(self._many, tried, robot.nstep, initial=state, fields=["qpos", "qvel"])
+        found = self._many.rollout(tried, robot.nstep, initial=state, fields=["qpos", "qvel"])
         returns = robot.reward(found["qpos"], found["qvel"]).mean(axis=0)
         returns = np.where(found["residual"].max(axis=0) < np.inf, returns, -np.inf)
         weights = np.exp((returns - returns.max()) / (robot.temperature * np.std(returns) + 1e-9))
         self._controls = np.einsum("n,tnu->tu", weights / weights.sum(), tried)
         # A mean of sequences is none that was tried: where it leads is asked for.
-        alone = stepper.states.rollout(self._one, self._controls[:, None], robot.nstep, initial=state, fields=["qpos", "qvel"])
+        alone = self._one.rollout(self._controls[:, None], robot.nstep, initial=state, fields=["qpos", "qvel"])
         return Plan(self._controls, alone["qpos"][:, 0], alone["qvel"][:, 0])
 
 

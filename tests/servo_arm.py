@@ -14,13 +14,13 @@ ARM = """<mujoco><option timestep=".002"/><worldbody><body><joint name="hinge" a
 
 def angles(drive: Any, folder: Path, batch: int = 64) -> list[float]:
     """Angle of the arm after each of four episodes from starts of their own, with a folder for every size of a batch."""
-    study = stepper.Study(
+    study = stepper.lab.Study(
         model=ARM,
         drive=drive,
         seconds=0.4,
         episodes=4,
         batch=batch,
         qpos_noise=0.3,
-        outcomes=stepper.Outcome(name="angle", measure="joint hinge"),
+        outcomes=stepper.lab.Outcome(name="angle", measure="joint hinge"),
     )
-    return [row["outcomes"]["angle"] for row in stepper.sweep(study, folder / f"batches of {batch}").sweep.table.rows]
+    return [row["outcomes"]["angle"] for row in stepper.lab.sweep(study, folder / f"batches of {batch}").sweep.table.rows]

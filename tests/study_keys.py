@@ -13,7 +13,7 @@ import stepper
 
 PAGE = Path(__file__).parents[1] / "docs/studies.md"
 BEGIN, END = "<!-- keys: tests/study_keys.py writes them -->\n", "<!-- end of keys -->\n"
-PARTS = (("", stepper.Study), ("[[outcomes]]", stepper.Outcome), ("[parameters.NAME]", stepper.Parameter))
+PARTS = (("", stepper.lab.Study), ("[[outcomes]]", stepper.lab.Outcome), ("[parameters.NAME]", stepper.lab.Parameter))
 IN_TOML = {
     "model": 'a path beside the file, MJCF, or "file.py:function"',
     "drive": '"file.py:function" or class, "module:function", "controls.npz", "controls.csv", "random"',

@@ -42,23 +42,23 @@ PACKAGE = ROOT / "python/stepper"
 BINARY = frozenset({"stepper._stepper"})
 FOLDERS = {
     "shared": set(),
-    "sensors": {"shared"},
+    "sensors": {"shared", "loading"},
     "actuators": {"shared"},
     "loading": {"shared"},
     "recording": {"shared", "sensors", "actuators", "loading"},
-    "experiments": {"shared", "loading", "sensors", "actuators", "policies"},
+    "lab": {"shared", "loading", "sensors", "actuators", "policies"},
     "viewer": {"shared", "loading", "recording"},
     "envs": {"sensors", "actuators", "shared", "loading", "viewer"},
     "derivatives": {"shared"},
     "adapters": {"shared", "envs", "derivatives"},
-    "identification": {"shared", "actuators", "recording"},
+    "sysid": {"shared", "actuators", "recording"},
     "policies": {"shared"},
-    "cli": {"shared", "loading", "recording", "experiments", "viewer", "envs", "policies", "identification"},
+    "cli": {"shared", "loading", "recording", "lab", "viewer", "envs", "policies", "sysid"},
 }
 """Folders of the Python package, and the others that each may import."""
-BOTTOM = {"_stepper", "_options", "_status", "_hints", "bodies", "quantities", "states"}
+BOTTOM = {"_stepper", "_options", "_status", "_hints", "_quantities"}
 """Modules beside the folders that everything may import: the binary, what it is set to, what it says, what follows from that."""
-FACE = {"__main__", "devices", "_pickles"}
+FACE = {"__main__"}
 """Modules beside the folders that are for users alone: nothing in a folder imports them, or the names of `stepper` itself."""
 
 

@@ -10,7 +10,7 @@ import mujoco
 import numpy as np
 import stepper
 from numpy.typing import ArrayLike
-from stepper.experiments.chart.engines import MujocoEngine
+from stepper.lab.engine_chart.engines import MujocoEngine
 
 from atlas.world import Array, CannotRunError, DivergedError, Touch, World
 

@@ -21,8 +21,8 @@ from typing import Any
 
 import numpy as np
 from stepper import Model, ModelError, Options, Stepper, load
-from stepper.experiments.demo.crowd import Array, Crowd, MujocoCrowd, Referee, StepperCrowd, mujoco_model
-from stepper.experiments.demo.race import MATCHED, Plan, Track, race, random_control
+from stepper.lab.demo.crowd import Array, Crowd, MujocoCrowd, Referee, StepperCrowd, mujoco_model
+from stepper.lab.demo.race import MATCHED, Plan, Track, race, random_control
 from stepper.shared.machine import MissingPackageError, allowed_cores, one_core, package_file, provenance, require
 
 MODELS = (

@@ -1,4 +1,4 @@
-"""Runs of `stepper.Tracker` beside the true values."""
+"""Runs of `stepper.sysid.Tracker` beside the true values."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class Followed:
     seconds: Array
 
 
-def followed(tracker: stepper.Tracker, ctrl: Array, readings: Mapping[str, Array], truths: Mapping[int, Array]) -> Followed:
+def followed(tracker: stepper.sysid.Tracker, ctrl: Array, readings: Mapping[str, Array], truths: Mapping[int, Array]) -> Followed:
     """Run of a tracker over all samples.
 
     Args:

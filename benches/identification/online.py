@@ -1,4 +1,4 @@
-"""`stepper.Tracker` on a box that two fingers hold: first still, then shaken until it slips, by the wrist's force and the lift's encoder.
+"""`stepper.sysid.Tracker` on a box that two fingers hold, first still, then shaken until it slips, by the wrist's force and an encoder.
 
 The wrist's torque about y is left out: how two fingers share a weight that either could hold alone is not determined by rigid bodies.
 """
@@ -54,7 +54,7 @@ def follow(seed: int, changes: bool = False) -> Followed:
     clean = readings(masses, friction)
     noisy = {name: rows + NOISE[name] * rng.standard_normal(rows.shape) for name, rows in clean.items()}
     scene = held()
-    tracker = stepper.Tracker(
+    tracker = stepper.sysid.Tracker(
         scene.model(*scene.starts[0]),
         list(scene.parameters),
         noise=NOISE,

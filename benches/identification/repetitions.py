@@ -92,9 +92,9 @@ class Trial:
     def identified(self, start: tuple[float, float], readings: Readings, seed: int, starts: int = 4) -> Answer:
         """One identification by stepper, which is not told the noise."""
         scene = self.scene
-        episode = stepper.Episode(scene.ctrl, readings, scene.period)
+        episode = stepper.sysid.Episode(scene.ctrl, readings, scene.period)
         settings: dict[str, Any] = {"options": self.options, "seed": seed, "threads": self.threads, "starts": starts}
-        found = stepper.identify(scene.model(*start), [episode], scene.parameters, **settings)
+        found = stepper.sysid.identify(scene.model(*start), [episode], scene.parameters, **settings)
         ends = found.interval()
         return found.values, ends[:, 0], ends[:, 1]
 

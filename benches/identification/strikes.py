@@ -1,4 +1,4 @@
-"""`stepper.Tracker` where contacts begin and end: how many of its 95 % intervals have the truth, as the motion goes on."""
+"""`stepper.sysid.Tracker` where contacts begin and end: how many of its 95 % intervals have the truth, as the motion goes on."""
 
 from __future__ import annotations
 
@@ -199,7 +199,7 @@ def follow(scene: Strike, seed: int, **settings: Any) -> Followed:
     truth = np.array(scene.truth) * np.exp(np.array(scene.spread) * rng.uniform(-1, 1, 2))
     noisy = readings(scene, truth, rng)
     model = scene.model(scene.start)
-    tracker = stepper.Tracker(
+    tracker = stepper.sysid.Tracker(
         model,
         list(scene.parameters),
         noise=scene.noise,

@@ -1,4 +1,4 @@
-"""Both engines as batches that begin where a script says; `stepper.experiments.demo` has what they share with other races."""
+"""Both engines as batches that begin where a script says; `stepper.lab.demo` has what they share with other races."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from stepper import Model, Options
 from stepper._options import Precision
-from stepper.experiments.demo.crowd import Certificate, Crowd, MujocoCrowd, StepperCrowd
+from stepper.lab.demo.crowd import Certificate, Crowd, MujocoCrowd, StepperCrowd
 
 from many_contacts.scene import Array, Script
 

@@ -18,8 +18,8 @@ import numpy as np
 from comparison.throughput import fast
 from stepper import Model, ModelError, ModelWarning, Options, load
 from stepper._options import Precision
-from stepper.experiments.demo.crowd import Measured, Referee
-from stepper.experiments.demo.race import MATCHED
+from stepper.lab.demo.crowd import Measured, Referee
+from stepper.lab.demo.race import MATCHED
 from stepper.shared.machine import one_core
 
 from many_contacts.engines import LAW, PGS, Batch, Ours, Theirs

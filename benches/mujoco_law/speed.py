@@ -13,9 +13,9 @@ from typing import Any
 from comparison.throughput import Case, cases, ratio
 from many_contacts.targets import grouped_mean
 from stepper import Options
-from stepper.experiments.chart.engines import MujocoEngine
-from stepper.experiments.demo.crowd import Crowd, MujocoCrowd, StepperCrowd
-from stepper.experiments.demo.race import Plan, race
+from stepper.lab.demo.crowd import Crowd, MujocoCrowd, StepperCrowd
+from stepper.lab.demo.race import Plan, race
+from stepper.lab.engine_chart.engines import MujocoEngine
 from stepper.shared.machine import one_core, provenance, require
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import stepper
 from stepper.shared.machine import package_file
 
-study = stepper.Study(
+study = stepper.lab.Study(
     name="fetch",
     model=package_file("gymnasium_robotics", "envs/assets/fetch/pick_and_place.xml", "for its Fetch"),
     drive="random",

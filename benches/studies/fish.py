@@ -5,18 +5,20 @@ from __future__ import annotations
 import stepper
 from stepper.shared.machine import package_file
 
-study = stepper.Study(
+study = stepper.lab.Study(
     name="fish",
     model=package_file("dm_control", "suite/fish.xml", "for its fish"),
     drive="random",
     outcomes=[
-        stepper.Outcome(name="way", measure="body torso", over="change", unit="m"),
-        stepper.Outcome(name="speed", measure="jointvel tail1", over="max", success=">= 5", unit="rad/s"),
+        stepper.lab.Outcome(name="way", measure="body torso", over="change", unit="m"),
+        stepper.lab.Outcome(name="speed", measure="jointvel tail1", over="max", success=">= 5", unit="rad/s"),
     ],
     parameters={
-        "density": stepper.Parameter(target="density", low=500.0, high=5000.0, unit="kg/m3", source="half of water to what the file has"),
-        "mass": stepper.Parameter(target="body_mass", how="scale", low=0.5, high=2.0, source="a guess"),
-        "damping": stepper.Parameter(target="dof_damping", how="scale", low=0.2, high=5.0, source="a guess"),
+        "density": stepper.lab.Parameter(
+            target="density", low=500.0, high=5000.0, unit="kg/m3", source="half of water to what the file has"
+        ),
+        "mass": stepper.lab.Parameter(target="body_mass", how="scale", low=0.5, high=2.0, source="a guess"),
+        "damping": stepper.lab.Parameter(target="dof_damping", how="scale", low=0.2, high=5.0, source="a guess"),
     },
     seconds=2.0,
     episodes=8,

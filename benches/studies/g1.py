@@ -28,19 +28,19 @@ def robot() -> Any:
     return spec.compile()
 
 
-study = stepper.Study(
+study = stepper.lab.Study(
     name="g1",
     model=robot,
     outcomes=[
-        stepper.Outcome(name="pelvis", measure="body pelvis z", over="min", success=">= 0.7", unit="m"),
-        stepper.Outcome(name="way", measure="body pelvis x", over="change", unit="m"),
+        stepper.lab.Outcome(name="pelvis", measure="body pelvis z", over="min", success=">= 0.7", unit="m"),
+        stepper.lab.Outcome(name="way", measure="body pelvis x", over="change", unit="m"),
     ],
     parameters={
-        "friction": stepper.Parameter(
+        "friction": stepper.lab.Parameter(
             target="geom_friction", names=("floor", "*_foot*"), column=0, low=0.2, high=1.0, source="wet tiles to rubber on concrete"
         ),
-        "payload": stepper.Parameter(target="body_mass", names=("torso_link",), how="scale", low=0.8, high=1.8, source="a rucksack"),
-        "stiffness": stepper.Parameter(target="kp", how="scale", low=0.05, high=1.5, source="gains that people use: 10 to 300 N m/rad"),
+        "payload": stepper.lab.Parameter(target="body_mass", names=("torso_link",), how="scale", low=0.8, high=1.8, source="a rucksack"),
+        "stiffness": stepper.lab.Parameter(target="kp", how="scale", low=0.05, high=1.5, source="gains that people use: 10 to 300 N m/rad"),
     },
     seconds=0.5,
     episodes=4,

@@ -51,15 +51,15 @@ def lost(now: Any) -> np.ndarray[Any, Any]:
     return gone
 
 
-study = stepper.Study(
+study = stepper.lab.Study(
     name="block",
     model=model,
     start=thrown,
-    outcomes=stepper.Outcome(name="lost at the first touch", measure=lost, success=f"<= {LOSS}"),
+    outcomes=stepper.lab.Outcome(name="lost at the first touch", measure=lost, success=f"<= {LOSS}"),
     parameters={
-        "friction": stepper.Parameter(target="geom_friction", column=0, nominal=THEORY, low=0.0, high=0.08, source="the exercise"),
-        "speed": stepper.Parameter(target="drive", nominal=SPEED, low=0.5, high=2.0, unit="m/s", source="the exercise"),
-        "restitution": stepper.Parameter(target="geom_restitution", names=("block",), low=0.3, high=0.5, source="the exercise"),
+        "friction": stepper.lab.Parameter(target="geom_friction", column=0, nominal=THEORY, low=0.0, high=0.08, source="the exercise"),
+        "speed": stepper.lab.Parameter(target="drive", nominal=SPEED, low=0.5, high=2.0, unit="m/s", source="the exercise"),
+        "restitution": stepper.lab.Parameter(target="geom_restitution", names=("block",), low=0.3, high=0.5, source="the exercise"),
     },
     seconds=0.3,  # after the first touch at 0.19 s, before the second at 0.39 s
     control=0.01,
@@ -68,4 +68,4 @@ study = stepper.Study(
 
 if __name__ == "__main__":
     print(f"theory: mu = 0.1 v_x / ((1 + e) v_z) = {THEORY:.5f}")
-    print(stepper.sweep(study).document.markdown())
+    print(stepper.lab.sweep(study).document.markdown())

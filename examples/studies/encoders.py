@@ -72,25 +72,25 @@ class Balance:
 
 def balancing(name: str, file: str) -> Any:
     """The study of a policy: 10 s upright."""
-    return stepper.Study(
+    return stepper.lab.Study(
         name=name,
         model=model,
         drive=Balance(file),
         outcomes=[
-            stepper.Outcome(name="lowest tip", measure="site tip z", over="min", success=f">= {TIP}", unit="m"),
-            stepper.Outcome(name="time upright", measure=lambda now: 10.0 * (now.site("tip")[:, 2] > TIP), over="mean", unit="s"),
+            stepper.lab.Outcome(name="lowest tip", measure="site tip z", over="min", success=f">= {TIP}", unit="m"),
+            stepper.lab.Outcome(name="time upright", measure=lambda now: 10.0 * (now.site("tip")[:, 2] > TIP), over="mean", unit="s"),
         ],
         parameters={
-            "angle noise": stepper.Parameter(
+            "angle noise": stepper.lab.Parameter(
                 target="sensor.noise_std", names=ANGLES, low=0.0, high=0.06, unit="rad", source="potentiometers and magnets: 0.001 to 0.05"
             ),
-            "rate noise": stepper.Parameter(
+            "rate noise": stepper.lab.Parameter(
                 target="sensor.noise_std", names=RATES, low=0.0, high=0.6, unit="rad/s", source="differences of encoders over 5 to 20 ms"
             ),
-            "drift": stepper.Parameter(
+            "drift": stepper.lab.Parameter(
                 target="sensor.drift_std", names=ANGLES, low=0.0, high=0.03, unit="rad/sqrt(s)", source="angles that are integrated"
             ),
-            "delay": stepper.Parameter(
+            "delay": stepper.lab.Parameter(
                 target="sensor.delay", names=("*",), low=0.0, high=0.04, unit="s", source="buses and filters: 1 to 50 ms"
             ),
         },
@@ -112,7 +112,7 @@ def table() -> None:
     for own in (study, trained):
         for kind, sensors in (("ideal sensors", None), ("encoders", encoders())):
             given = replace(own, name=f"{own.name}_{kind}".replace(" ", "_"), sensors=sensors, parameters={}, episodes=64)
-            (level,) = stepper.sweep(given).sweep.levels
+            (level,) = stepper.lab.sweep(given).sweep.levels
             low, high = level.interval
             print(f"{own.name}, {kind}: {level.successes} of {level.episodes} upright for 10 s, 95 % {low:.3f} to {high:.3f}")
 
@@ -125,7 +125,7 @@ def picture(file: str) -> None:
     panels = figure.subplots(1, len(study.parameters), sharey=True)
     both = {"trained on the state": study, "trained on encoders": trained}
     for number, (label, own) in enumerate(both.items()):
-        found = stepper.sweep(own, cliffs=False).sweep
+        found = stepper.lab.sweep(own, cliffs=False).sweep
         for panel, name in zip(panels, own.parameters, strict=True):
             levels = found.levels_of(name)
             share = np.array([level.share for level in levels])

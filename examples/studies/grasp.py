@@ -59,17 +59,17 @@ def slip(now: Any) -> np.ndarray[Any, Any]:
     return fallen
 
 
-study = stepper.Study(
+study = stepper.lab.Study(
     name="grasp",
     model=MODEL,
     drive=lift,
     outcomes=[
-        stepper.Outcome(name="slip", measure=slip, over="max", success="<= 0.0005", unit="m"),
-        stepper.Outcome(name="force at a pad", measure=lambda now: np.abs(now.contact_force("left")[:, 0]), over="end", unit="N"),
-        stepper.Outcome(name="rise", measure="body box z", over="change", unit="m"),
+        stepper.lab.Outcome(name="slip", measure=slip, over="max", success="<= 0.0005", unit="m"),
+        stepper.lab.Outcome(name="force at a pad", measure=lambda now: np.abs(now.contact_force("left")[:, 0]), over="end", unit="N"),
+        stepper.lab.Outcome(name="rise", measure="body box z", over="change", unit="m"),
     ],
     parameters={
-        "friction": stepper.Parameter(
+        "friction": stepper.lab.Parameter(
             target="geom_friction",
             names=("box", "*_pad"),
             column=0,
@@ -90,7 +90,7 @@ study = stepper.Study(
 )
 
 if __name__ == "__main__":
-    found = stepper.sweep(study).sweep
+    found = stepper.lab.sweep(study).sweep
     print(f"theory: mu = m (g + a) / (2 F) = {THEORY:.4f}, a = {ACCELERATION:g} m/s^2, F = {FORCE:g} N")
     for cliff in found.cliffs:
         middle = (cliff.low + cliff.high) / 2

@@ -133,17 +133,19 @@ def start(now: Any, _: Any) -> Any:
     return qpos, np.zeros((now.num_envs, now.model.nv))
 
 
-study = stepper.Study(
+study = stepper.lab.Study(
     name="panda",
     model=scene,
     drive=pick,
     start=start,
     outcomes=[
-        stepper.Outcome(name="rise", measure="body cube z", over="change", success=">= 0.1", unit="m"),
-        stepper.Outcome(name="slip", measure=lambda now: now.site("hand_grip_site")[:, 2] - now.body("cube")[:, 2], over="end", unit="m"),
+        stepper.lab.Outcome(name="rise", measure="body cube z", over="change", success=">= 0.1", unit="m"),
+        stepper.lab.Outcome(
+            name="slip", measure=lambda now: now.site("hand_grip_site")[:, 2] - now.body("cube")[:, 2], over="end", unit="m"
+        ),
     ],
     parameters={
-        "friction": stepper.Parameter(
+        "friction": stepper.lab.Parameter(
             target="geom_friction",
             names=("cube", "hand_finger*"),
             column=0,

@@ -108,7 +108,7 @@ def start(now: Any, rng: Any) -> Any:
 
 def picking(name: str, drive: Any, control: float) -> Any:
     """The study of a drive: 4 s, and the cube 10 cm above where it lay."""
-    return stepper.Study(
+    return stepper.lab.Study(
         name=name,
         model=scene,
         drive=drive,

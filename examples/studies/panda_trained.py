@@ -53,7 +53,7 @@ def both() -> dict[str, Any]:
     """Sweeps by the policy and by the script."""
     from panda_scripted import study as scripted  # type: ignore[import-not-found]  # noqa: PLC0415
 
-    return {name: stepper.sweep(own, cliffs=False).sweep for name, own in (("policy", study), ("script", scripted))}
+    return {name: stepper.lab.sweep(own, cliffs=False).sweep for name, own in (("policy", study), ("script", scripted))}
 
 
 def table(sweeps: Any) -> None:

@@ -43,7 +43,7 @@ class Stop:
         """Nothing was seen yet."""
         self._moving, self._next = np.ones(now.num_envs, bool), np.zeros(now.num_envs)
         self._box = np.full((now.num_envs, 3), np.nan)
-        self._view = stepper.FieldOfView(width=now.theta["field of view"], height=0.5)
+        self._view = stepper.sensors.FieldOfView(width=now.theta["field of view"], height=0.5)
 
     def __call__(self, now: Any) -> np.ndarray[Any, Any]:
         """The speed of the plate."""
@@ -62,29 +62,31 @@ def beyond(now: Any) -> np.ndarray[Any, Any]:
     return far
 
 
-study = stepper.Study(
+study = stepper.lab.Study(
     name="pushed_box",
     model=MODEL,
     drive=Stop(),
-    outcomes=stepper.Outcome(name="from the line", measure=beyond, success=f"<= {WIDE}", margin=1e-5, unit="m"),
+    outcomes=stepper.lab.Outcome(name="from the line", measure=beyond, success=f"<= {WIDE}", margin=1e-5, unit="m"),
     sensors=stepper.SensorModel({"camera": stepper.Transfer(noise_std=0.001, delay=0.01)}),
     parameters={
-        "friction": stepper.Parameter(
+        "friction": stepper.lab.Parameter(
             target="geom_friction", names=("table", "box"), column=0, nominal=0.5, low=0.1, high=0.9, source="boxes on tables"
         ),
-        "mass": stepper.Parameter(target="body_mass", names=("box",), how="scale", low=0.5, high=2.0, source="what is in the box"),
-        "height": stepper.Parameter(target="geom_size", names=("box",), column=2, how="scale", low=0.6, high=1.0, source="the box"),
-        "rate": stepper.Parameter(target="drive", nominal=50.0, values=(5.0, 10.0, 25.0, 50.0), unit="Hz", source="controllers"),
-        "camera noise": stepper.Parameter(target="sensor.noise_std", low=0.0, high=0.02, unit="m", source="detectors of markers"),
-        "camera delay": stepper.Parameter(target="sensor.delay", low=0.0, high=0.1, unit="s", source="cameras of 30 to 100 Hz"),
-        "camera place": stepper.Parameter(
+        "mass": stepper.lab.Parameter(target="body_mass", names=("box",), how="scale", low=0.5, high=2.0, source="what is in the box"),
+        "height": stepper.lab.Parameter(target="geom_size", names=("box",), column=2, how="scale", low=0.6, high=1.0, source="the box"),
+        "rate": stepper.lab.Parameter(target="drive", nominal=50.0, values=(5.0, 10.0, 25.0, 50.0), unit="Hz", source="controllers"),
+        "camera noise": stepper.lab.Parameter(target="sensor.noise_std", low=0.0, high=0.02, unit="m", source="detectors of markers"),
+        "camera delay": stepper.lab.Parameter(target="sensor.delay", low=0.0, high=0.1, unit="s", source="cameras of 30 to 100 Hz"),
+        "camera place": stepper.lab.Parameter(
             target="body_pos", names=("camera",), column=0, how="add", low=-0.03, high=0.03, unit="m", source="a bracket, by eye"
         ),
         # About the camera's y axis: (0, 1, 0, 0) is turned by half the angle in its last number.
-        "camera tilt": stepper.Parameter(
+        "camera tilt": stepper.lab.Parameter(
             target="body_quat", names=("camera",), column=3, how="add", low=-0.015, high=0.015, unit="rad/2", source="a bracket, by eye"
         ),
-        "field of view": stepper.Parameter(target="drive", nominal=1.0, low=0.4, high=1.2, unit="rad", source="lenses of 23 to 69 degrees"),
+        "field of view": stepper.lab.Parameter(
+            target="drive", nominal=1.0, low=0.4, high=1.2, unit="rad", source="lenses of 23 to 69 degrees"
+        ),
     },
     seconds=1.6,
     control=0.02,
@@ -93,4 +95,4 @@ study = stepper.Study(
 )
 
 if __name__ == "__main__":
-    print(stepper.report(study).document.markdown())
+    print(stepper.lab.report(study).document.markdown())

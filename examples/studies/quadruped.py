@@ -87,25 +87,25 @@ def start(now: Any, rng: Any) -> Any:
     return qpos, 0.05 * np.array([g.standard_normal(now.model.nv) for g in rng])
 
 
-study = stepper.Study(
+study = stepper.lab.Study(
     name="quadruped",
     model=robot,
     drive=trot,
     start=start,
     outcomes=[
-        stepper.Outcome(name="lowest trunk", measure="body base z", over="min", success=">= 0.18", unit="m"),
-        stepper.Outcome(name="way", measure="body base x", over="change", unit="m"),
+        stepper.lab.Outcome(name="lowest trunk", measure="body base z", over="min", success=">= 0.18", unit="m"),
+        stepper.lab.Outcome(name="way", measure="body base x", over="change", unit="m"),
     ],
     parameters={
-        "push": stepper.Parameter(target="drive", nominal=0.0, low=0.0, high=300.0, unit="N", source="a person, for 0.1 s"),
-        "friction": stepper.Parameter(
+        "push": stepper.lab.Parameter(target="drive", nominal=0.0, low=0.0, high=300.0, unit="N", source="a person, for 0.1 s"),
+        "friction": stepper.lab.Parameter(
             target="geom_friction", names=("floor", "F?", "R?"), column=0, low=0.2, high=1.0, source="wet tiles to rubber on concrete"
         ),
-        "payload": stepper.Parameter(target="body_mass", names=("base",), how="scale", low=0.8, high=1.8, source="batteries and arms"),
-        "stiffness": stepper.Parameter(target="kp", how="scale", low=0.5, high=1.5, source="gains that people use: 20 to 100 N m/rad"),
-        "damping": stepper.Parameter(target="kd", how="scale", low=0.5, high=1.5, source="gains that people use"),
-        "delay": stepper.Parameter(target="actuator.delay", low=0.0, high=0.02, unit="s", source="buses, 1 to 20 ms"),
-        "dry friction": stepper.Parameter(
+        "payload": stepper.lab.Parameter(target="body_mass", names=("base",), how="scale", low=0.8, high=1.8, source="batteries and arms"),
+        "stiffness": stepper.lab.Parameter(target="kp", how="scale", low=0.5, high=1.5, source="gains that people use: 20 to 100 N m/rad"),
+        "damping": stepper.lab.Parameter(target="kd", how="scale", low=0.5, high=1.5, source="gains that people use"),
+        "delay": stepper.lab.Parameter(target="actuator.delay", low=0.0, high=0.02, unit="s", source="buses, 1 to 20 ms"),
+        "dry friction": stepper.lab.Parameter(
             target="dof_frictionloss", names=("*_joint",), how="scale", low=0.5, high=2.0, source="gears, as they wear"
         ),
     },

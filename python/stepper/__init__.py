@@ -6,106 +6,56 @@ Load a scene with `load`, step environments of it with `Stepper`, and read in `S
 import importlib
 from typing import TYPE_CHECKING, Any
 
-from stepper import _pickles as _pickles
-from stepper import bodies, devices, quantities, states
 from stepper._options import Options
 from stepper._status import Status
-from stepper._stepper import Model, ModelError, State, Stepper, __version__, cpu_levels
-from stepper.actuators import PID, ActuatorModel, DCMotor, Drive
-from stepper.loading import HeightField, ModelWarning, load
-from stepper.recording import Difference, Recorder, RecordingError, Replay, replay
-from stepper.sensors import Combination, FieldOfView, RayFan, SensorModel, SensorSpec, Transfer
+from stepper._stepper import Model, ModelError, State, Stepper, __version__
+from stepper.actuators import ActuatorModel, Drive
+from stepper.loading import ModelWarning, load
+from stepper.recording import Recorder, replay
+from stepper.sensors import SensorModel, Transfer
 
 if TYPE_CHECKING:
-    from stepper.derivatives import Kink, Linearization
-    from stepper.experiments.accuracy.chart import Chart, chart
-    from stepper.experiments.accuracy.tune import Tuning, tune
-    from stepper.experiments.compare import Comparison, compare
-    from stepper.experiments.study import Outcome, Parameter, Policy, Study
-    from stepper.experiments.study.ranking import Ranking, rank
-    from stepper.experiments.study.report import Report, report, sweep
-    from stepper.identification import Episode, FitParameter, Identification, Tracked, Tracker, identify
+    from stepper import actuators, adapters, derivatives, envs, lab, policies, recording, sensors, sysid, viewer
 
 __all__ = [
-    "PID",
     "ActuatorModel",
-    "Chart",
-    "Combination",
-    "Comparison",
-    "DCMotor",
-    "Difference",
     "Drive",
-    "Episode",
-    "FieldOfView",
-    "FitParameter",
-    "HeightField",
-    "Identification",
-    "Kink",
-    "Linearization",
     "Model",
     "ModelError",
     "ModelWarning",
     "Options",
-    "Outcome",
-    "Parameter",
-    "Policy",
-    "Ranking",
-    "RayFan",
     "Recorder",
-    "RecordingError",
-    "Replay",
-    "Report",
     "SensorModel",
-    "SensorSpec",
     "State",
     "Status",
     "Stepper",
-    "Study",
-    "Tracked",
-    "Tracker",
     "Transfer",
-    "Tuning",
     "__version__",
-    "bodies",
-    "chart",
-    "compare",
-    "cpu_levels",
-    "devices",
-    "identify",
+    "actuators",
+    "adapters",
+    "derivatives",
+    "envs",
+    "lab",
     "load",
-    "quantities",
-    "rank",
+    "policies",
+    "recording",
     "replay",
-    "report",
-    "states",
-    "sweep",
-    "tune",
+    "sensors",
+    "sysid",
+    "viewer",
 ]
 
-
-_LATER = {
-    **dict.fromkeys(("Kink", "Linearization"), "stepper.derivatives"),
-    **dict.fromkeys(("Chart", "Tuning", "chart", "tune"), "stepper.experiments.accuracy"),
-    **dict.fromkeys(("Comparison", "compare"), "stepper.experiments.compare"),
-    **dict.fromkeys(
-        ("Outcome", "Parameter", "Policy", "Ranking", "Report", "Study", "rank", "report", "sweep"), "stepper.experiments.study"
-    ),
-    **dict.fromkeys(("Episode", "Identification", "Tracked", "Tracker", "FitParameter", "identify"), "stepper.identification"),
-}
-"""Names whose modules are imported when they are asked for: a loop that steps needs none of them, and they take longer than all else."""
-
-
-_SUBMODULES = ("adapters", "cli", "derivatives", "envs", "experiments", "identification", "policies", "viewer")
+_SUBMODULES = ("adapters", "derivatives", "envs", "lab", "policies", "sysid", "viewer")
 """Submodules that are imported when they are first used: most are slow to import, and some need optional packages."""
 
 
 def __getattr__(name: str) -> Any:
     if name in _SUBMODULES:
         return importlib.import_module(f"stepper.{name}")
-    if name in _LATER:
-        return getattr(importlib.import_module(_LATER[name]), name)
-    raise AttributeError(f"module 'stepper' has no attribute {name!r}")
+    from stepper._hints import no_root_attribute  # noqa: PLC0415
+
+    raise no_root_attribute(name, __all__)
 
 
 def __dir__() -> list[str]:
-    return sorted({*globals(), *__all__, *_SUBMODULES})
+    return sorted(__all__)

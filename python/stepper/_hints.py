@@ -52,13 +52,14 @@ _LISTED = 12
 _NEW_NAMES = {
     "Options": {"of": "from_model"},
     "Study": {"of": "from_model"},
+    "Stepper.randomize": {"mask": "envs"},
     "Stepper": {
         "observation": "sensordata",
         "sensor_truth": "sensordata_ideal",
         "depth": "max_penetration",
         "penetration": "max_penetration",
         "limit_overshoot": "max_limit_violation",
-        "sweeps": "iterations, Newton steps included",
+        "sweeps": "iterations",
         "solver_niter": "iterations",
         "bias_force": "qfrc_bias",
         "smooth_acceleration": "qacc_smooth",
@@ -72,6 +73,8 @@ _NEW_NAMES = {
         "site_xmat": "site_xquat",
         "xanchor": "xpos",
         "qfrc_inverse": "inverse_dynamics(qacc)",
+        "copy": "copy_state(sources, envs)",
+        "restore": "set_state(states, envs)",
         "render": "view()",
         "forward": "qacc or another attribute: all follow from the state",
     },
@@ -155,7 +158,13 @@ def not_assigned(owner: type, name: str) -> AttributeError:
 def no_attribute(owner: type, name: str) -> AttributeError:
     """Error for an attribute that a class does not have: its new name, where it is instead, or similar names."""
     hint = _place_of(owner, name) or near(name, dir(owner))
-    return AttributeError(f"a stepper.{owner.__name__} has no attribute {name!r}{hint}")
+    return AttributeError(f"a {_public_name(owner)} has no attribute {name!r}{hint}")
+
+
+def _public_name(owner: type) -> str:
+    """Name of a class as users write it: "stepper.lab.Study"."""
+    folder = owner.__module__.split(".")[1]
+    return f"stepper.{owner.__name__}" if folder.startswith("_") else f"stepper.{folder}.{owner.__name__}"
 
 
 def _place_of(owner: type, name: str) -> str:
@@ -171,6 +180,53 @@ def _place_of(owner: type, name: str) -> str:
     if owner is Stepper and hasattr(Model, name):
         return f"; its model has it, as sim.model.{name}"
     return ""
+
+
+_IN = {
+    "actuators": ("PID", "DCMotor"),
+    "derivatives": ("Kink", "Linearization"),
+    "lab": (
+        *("Chart", "Comparison", "Outcome", "Parameter", "Policy", "Ranking", "Report", "Study", "Tuning"),
+        *("chart", "compare", "rank", "report", "sweep", "tune"),
+    ),
+    "recording": ("Difference", "RecordingError", "Replay"),
+    "sensors": ("Combination", "FieldOfView", "HeightField", "RayFan", "SensorSpec", "devices"),
+    "sysid": ("Episode", "FitParameter", "Identification", "Tracked", "Tracker", "identify"),
+    "viewer": ("Player", "Renderer", "View", "view"),
+}
+"""Names of submodules that are tried in `stepper` itself."""
+_ROOT_NAMES = {
+    **{name: f"stepper.{place}.{name}" for place, names in _IN.items() for name in names},
+    "Unknown": "stepper.sysid.FitParameter",
+    "Reading": "stepper.sensors.SensorSpec",
+    "experiments": "stepper.lab",
+    "identification": "stepper.sysid",
+    "bodies": "attributes of a stepper.Stepper, as sim.cinert",
+    "quantities": "attributes and methods of a stepper.Stepper, as sim.qpos, sim.read(...), sim.inverse_dynamics(...), sim.rays(...)",
+    "states": "methods of a stepper.Stepper with envs=, as sim.reset(envs=[3, 5]), and sim.copy_state(...)",
+    "cpu_levels": "stepper.shared.machine.cpu_levels()",
+    **dict.fromkeys(
+        ("MjModel", "from_xml_path", "from_xml_string", "load_model"), "stepper.load(path or text), which gives a stepper.Model"
+    ),
+    **dict.fromkeys(("MjData", "Simulation", "Simulator", "Sim"), "stepper.Stepper(model, num_envs)"),
+    "mj_step": "sim.step(ctrl) of a stepper.Stepper",
+    "mj_forward": "attributes of a stepper.Stepper, which follow from its state, as sim.qacc",
+    "mj_resetData": "sim.reset() of a stepper.Stepper",
+    "rollout": "sim.rollout(ctrl) of a stepper.Stepper; stepper.derivatives.rollout has gradients",
+    "linearize": "sim.linearize() of a stepper.Stepper",
+    **dict.fromkeys(("make", "make_vec"), "gymnasium.make and gymnasium.make_vec after import stepper.envs"),
+    **dict.fromkeys(("Env", "StepperEnv"), "stepper.envs.StepperEnv"),
+    **dict.fromkeys(("VectorEnv", "StepperVectorEnv"), "stepper.envs.StepperVectorEnv"),
+    "Task": "stepper.envs.Task",
+    "wrappers": "those of gymnasium.wrappers.vector",
+}
+"""Present places of names that are not in `stepper` itself: earlier names, and those of MuJoCo and Gymnasium."""
+
+
+def no_root_attribute(name: str, known: Iterable[str]) -> AttributeError:
+    """Error for a name that `stepper` does not have: its present place, or similar names."""
+    hint = f"; use {_ROOT_NAMES[name]}" if name in _ROOT_NAMES else near(name, known)
+    return AttributeError(f"module 'stepper' has no attribute {name!r}{hint}")
 
 
 class Hinting(type):
@@ -192,6 +248,8 @@ def unknown_field(where: str, name: str, known: Iterable[str], listed: str) -> s
         listed: What lists these names: "help(stepper.Stepper.randomize)".
     """
     hint = near(name, known) or f"; {listed} lists the fields"
+    if name in (other := _NEW_NAMES.get(where, {})):
+        hint = f"; did you mean {other[name]}?"
     if isinstance(getattr(Model, name, None), property):
         hint = f"; all environments of a stepper share this one: make a stepper.Stepper of model.replace({name}=...)"
     elif name in _REMEDIES:

@@ -36,6 +36,7 @@ __all__ = [
     "Tendon",
     "__version__",
     "cpu_levels",
+    "selected",
 ]
 __version__: Final[str]
 
@@ -43,6 +44,19 @@ _Array: TypeAlias = NDArray[Any]
 
 def cpu_levels() -> list[str]:
     """CPU levels of this machine, slowest first."""
+
+def selected(envs: ArrayLike | None, num_envs: int) -> list[int]:
+    """Environments that an argument `envs` selects, in its order: see `Stepper.reset`.
+
+    Args:
+        envs: A boolean mask (num_envs,), or integer indices; None is all.
+        num_envs: Number of environments.
+
+    Raises:
+        TypeError: Numbers that are no integers, with the first of them.
+        ValueError: A mask of another length, an index twice.
+        IndexError: An index out of range.
+    """
 
 class ModelError(ValueError):
     """A model that cannot be simulated: what is wrong, where, and what to do."""
@@ -838,7 +852,7 @@ class Stepper:
     cfrc_ext: Final[_Array]
     """Torques (3) in N m and forces (3) in N on the bodies of the contacts that the last step left, about the centre of mass of their
     tree, world axes: (num_envs, nbody, 6). The world's row is zero, and where no step was made since the state was set all are.
-    MuJoCo counts `xfrc_applied` and connect and weld equalities as well; `stepper.bodies.cfrc_ext` adds the first."""
+    MuJoCo counts `xfrc_applied` and connect and weld equalities as well."""
     qacc: Final[_Array]
     """Acceleration (v+ - v) / h of the last step, impulses of contacts and limits included: (num_envs, nv).
 
@@ -934,52 +948,61 @@ class Stepper:
     ) -> Stepper: ...
     def reset(
         self,
-        mask: ArrayLike | None = None,
+        envs: ArrayLike | None = None,
         *,
         qpos: ArrayLike | None = None,
         qvel: ArrayLike | None = None,
         seed: int | ArrayLike | None = None,
         keyframe: str | int | None = None,
     ) -> None:
-        """Starts a new episode in all environments, or in those of a boolean mask (num_envs,). Nothing of the old one remains.
+        """Starts a new episode in all environments, or in those of `envs`. Nothing of the old one remains.
 
         Forces that are applied end, mocap bodies go back to where the model has them, and controls in force are zero, or the
         keyframe's, until `step` takes others. Parameters of `randomize` stay.
 
         Args:
-            mask: Which environments; None is all.
+            envs: Which environments: a boolean mask (num_envs,), or integer indices (k,), each once; None is all, and none of them does
+                nothing. With a mask, arrays have rows of all environments, and those of the others are not read. With indices, arrays
+                have a row for each index, in their order.
             qpos: Where they start, (num_envs, nq) or (nq,); None is the model's reference. Quaternions are normalised.
             qvel: How fast, (num_envs, nv) or (nv,); None is at rest.
-            seed: A new seed of the errors of sensors, or (num_envs,) one for each environment, of which those that start take
-                theirs; None keeps the old ones.
+            seed: A new seed of the errors of sensors, or (num_envs,) one for each environment; None keeps the old ones.
             keyframe: Name or index of a keyframe to start from: its qpos, qvel, act, ctrl and time.
 
         Raises:
-            TypeError: A seed that is no whole number.
+            TypeError: A seed or an index that is no whole number.
+            IndexError: No environment of that index.
             ValueError: A wrong shape, a number that is not finite, a quaternion of zeros, a negative seed. Nothing is changed then.
             KeyError: No such keyframe.
         """
-    def step(self, ctrl: ArrayLike | None = None, nstep: int = 1, *, mask: ArrayLike | None = None) -> None:
-        """Makes `nstep` steps in every environment, or in those of a boolean mask (num_envs,).
+    def step(self, ctrl: ArrayLike | None = None, nstep: int = 1, envs: ArrayLike | None = None) -> None:
+        """Makes `nstep` steps in every environment, or in those of `envs`.
 
         Args:
             ctrl: Controls, (num_envs, nu) or (nu,) for all, held until others are given; None holds those in force (`Stepper.ctrl`),
                 as MuJoCo does.
             nstep: Number of steps.
-            mask: Which environments; None is all. The others stay as they are, to the bit, with their controls, sensors and flags, and
-                rows of theirs in `ctrl` are not read. Environments that are worked on together and none of which step cost nothing,
-                unless sensors or actuators have delays: then all step, and the others are put back.
+            envs: Which environments, as of `reset`. The others stay as they are, to the bit, with their controls, sensors and flags.
+                Environments that are worked on together and none of which step cost nothing, unless sensors or actuators have delays or
+                the stepper is recorded: then all step, and the others are put back.
 
         Raises:
-            ValueError: A wrong shape; the message has both. A mask while the stepper is recorded. A control that is NaN is no error: its
-                environment keeps its state and says NON_FINITE in `status`.
+            ValueError: A wrong shape; the message has both. A control that is NaN is no error: its environment keeps its state and says
+                NON_FINITE in `status`.
+            TypeError, IndexError: As of `reset`.
             KeyboardInterrupt: Ctrl-C in a long call, which looks for signals some twenty times a second. Every environment has then
                 made the same number of steps, the exception's `steps`, and all is as a call with that `nstep` leaves it; but mocap
                 bodies are where their way has brought them, and a recording in which they were under way replays up to this call
                 only. What another signal's handler raises ends the call alike.
         """
     def rollout(
-        self, ctrl: ArrayLike, nstep: int = 1, *, fields: Sequence[str] | None = None, out: dict[str, _Array] | None = None
+        self,
+        ctrl: ArrayLike,
+        nstep: int = 1,
+        *,
+        initial: State | Sequence[State] | None = None,
+        fields: Sequence[str] | None = None,
+        out: dict[str, _Array] | None = None,
     ) -> dict[str, _Array]:
         """Makes `nstep` steps with each of T controls, without Python in between: the bits of T calls of `step`.
 
@@ -989,6 +1012,8 @@ class Stepper:
         Args:
             ctrl: Controls, (T, num_envs, nu), or (T, nu) for all environments.
             nstep: Steps that each control is held.
+            initial: State that all environments begin with, as of `set_state`: of one environment, of all, or a list with one for each.
+                None is the present one.
             fields: What to write down after every control: "qpos" (T, num_envs, nq), "qvel" (T, num_envs, nv), "act" (T, num_envs,
                 na), "sensordata" (T, num_envs, nsensordata). None is what `out` names, and without `out` all but "act".
             out: Arrays to write into, by field: of those shapes, C-contiguous, float64, or float32 with `precision="f32"`.
@@ -1015,9 +1040,9 @@ class Stepper:
         """
     def set_state(
         self,
-        qpos: ArrayLike | State | None = None,
+        qpos: ArrayLike | State | Sequence[State] | None = None,
         qvel: ArrayLike | None = None,
-        mask: ArrayLike | None = None,
+        envs: ArrayLike | None = None,
         *,
         act: ArrayLike | None = None,
         time: ArrayLike | None = None,
@@ -1031,11 +1056,11 @@ class Stepper:
 
         Args:
             qpos: (num_envs, nq) or (nq,). Or what `get_state` returned: of a batch of the same size each environment takes its own
-                part, of a single environment all take the same. Continuing from a `State` repeats the same bits; where a state of one
-                is given to a batch, each environment's sensors draw random numbers of their own from then on.
+                part, of a single environment all take the same. Or a list of states of single environments, one for each of `envs`.
+                Continuing from a `State` repeats the same bits; where a state of one is given to a batch, each environment's sensors
+                draw random numbers of their own from then on.
             qvel: (num_envs, nv) or (nv,).
-            mask: Which environments, (num_envs,) bool; None is all. `set_state(get_state(env=3), mask=...)` copies environment 3 to
-                others.
+            envs: Which environments, as of `reset`. `set_state(get_state(env=3), envs=[5, 6])` copies environment 3 to others.
             act: (num_envs, na) or (na,).
             time: s, (num_envs,) or one for all.
             keep_warmstart: Whether to keep all memory where qpos, qvel or act are set, to correct the state of an environment that
@@ -1047,7 +1072,7 @@ class Stepper:
             ValueError: A wrong shape, a number that is not finite, a quaternion of zeros, a state of another model. Nothing is
                 changed then.
         """
-    def randomize(self, mask: ArrayLike | None = None, **fields: ArrayLike | ActuatorModel | None) -> None:
+    def randomize(self, envs: ArrayLike | None = None, **fields: ArrayLike | ActuatorModel | None) -> None:
         """Gives environments parameters of their own, as `Model.replace` would give them to a model; what derives from them follows.
 
         Every environment then moves as one of a `Stepper` of its own model, bit for bit. Parameters are not part of the state:
@@ -1056,11 +1081,11 @@ class Stepper:
 
         Contacts of an explicit pair use pair_friction and pair_restitution and ignore those of the geoms. A new geom_friction for a geom
         of a pair is therefore an error, unless pair_friction is given too, in this call or an earlier one: new values, or the model's to
-        keep these contacts as they are. An earlier call counts for all environments, also for those outside its mask, whose pairs keep the
-        model's values. Likewise geom_restitution and pair_restitution.
+        keep these contacts as they are. An earlier call counts for all environments, also for those that it did not select, whose pairs
+        keep the model's values. Likewise geom_restitution and pair_restitution.
 
         Args:
-            mask: (num_envs,) bool: the environments that change; None is all. Rows of the others are not read.
+            envs: The environments that change, as of `reset`.
             **fields: Arrays with num_envs in front of the shape that the field has in the model; None gives the model's own numbers
                 back, and so do all fields when none is named: gravity (num_envs, 3) m/s^2; body_mass (num_envs, nbody) kg, body_ipos
                 (num_envs, nbody, 3) m, the centre of mass, and body_inertia (num_envs, nbody, 3) kg m^2, principal moments, each by
@@ -1077,6 +1102,7 @@ class Stepper:
                 they stay as they are until `reset`.
 
         Raises:
+            TypeError, IndexError: As of `reset`.
             ValueError: A wrong shape; both are named. A number that a drive may not have, or a stage or delay that it was not made
                 for, with the actuator. Nothing is changed then.
             ModelError: A field that all environments share, numbers that no model may have, that ask for something that the model
@@ -1100,7 +1126,7 @@ class Stepper:
         Args:
             env: An environment; None is all of them.
         """
-    def contacts(self, env: int | None = None) -> NDArray[np.void]:
+    def contacts(self, envs: ArrayLike | None = None) -> NDArray[np.void]:
         """Contacts of the last step: those that were given a row.
 
         That is every one that the motion can close within the step, also contacts that do not touch (distance > 0), mostly without
@@ -1108,7 +1134,7 @@ class Stepper:
         beyond the margin that do not push, has no effect here: what is farther than a step away is not listed.
 
         Args:
-            env: An environment; None is all of them, one after the other.
+            envs: Which environments, as of `reset`, one after the other.
 
         Returns:
             A structured array: env, geom (2,), body (2,), pos (3,) in m, normal (3,) from the first geom to the second, distance in m
@@ -1230,6 +1256,54 @@ class Stepper:
         Returns:
             Flags of `Kink` by column, (environments, columns) uint32, and the distance to the nearest kink, (environments,).
         """
+    def read(self, name: str, of: str | int | Sequence[str | int] | None = None) -> _Array:
+        """Values of a quantity for all its elements, or for some by name or index.
+
+            sim.read("xpos", "torso")  # (num_envs, 3)
+            sim.read("qvel", ["left_knee", "right_knee"])  # (num_envs, 2)
+
+        Args:
+            name: An attribute of `Stepper`: "xpos", "qvel", "sensordata".
+            of: A body, site, geom, joint, actuator or sensor, whichever the quantity is of, or several; None is all. One body, site or
+                geom is without its axis: (num_envs, 3). Columns of joints and sensors stand one after the other: (num_envs, n).
+
+        Returns:
+            (num_envs, ...) in the stepper's scalar type, the caller's own.
+
+        Raises:
+            ValueError: An unknown quantity.
+            KeyError, IndexError: No element of that name or index.
+        """
+    def inverse_dynamics(self, qacc: ArrayLike) -> _Array:
+        """Forces on the joints that give the present states these accelerations: M qacc + bias - passive.
+
+        This is MuJoCo's `mj_inverse` without constraints. Passive forces are those of springs, dampers, gravity compensation and the
+        medium. Forces of actuators and applied forces are not subtracted, nor are those of contacts and other constraints, which
+        `qfrc_constraint` has of the last step.
+
+        Args:
+            qacc: Accelerations, (num_envs, nv) or (nv,), m/s^2 or rad/s^2.
+
+        Returns:
+            (num_envs, nv) in the stepper's scalar type, N or N m.
+
+        Raises:
+            ValueError: Accelerations of another shape.
+        """
+    def copy_state(self, sources: ArrayLike, envs: ArrayLike | None = None) -> None:
+        """Copies states between environments: environment `envs[k]` takes over the state of environment `sources[k]`, see `get_state`.
+
+        All states are read before any is changed. Copies draw random numbers of their own for their sensors from then on.
+
+        Args:
+            sources: Indices of the environments whose states are taken, one for each of `envs`, or one for all; an index may repeat.
+            envs: Which environments take them, as of `reset`.
+
+        Raises:
+            TypeError: Indices that are no integers.
+            ValueError: Another number of sources than of environments.
+            IndexError: No environment of that index.
+        """
     def view(self, **settings: Any) -> View:
         """Opens a live view of the environments in the browser, and says where it is.
 
@@ -1250,32 +1324,39 @@ class Stepper:
         points: ArrayLike,
         directions: ArrayLike,
         *,
+        body: str | int | None = None,
+        axes: Literal["body", "heading", "world"] = "body",
         geoms: Sequence[str | int] | None = None,
         exclude: str | int | None = None,
     ) -> tuple[_Array, NDArray[np.int32]]:
-        """What rays meet in the present states: MuJoCo's `mj_ray`, of many rays of all environments in one pass.
+        """Distances and geoms that rays meet in the present states: MuJoCo's `mj_ray`, of many rays of all environments in one pass.
 
         A plane is met from its front, without end. Of a mesh its triangles are met, whether it collides as these or as its hull; of a
         height field also its sides and its base. What begins inside of something meets it where it leaves. What is drawn and touches
         nothing is met where it has a simple shape: a mesh that is only drawn is no part of the model.
 
         Args:
-            points: Where the rays begin in the world, (num_envs, n, 3) or (n, 3) for all environments, m.
-            directions: Where they go, world axes, of any length above 0: (num_envs, n, 3) or (n, 3).
+            points: Where the rays begin, (num_envs, n, 3) or (n, 3) for all environments, m: in the world, or from the origin of `body`.
+            directions: Where they go, of any length above 0: (num_envs, n, 3) or (n, 3).
+            body: Name or index of the body that the rays belong to, as those of its lidar do; its own geoms are not met. None is the
+                world.
+            axes: Axes of points and directions around a body: "body", its own; "heading", the world's turned by its heading; "world".
             geoms: Names or indices of the geoms that the rays can meet; None is all of them.
-            exclude: Name or index of a body whose geoms are not met; None is none.
+            exclude: Name or index of a body whose geoms are not met; None is `body`.
 
         Returns:
             Distances in m, (num_envs, n) in the stepper's scalar type, and the indices of the geoms that are met, (num_envs, n) int32. Both
             are -1 where nothing is.
 
         Raises:
-            ValueError: An array of another shape, a point that is not finite, a direction of length 0, a mesh that is no part of the model.
+            ValueError: An array of another shape, unknown axes, a point that is not finite, a direction of length 0, a mesh that is no part
+                of the model.
             KeyError, IndexError: No geom or body of that name or index.
         """
     def _in_64_bits(self, env: int) -> list[_Array]:
-        """Mass matrix (nv, nv), bias force (nv,), smooth acceleration (nv,), energies and momenta of an environment, in 64 bits also where
-        the stepper's scalar type has 32: the golden trajectories keep the bits of these.
+        """Mass matrix, bias force, smooth acceleration, energies and momenta of an environment in 64 bits, for the golden trajectories.
+
+        They are evaluated in 64 bits also where the stepper's scalar type has 32.
         """
     def energy(self) -> tuple[Any, Any]:
         """Potential energy (gravity, joint springs) and kinetic energy (armature included) of the present states.

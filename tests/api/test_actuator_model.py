@@ -10,7 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from models import stepper_model
 from recordings import edit_header
-from stepper import PID, ActuatorModel, DCMotor, Drive
+from stepper import ActuatorModel, Drive
+from stepper.actuators import PID, DCMotor
 
 ROBOT = "dm_control/humanoid"
 MOTOR = DCMotor(stall_torque=2.0, no_load_speed=400.0, gear=0.5, rotor_inertia=1e-5, efficiency=0.8)
@@ -272,7 +273,7 @@ def test_numbers_out_of_range_are_named(drive, message):
     (lambda: sim_of(actuators=ActuatorModel({"elbow": Drive()})), "no actuator fits 'elbow', there are: abdomen_y"),
     (lambda: sim_of(actuators={"right_knee": Drive()}), "must be a stepper.ActuatorModel"),
     (lambda: ActuatorModel({"a": PID(kp=1)}), "must be a stepper.Drive"),
-    (lambda: Drive(servo=DCMotor()), "must be a stepper.PID"),
+    (lambda: Drive(servo=DCMotor()), "must be a stepper.actuators.PID"),
     (lambda: Drive(lag="slow"), "lag is 'slow'"),
     (lambda: DCMotor(stall_torque=1.0), "go together"),
     (lambda: DCMotor(control="current"), "must be 'torque' or 'voltage'"),

@@ -1,4 +1,4 @@
-"""`stepper.compare`: the same episodes under both laws of contact and in MuJoCo."""
+"""`stepper.lab.compare`: the same episodes under both laws of contact and in MuJoCo."""
 
 import math
 
@@ -14,7 +14,7 @@ BALL = """<mujoco><option timestep=".001"/><worldbody><geom type="plane" size="1
 
 def test_a_ball_that_falls_a_millimetre():
     """Hard contact leaves no depth; the soft one rests as deep as its law says, where its force is the weight, and presses as long."""
-    found = stepper.compare(BALL, seconds=1.0, num_envs=2, start=(np.tile([0, 0, 0.101, 1, 0, 0, 0], (2, 1)), np.zeros((2, 6))))
+    found = stepper.lab.compare(BALL, seconds=1.0, num_envs=2, start=(np.tile([0, 0, 0.101, 1, 0, 0, 0], (2, 1)), np.zeros((2, 6))))
     figures = found.figures()
     assert list(figures) == ["hard", "MuJoCo's law", "MuJoCo"]
     assert figures["hard"]["deepest overlap, mm"] < 0.02  # twice the slop, which is left alone
@@ -40,8 +40,8 @@ def test_controls_policies_rewards_and_pictures(tmp_path):
 
     controls = np.random.default_rng(0).uniform(-1, 1, (40, model.nu))
     step = iter(range(10**6))
-    by_table = stepper.compare(source, controls, seconds=0.2, num_envs=3, reward=reward)
-    policies = stepper.compare(model, lambda qpos, qvel: controls[next(step) % 40], seconds=0.2, num_envs=3, reward=reward)
+    by_table = stepper.lab.compare(source, controls, seconds=0.2, num_envs=3, reward=reward)
+    policies = stepper.lab.compare(model, lambda qpos, qvel: controls[next(step) % 40], seconds=0.2, num_envs=3, reward=reward)
     assert list(policies.figures()) == ["hard", "MuJoCo's law"]
     for name, figures in policies.figures().items():
         assert math.isnan(figures.pop("way that surfaces slide, m"))
@@ -52,7 +52,7 @@ def test_controls_policies_rewards_and_pictures(tmp_path):
 
 
 def test_settings_hold_for_both_laws():
-    found = stepper.compare(BALL, seconds=0.02, num_envs=1, options=stepper.Options(timestep=0.002, integrator="euler"))
+    found = stepper.lab.compare(BALL, seconds=0.02, num_envs=1, options=stepper.Options(timestep=0.002, integrator="euler"))
     assert {course.timestep for course in found.courses} == {0.002}
     assert len(found.courses[0].depth) == 10
 
@@ -64,12 +64,12 @@ def test_settings_hold_for_both_laws():
 ])  # fmt: skip
 def test_what_is_wrong_is_named(given, words):
     with pytest.raises(ValueError, match=words):
-        stepper.compare(BALL, **given)
+        stepper.lab.compare(BALL, **given)
 
 
 def test_a_compiled_model_is_left_alone():
     compiled = mujoco.MjModel.from_xml_string(BALL)
     flags = compiled.opt.enableflags
-    stepper.compare(compiled, seconds=0.01, num_envs=1, options=stepper.Options(timestep=0.005))
+    stepper.lab.compare(compiled, seconds=0.01, num_envs=1, options=stepper.Options(timestep=0.005))
     assert compiled.opt.enableflags == flags
     assert compiled.opt.timestep == 0.001

@@ -13,7 +13,7 @@ SCENE = """<mujoco><worldbody><body name="camera" pos="{place} 0 1" euler="180 0
 
 
 def test_the_edges_of_the_view_are_where_their_angles_are():
-    view = stepper.FieldOfView(width=1.0, height=0.5, near=0.1, far=2.0)
+    view = stepper.sensors.FieldOfView(width=1.0, height=0.5, near=0.1, far=2.0)
     right, down = math.tan(0.5), math.tan(0.25)
     inside = [[0, 0, 1], [0.999 * right, 0, 1], [0, -0.999 * down, 1], [1.9 * right, 0, 1.91], [0, 0, 0.1], [0, 0, 2]]
     outside = [[1.001 * right, 0, 1], [0, 1.001 * down, 1], [0, 0, -1], [0, 0, 0.09], [0, 0, 2.01], [np.nan, 0, 1], [0, 0, np.nan]]
@@ -21,16 +21,16 @@ def test_the_edges_of_the_view_are_where_their_angles_are():
     assert view.sees(outside).tolist() == [False] * len(outside)
     assert view.sees([0, 0, 1])
     # Nothing is seen from where the camera is, whatever the least distance.
-    assert not stepper.FieldOfView(width=1.0, height=1.0).sees([0.0, 0.0, 0.0])
+    assert not stepper.sensors.FieldOfView(width=1.0, height=1.0).sees([0.0, 0.0, 0.0])
 
 
 def test_environments_may_have_a_view_each():
-    view = stepper.FieldOfView(width=np.array([0.2, 0.4]), height=0.2)
+    view = stepper.sensors.FieldOfView(width=np.array([0.2, 0.4]), height=0.2)
     assert view.sees([[0.15, 0, 1], [0.15, 0, 1]]).tolist() == [False, True]
 
 
 def test_what_is_not_in_view_keeps_its_last_reading():
-    view = stepper.FieldOfView(width=1.0, height=1.0)
+    view = stepper.sensors.FieldOfView(width=1.0, height=1.0)
     never = np.full((2, 4), np.nan)
     first = view.detect([[0, 0, 1, 7], [9, 0, 1, 7]], never)
     np.testing.assert_array_equal(first, [[0, 0, 1, 7], [np.nan] * 4])
@@ -47,7 +47,7 @@ def test_it_is_asked_in_the_frame_of_a_sensor(place):
     sim.reset(qpos=np.array([[x, 0.0, 0.0] for x in ways]))
     reading = np.asarray(sim.sensordata_ideal)
     np.testing.assert_allclose(reading, np.array([[x - place, 0.0, 0.96] for x in ways]), atol=1e-12)
-    assert stepper.FieldOfView(width=0.6, height=0.1).sees(reading).tolist() == [False, True, True, False]
+    assert stepper.sensors.FieldOfView(width=0.6, height=0.1).sees(reading).tolist() == [False, True, True, False]
 
 
 @pytest.mark.parametrize(
@@ -62,11 +62,11 @@ def test_it_is_asked_in_the_frame_of_a_sensor(place):
 )
 def test_a_wrong_view_is_named(given, message):
     with pytest.raises(ValueError, match=message):
-        stepper.FieldOfView(**given)
+        stepper.sensors.FieldOfView(**given)
 
 
 def test_rows_that_are_no_positions_are_named():
-    view = stepper.FieldOfView(width=1.0, height=1.0)
+    view = stepper.sensors.FieldOfView(width=1.0, height=1.0)
     with pytest.raises(ValueError, match=r"position has the shape \(2, 2\), must be \(num_envs, 3\)"):
         view.sees(np.zeros((2, 2)))
     with pytest.raises(ValueError, match=r"reading has the shape \(2, 3\) and last \(1, 3\)"):

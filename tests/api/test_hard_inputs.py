@@ -367,8 +367,8 @@ def test_a_model_beyond_the_numbers_of_the_lanes_is_refused(model):
 @pytest.mark.parametrize("env", [5, -3, 10**30, -(10**30)])
 def test_an_environment_that_is_not_there_is_an_index_error(env):
     sim = simulate(stepper_model(HOPPER), 2)
-    for call in (sim.get_state, sim.contacts, sim.worst_row):
-        with pytest.raises(IndexError, match="must be below 2"):
+    for call, said in ((sim.get_state, "must be below 2"), (sim.worst_row, "must be below 2"), (sim.contacts, "environments 0 to 1")):
+        with pytest.raises(IndexError, match=said):
             call(env)
 
 

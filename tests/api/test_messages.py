@@ -17,7 +17,7 @@ def sim():
 
 
 @pytest.mark.parametrize(("mistake", "kind", "message"), [
-    (lambda sim: sim.reset([0, 1]), ValueError, r"mask has dtype int64, must be bool.*mask = np\.isin\(np\.arange\(3\), indices\)"),
+    (lambda sim: sim.reset([0.0, 1.0]), TypeError, r"envs has 0\.0, of type float64: give a mask \(3,\) of bool, or indices"),
     (lambda _: stepper.Stepper("hopper.xml"), TypeError, r"model is 'hopper.xml' \(str\), must be a stepper.Model: stepper\.load\(...\)"),
     (lambda _: simulate(BALL).reset(keyframe="up"), KeyError, r"no keyframe .*up.*this model has none; give reset\(qpos=..., qvel=...\)"),
     (lambda sim: sim.reset(keyframe=1.5), TypeError, "keyframe, if it is no name, is 1.5"),
@@ -77,7 +77,7 @@ def test_contacts_of_all_environments_are_one_array(sim):
     every["pos"][:] = 0  # an array of one's own
 
 
-def test_sensor_truth_is_made_once():
+def test_sensordata_ideal_is_made_once():
     """And anew when anything changes that it depends on."""
     scene = """<mujoco><worldbody><body name="hand" mocap="true" pos="0 0 1"/>
       <body name="arm"><joint name="hinge"/><geom size=".1" pos=".2 0 0"/><site name="tip" pos=".2 0 0"/></body></worldbody>

@@ -4,7 +4,6 @@ import re
 from pathlib import Path
 
 import mujoco
-import numpy as np
 from models import SOURCES
 
 PAGE = (Path(__file__).parents[2] / "docs/quantities.md").read_text()
@@ -18,5 +17,5 @@ def test_its_snippets_run(tmp_path, monkeypatch):
     names = {}
     for snippet in re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL):
         exec(compile(snippet, "docs/quantities.md", "exec"), names)
-    assert np.array_equal(names["mine"], names["mine"]) and names["mine"].any()
+    assert names["depth"].shape == names["geoms"].shape == (64, 187)
     assert len(names["some"]) == 2

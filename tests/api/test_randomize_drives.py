@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 import stepper
 from models import stepper_model
-from stepper import PID, ActuatorModel, DCMotor, Drive
+from stepper import ActuatorModel, Drive
+from stepper.actuators import PID, DCMotor
 
 ROBOT, N, CALLS = "dm_control/humanoid", 11, 30
 

@@ -46,7 +46,7 @@ def test_every_change_is_seen():
         lambda s: s.randomize(body_mass=heavy),
         lambda s: s.step(controls(2), nstep=20),
         lambda s: s.reset(np.arange(ENVS) < 7),
-        lambda s: s.set_state(qpos=sim.model.qpos0 + np.array([0, 0, 1.0, *np.zeros(sim.model.nq - 3)]), mask=np.arange(ENVS) > 15),
+        lambda s: s.set_state(qpos=sim.model.qpos0 + np.array([0, 0, 1.0, *np.zeros(sim.model.nq - 3)]), envs=np.arange(ENVS) > 15),
         lambda s: s.randomize(),
     )
     before: dict[str, np.ndarray] = {}

@@ -58,7 +58,7 @@ def test_arrays_that_are_written_again_after_a_call_were_kept(tmp_path, what):
             if what == "reset":
                 sim.reset(mask, qpos=qpos, qvel=qvel)
             elif what == "set_state":
-                sim.set_state(qpos, qvel, mask=mask)
+                sim.set_state(qpos, qvel, envs=mask)
             elif what == "randomize":
                 sim.randomize(mask, gravity=gravity)
     assert stepper.replay(tmp_path / "run")
@@ -168,7 +168,7 @@ def test_a_recording_that_was_cut_swapped_or_edited_is_refused_with_the_place(tm
     run(tmp_path / "run", chunk=10_000)
     assert stepper.replay(tmp_path / "run")
     damage(tmp_path / "run")
-    with pytest.raises(stepper.RecordingError, match=place):
+    with pytest.raises(stepper.recording.RecordingError, match=place):
         stepper.replay(tmp_path / "run")
 
 
@@ -183,7 +183,7 @@ def test_a_header_that_lacks_something_or_has_nonsense_is_one_documented_error(t
     if (key, value) in [("num_envs", None)]:
         assert stepper.replay(tmp_path / "run")
         return
-    with pytest.raises(stepper.RecordingError, match="run"):
+    with pytest.raises(stepper.recording.RecordingError, match="run"):
         stepper.replay(tmp_path / "run")
 
 
@@ -211,7 +211,7 @@ def test_rows_that_lack_something_or_have_nonsense_are_one_documented_error(tmp_
     with sim.record(tmp_path / "run"):
         sim.step()
     edit_file(tmp_path / "run", change)
-    with pytest.raises(stepper.RecordingError, match=r"00000.npz"):
+    with pytest.raises(stepper.recording.RecordingError, match=r"00000.npz"):
         stepper.replay(tmp_path / "run")
 
 
@@ -220,7 +220,7 @@ def test_the_model_of_a_recording_lies_in_its_folder(tmp_path, name):
     sim = run(tmp_path / "run")
     sim.model.save(tmp_path / "model.stepper")
     edit_header(tmp_path / "run", lambda head: head["model"].update(file=name))
-    with pytest.raises(stepper.RecordingError, match=r"run.json: model.file is .* must be 'model.stepper'"):
+    with pytest.raises(stepper.recording.RecordingError, match=r"run.json: model.file is .* must be 'model.stepper'"):
         stepper.replay(tmp_path / "run")
 
 
@@ -238,7 +238,7 @@ def test_a_run_that_was_cut_off_has_no_hole(tmp_path):
     assert (bool(result), result.steps, result.complete) == (True, 4, False)
     (tmp_path / "run/00002.npz").unlink()
     for read in (stepper.replay, report):
-        with pytest.raises(stepper.RecordingError, match=r"00002\.npz is missing, 1 of 5 files"):
+        with pytest.raises(stepper.recording.RecordingError, match=r"00002\.npz is missing, 1 of 5 files"):
             read(tmp_path / "run")
 
 
@@ -246,7 +246,7 @@ def test_what_replay_is_given_wrongly_is_not_laid_to_the_recording(tmp_path):
     run(tmp_path / "run")
     with pytest.raises(ValueError, match="threads is -1") as error:
         stepper.replay(tmp_path / "run", threads=-1)
-    assert not isinstance(error.value, stepper.RecordingError)
+    assert not isinstance(error.value, stepper.recording.RecordingError)
     with pytest.raises(TypeError, match=r"must be a stepper\.Model"):
         stepper.replay(tmp_path / "run", model="ant")
     with pytest.raises(FileNotFoundError):
@@ -371,7 +371,7 @@ ARM = """
 @pytest.mark.parametrize("integrator", ["midpoint", "implicit", "euler"])
 @pytest.mark.parametrize("num_envs", [1, 11])
 def test_efforts_at_their_bounds_are_counted_by_actuator(tmp_path, integrator, num_envs):
-    drives = stepper.ActuatorModel({"driven": stepper.Drive(motor=stepper.DCMotor(stall_torque=4.0, no_load_speed=50.0))})
+    drives = stepper.ActuatorModel({"driven": stepper.Drive(motor=stepper.actuators.DCMotor(stall_torque=4.0, no_load_speed=50.0))})
     sim = stepper.Stepper(stepper.load(ARM), num_envs, actuators=drives, options=stepper.Options(integrator=integrator))
 
     def counts(*ctrl, nstep=3):

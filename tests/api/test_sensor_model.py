@@ -10,7 +10,8 @@ import mujoco
 import numpy as np
 import pytest
 import stepper
-from stepper import SensorModel, Transfer, devices
+from stepper import SensorModel, Transfer
+from stepper.sensors import Combination, RayFan, devices
 
 SCENE = """
 <mujoco>
@@ -267,12 +268,12 @@ SEEN = """
 def test_fans_of_rays_and_combinations_are_added(tmp_path):
     """Distances to a floor and a wall by hand; the sensor's own body is not in the way; files and transfer functions know them."""
     directions = [[1.0, 0, 0], [0, 0, -2.0], [1, 0, -1], [-1, 0, 0]]
-    fan = stepper.RayFan("eye", directions)
+    fan = RayFan("eye", directions)
     grown = stepper.load(SEEN).with_sensors({
         "fan": fan,
-        "down": stepper.RayFan("eye", directions[1:2], geoms=["floor"], data=("distance", "point")),
-        "mixed": stepper.Combination({"gyro": 2.0, "feel": -0.5}),
-        "twice": stepper.Combination({"mixed": 2.0}),
+        "down": RayFan("eye", directions[1:2], geoms=["floor"], data=("distance", "point")),
+        "mixed": Combination({"gyro": 2.0, "feel": -0.5}),
+        "twice": Combination({"mixed": 2.0}),
     })  # fmt: skip
     assert grown.sensor_names == ["angle", "gyro", "feel", "fan", "down", "mixed", "twice"]
     grown.save(tmp_path / "grown.stepper")
@@ -293,24 +294,24 @@ def test_fans_of_rays_and_combinations_are_added(tmp_path):
 @pytest.mark.parametrize(
     ("sensors", "error", "match"),
     [
-        ({"fan": stepper.RayFan("ear", [[1, 0, 0]])}, ValueError, r"sensor 'fan': no site 'ear', there are: eye"),
-        ({"fan": stepper.RayFan("eye", [1, 0, 0])}, ValueError, r"sensor 'fan': rays has shape \(3,\), must be \(n, 3\)"),
-        ({"fan": stepper.RayFan("eye", [[1, 0, 0], [0, 0, 0]])}, ValueError, r"sensor 'fan': ray 1 is \[0.0, 0.0, 0.0\]"),
-        ({"fan": stepper.RayFan("eye", [[1, 0, 0]], geoms=["door"])}, ValueError, r"sensor 'fan': no geom 'door', there are: floor"),
-        ({"fan": stepper.RayFan("eye", [[1, 0, 0]], data=("normal",))}, ValueError, r"data has \['normal'\], must be of: distance"),
-        ({"fan": stepper.RayFan("eye", [[1, 0, 0]], data=())}, stepper.ModelError, r'sensor "fan".*fields'),
-        ({"sum": stepper.Combination({"gyr": 1.0})}, ValueError, r"sensor 'sum': no sensor 'gyr', there are: angle, gyro"),
-        ({"sum": stepper.Combination({"gyro": 1.0, "angle": 1.0})}, stepper.ModelError, r'"gyro" of dimension 3 with "angle"'),
-        ({"sum": stepper.Combination({})}, stepper.ModelError, r"combination of nothing"),
-        ({"gyro": stepper.Combination({"angle": 1.0})}, stepper.ModelError, r'gyro'),
-        ({"fan": stepper.RayFan("eye", "up")}, ValueError, r"sensor 'fan': rays is 'up', must be an array"),
-        ({"fan": stepper.RayFan("eye", [[1, 0, 0], [1]])}, ValueError, r"sensor 'fan': rays is .* must be an array"),
-        ({"fan": stepper.RayFan("eye", [[1, 0, 0]], data="distance")}, TypeError, r"sensor 'fan': data is 'distance', must be a sequence"),
-        ({"sum": stepper.Combination(["gyro"])}, TypeError, r"sensor 'sum': terms is \['gyro'\], must be a mapping"),
-        ({"sum": stepper.Combination({"gyro": None})}, TypeError, r"sensor 'sum': the coefficient of 'gyro' is None, must be a number"),
-        ({3: stepper.Combination({"gyro": 1.0})}, TypeError, r"sensor 3: its name must be a string"),
-        ({"sum": {"gyro": 1.0}}, TypeError, r"sensor 'sum' is .* must be a stepper.SensorSpec, RayFan or Combination"),
-        ([stepper.Combination({"gyro": 1.0})], TypeError, r"must be a mapping of names"),
+        ({"fan": RayFan("ear", [[1, 0, 0]])}, ValueError, r"sensor 'fan': no site 'ear', there are: eye"),
+        ({"fan": RayFan("eye", [1, 0, 0])}, ValueError, r"sensor 'fan': rays has shape \(3,\), must be \(n, 3\)"),
+        ({"fan": RayFan("eye", [[1, 0, 0], [0, 0, 0]])}, ValueError, r"sensor 'fan': ray 1 is \[0.0, 0.0, 0.0\]"),
+        ({"fan": RayFan("eye", [[1, 0, 0]], geoms=["door"])}, ValueError, r"sensor 'fan': no geom 'door', there are: floor"),
+        ({"fan": RayFan("eye", [[1, 0, 0]], data=("normal",))}, ValueError, r"data has \['normal'\], must be of: distance"),
+        ({"fan": RayFan("eye", [[1, 0, 0]], data=())}, stepper.ModelError, r'sensor "fan".*fields'),
+        ({"sum": Combination({"gyr": 1.0})}, ValueError, r"sensor 'sum': no sensor 'gyr', there are: angle, gyro"),
+        ({"sum": Combination({"gyro": 1.0, "angle": 1.0})}, stepper.ModelError, r'"gyro" of dimension 3 with "angle"'),
+        ({"sum": Combination({})}, stepper.ModelError, r"combination of nothing"),
+        ({"gyro": Combination({"angle": 1.0})}, stepper.ModelError, r'gyro'),
+        ({"fan": RayFan("eye", "up")}, ValueError, r"sensor 'fan': rays is 'up', must be an array"),
+        ({"fan": RayFan("eye", [[1, 0, 0], [1]])}, ValueError, r"sensor 'fan': rays is .* must be an array"),
+        ({"fan": RayFan("eye", [[1, 0, 0]], data="distance")}, TypeError, r"sensor 'fan': data is 'distance', must be a sequence"),
+        ({"sum": Combination(["gyro"])}, TypeError, r"sensor 'sum': terms is \['gyro'\], must be a mapping"),
+        ({"sum": Combination({"gyro": None})}, TypeError, r"sensor 'sum': the coefficient of 'gyro' is None, must be a number"),
+        ({3: Combination({"gyro": 1.0})}, TypeError, r"sensor 3: its name must be a string"),
+        ({"sum": {"gyro": 1.0}}, TypeError, r"sensor 'sum' is .* must be a stepper.sensors.SensorSpec, RayFan or Combination"),
+        ([Combination({"gyro": 1.0})], TypeError, r"must be a mapping of names"),
     ],
 )  # fmt: skip
 def test_what_cannot_be_added_is_named(sensors, error, match):

@@ -142,7 +142,7 @@ def test_the_state_of_one_environment_can_be_given_to_many(precision):
     planner = run(stepper.Stepper(model, 20, sensors=quiet, actuators=drives, precision=precision), 8)
     untouched = run(stepper.Stepper(model, 20, sensors=quiet, actuators=drives, precision=precision), 8)
     mask = np.arange(20) % 3 == 1
-    planner.set_state(plant.get_state(), mask=mask)
+    planner.set_state(plant.get_state(), envs=mask)
     for ctrl in controls(plant, 15, seed=2)[:, 0]:
         for sim in (plant, planner, untouched):
             sim.step(ctrl)
@@ -157,7 +157,7 @@ def test_the_state_of_one_environment_can_be_given_to_many(precision):
 def test_an_environment_is_copied_to_others():
     sim = run(whole(5), 12)
     kept = sim.get_state()
-    sim.set_state(sim.get_state(env=3), mask=[True, False, False, False, True])
+    sim.set_state(sim.get_state(env=3), envs=[True, False, False, False, True])
     assert all(np.array_equal(sim.qpos[env], sim.qpos[3]) for env in (0, 4))
     assert not np.array_equal(sim.qpos[1], sim.qpos[3])
     assert np.array_equal(sim.sensordata[0], sim.sensordata[3])
@@ -165,7 +165,7 @@ def test_an_environment_is_copied_to_others():
     assert np.array_equal(sim.qpos[0], sim.qpos[3])
     # Noise is each environment's own.
     assert not np.array_equal(sim.sensordata[0], sim.sensordata[3])
-    sim.set_state(kept, mask=[True, False, False, False, True])
+    sim.set_state(kept, envs=[True, False, False, False, True])
     again = run(whole(5), 12)
     assert np.array_equal(sim.qpos[[0, 4]], again.qpos[[0, 4]])
     assert np.array_equal(sim.sensordata[[0, 4]], again.sensordata[[0, 4]])
@@ -181,7 +181,7 @@ def test_nothing_of_an_environment_with_more_contacts_is_left_to_one_with_fewer(
     air.step(np.full(21, 0.2), nstep=3)
     assert len(air.contacts()) == 0
     mask = np.array([False, True, False, True, True])
-    sim.set_state(air.get_state(env=0), mask=mask)
+    sim.set_state(air.get_state(env=0), envs=mask)
     assert sim.get_state(env=3) == air.get_state(env=3)
     sim.reset(~mask)
     assert sim.get_state(env=0) == fresh.get_state(env=0)
@@ -195,7 +195,7 @@ def test_nothing_of_an_environment_with_more_contacts_is_left_to_one_with_fewer(
 def test_a_state_that_does_not_fit_says_what_would():
     with pytest.raises(ValueError, match=r"5 environments, this stepper has 4.*or of one for all"):
         whole(4).set_state(whole(5).get_state())
-    with pytest.raises(ValueError, match="takes a mask and nothing else"):
+    with pytest.raises(ValueError, match="takes envs and nothing else"):
         whole(4).set_state(whole(4).get_state(), qvel=np.zeros(7))
 
 
@@ -204,7 +204,7 @@ def test_time_is_set():
     sim.step()
     state = sim.qpos
     sim.set_state(time=[1.0, 2.0, 3.0])
-    sim.set_state(time=9.0, mask=[False, True, False])
+    sim.set_state(time=9.0, envs=[False, True, False])
     assert sim.time.tolist() == [1.0, 9.0, 3.0]
     assert np.array_equal(sim.qpos, state)
     with pytest.raises(ValueError, match="time of environment 1 is NaN"):

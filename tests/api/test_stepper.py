@@ -69,7 +69,7 @@ def test_f32_arrays_are_float32():
     (lambda sim: sim.step(np.zeros((N, 1, 21))), "(10, 1, 21)", ["(10, 21)"]),
     (lambda sim: sim.set_state(qpos=np.zeros((N, 27))), "(10, 27)", ["(10, 28)", "(28,)"]),
     (lambda sim: sim.set_state(qvel=np.zeros(28)), "(28,)", ["(10, 27)", "(27,)"]),
-    (lambda sim: sim.set_state(qvel=np.zeros(27), mask=np.ones(9, bool)), "(9,)", ["(10,)"]),
+    (lambda sim: sim.set_state(qvel=np.zeros(27), envs=np.ones(9, bool)), "(9,)", ["(10,)"]),
     (lambda sim: sim.reset(qpos=np.zeros((9, 28))), "(9, 28)", ["(10, 28)", "(28,)"]),
     (lambda sim: sim.reset(np.ones((N, 1), bool)), "(10, 1)", ["(10,)"]),
     (lambda sim: setattr(sim, "qfrc_applied", np.zeros((N, 28))), "(10, 28)", ["(10, 27)"]),

@@ -6,7 +6,7 @@ import stepper
 from hypothesis import given
 from hypothesis import strategies as st
 from stepper.derivatives import rollout
-from stepper.experiments.study.parameters import Parameter, check
+from stepper.lab.study.parameters import Parameter, check
 from stepper.shared.fields import RANDOMIZED
 
 SCENE = """<mujoco><worldbody><body name="ball"><joint name="x" type="slide" axis="1 0 0"/><geom name="ball" size=".1" mass="1"/></body>
@@ -116,7 +116,7 @@ def test_names_of_linearize(wrt, error, message):
 ])  # fmt: skip
 def test_identify_suggests_the_kind_of_a_field(kind, hint):
     with pytest.raises(ValueError, match=f"^there is no kind of parameter '{kind}'") as error:
-        stepper.identify(MODEL, [], [f"{kind}:ball"])
+        stepper.sysid.identify(MODEL, [], [f"{kind}:ball"])
     assert hint in str(error.value)
 
 

@@ -245,7 +245,7 @@ def test_what_is_wrong_with_a_view_is_said(tmp_path):
     np.testing.assert_array_equal(shown_envs(sim, None, 2), [0, 1])
     with sim.record(tmp_path / "empty"):
         pass
-    with pytest.raises(stepper.RecordingError, match="no step in it"):
+    with pytest.raises(stepper.recording.RecordingError, match="no step in it"):
         RecordedRun(tmp_path / "empty")
 
 

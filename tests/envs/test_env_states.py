@@ -108,7 +108,7 @@ def go_on(envs, taken):
     said = []
     for k, action in enumerate(taken):
         if k == len(taken) // 2:
-            said.append(envs.reset(options={"reset_ids": [0, 2]}))
+            said.append(envs.reset(envs=[0, 2]))
         said.append(envs.step(action))
     return said
 
@@ -205,7 +205,7 @@ def test_kept_quantities_are_those_of_the_present_once_the_state_is_another():
     envs.sim.set_state(qpos, np.zeros_like(envs.sim.qvel), np.arange(N) == 2)
     tip = envs.sim.model.body_names.index("tips_arm")
     np.testing.assert_array_equal(envs.now.xpos[2, tip], other.sim.xpos[2, tip])
-    observation, _ = envs.reset(options={"reset_ids": [0]})
+    observation, _ = envs.reset(envs=[0])
     np.testing.assert_array_equal(observation[2, 14:17], other.sim.xpos[2, tip])
 
 
@@ -234,7 +234,7 @@ def test_setting_a_state_leaves_others_and_their_last_step():
     envs = made("Pusher")
     envs.reset(seed=0)
     before = envs.step(np.ones((N, 7)))[0]
-    observation = envs.set_state(envs.sim.qpos * 0.0, envs.sim.qvel * 0.0, envs=[1])
+    observation = envs.set_state(envs.sim.qpos[[1]] * 0.0, envs.sim.qvel[[1]] * 0.0, envs=[1])
     others = np.arange(N) != 1
     np.testing.assert_array_equal(observation[others], before[others])
     assert not np.array_equal(observation[1], before[1])
@@ -404,7 +404,7 @@ def _set_the_steppers_state(envs, mask, rng, states):
 def _restore_the_steppers_state(envs, mask, rng, states):
     kept = envs.sim.get_state()
     envs.sim.step(nstep=3)
-    envs.sim.set_state(kept, mask=mask)
+    envs.sim.set_state(kept, envs=mask)
 
 
 def _randomize(envs, mask, rng, states):

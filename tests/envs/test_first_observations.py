@@ -116,7 +116,7 @@ def test_the_last_action_velocity_and_memory_are_forgotten(mode):
     seen = envs.step(one)[0][:, 1:]
     np.testing.assert_array_equal(seen[:, [0, 2]], [[1.0, 8.0]] * 3)
     assert (seen[:, 1] > 0.0).all()
-    observation = envs.reset(options={"reset_ids": [1]})[0]
+    observation = envs.reset(envs=[1])[0]
     np.testing.assert_array_equal(observation[1, 1:], first[1])
     np.testing.assert_array_equal(observation[[0, 2], 1:], seen[[0, 2]])
     assert not envs.now.action[1].any()

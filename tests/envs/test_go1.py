@@ -232,11 +232,11 @@ def test_motors_have_curves_and_friction():
 
 
 def test_it_sees_the_ground_around_it():
-    """Where `stepper.HeightField` scans it, between the points of whose grid the ground's function is the smoother."""
+    """Where `stepper.sensors.HeightField` scans it, between the points of whose grid the ground's function is the smoother."""
     envs = StepperVectorEnv(Go1Velocity(roughness=0.3, sight=0.5), 20)
     seen = rows(envs, envs.reset(seed=4)[0])["ground"]
     places = 0.5 * np.stack(np.meshgrid(*[np.linspace(-1, 1, 5)] * 2, indexing="ij"), axis=-1).reshape(-1, 2)
-    scan = stepper.HeightField(envs.sim.model, "terrain").scan(envs.sim, "trunk", places) - envs.sim.xpos[:, [1], 2]
+    scan = stepper.sensors.HeightField(envs.sim.model, "terrain").scan(envs.sim, "trunk", places) - envs.sim.xpos[:, [1], 2]
     assert seen.shape == (20, 25)
     np.testing.assert_allclose(seen, scan, atol=0.01)
     assert np.ptp(seen, axis=1).min() > 0.02

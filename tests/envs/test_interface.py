@@ -121,14 +121,14 @@ def test_a_mask_begins_some_and_leaves_the_rest():
 
 
 def test_indices_begin_some_and_leave_the_rest():
-    """As a mask of them does; seeds may be all environments' or theirs alone, in their order."""
+    """As a mask of them does; seeds are theirs alone, in their order."""
     by_ids, by_mask = StepperVectorEnv("Walker2d", 5), StepperVectorEnv("Walker2d", 5)
     for envs in (by_ids, by_mask):
         envs.reset(seed=0)
         envs.step(np.full((5, 6), 0.3))
     mask = np.array([False, True, False, False, True])
-    for seed, all_seeds in ((None, None), ([11, 12], [None, 12, None, None, 11]), ([1, 2, 3, 4, 5], [1, 2, 3, 4, 5]), (7, 7)):
-        found = by_ids.reset(seed=seed, options={"reset_ids": [4, 1]})
+    for seed, all_seeds in ((None, None), ([11, 12], [None, 12, None, None, 11]), ([5, 2], [1, 2, 3, 4, 5]), (7, 7)):
+        found = by_ids.reset(seed=seed, envs=[4, 1])
         expected = by_mask.reset(seed=all_seeds, options={"reset_mask": mask})
         same(found, expected)
         same(by_ids.step(np.full((5, 6), 0.1))[:4], by_mask.step(np.full((5, 6), 0.1))[:4])
@@ -204,12 +204,11 @@ def test_statistics_are_those_of_gymnasiums_wrapper():
     (lambda: StepperVectorEnv("Hopper", 2).reset(options={"reset_mask": np.ones(3, bool)}), ValueError, r"must be \(2,\)"),
     (lambda: StepperVectorEnv("Hopper", 2).reset(options={"reset_mask": np.zeros(2, bool)}), ValueError, "0 of True"),
     (lambda: StepperVectorEnv("Hopper", 2).reset(options={"reset_mask": np.arange(2) == 0}), ResetNeeded, "not all environments"),
-    (lambda: StepperVectorEnv("Hopper", 2).reset(options={"reset_ids": [0, 0]}), ValueError, "reset_ids has environment 0 more than once"),
-    (lambda: StepperVectorEnv("Hopper", 2).reset(options={"reset_ids": [2]}), IndexError, "reset_ids has 2, there are environments 0 to 1"),
-    (lambda: StepperVectorEnv("Hopper", 2).reset(options={"reset_ids": []}), ValueError, "reset_ids is empty"),
-    (lambda: StepperVectorEnv("Hopper", 2).reset(options={"reset_ids": [0.5]}), TypeError, "reset_ids has shape"),
-    (lambda: StepperVectorEnv("Hopper", 2).reset(options={"reset_ids": [0], "reset_mask": 0}), ValueError, "beside 'reset_ids'"),
-    (lambda: StepperVectorEnv("Hopper", 2).reset(options={"reset_ids": [0]}), ResetNeeded, "not all environments"),
+    (lambda: StepperVectorEnv("Hopper", 2).reset(envs=[0, 0]), ValueError, "envs has environment 0 more than once"),
+    (lambda: StepperVectorEnv("Hopper", 2).reset(envs=[2]), IndexError, "envs has 2, there are environments 0 to 1"),
+    (lambda: StepperVectorEnv("Hopper", 2).reset(envs=[0.5]), TypeError, "envs has 0.5"),
+    (lambda: StepperVectorEnv("Hopper", 2).reset(envs=[0], options={"reset_mask": 0}), ValueError, "give one of them"),
+    (lambda: StepperVectorEnv("Hopper", 2).reset(envs=[0]), ResetNeeded, "not all environments"),
     (lambda: StepperEnv("Hopper").reset(options={"x": 0}), ValueError, "unknown options"),
     (lambda: Go1Velocity(max_latency=8), ValueError, "max_latency is 8, must be from 0 to frame_skip, which is 4"),
     (lambda: Go1Velocity(weights={"bounce": 0.0, "pose ": 0.1}), ValueError, r"weights has \['pose '\], terms of the reward are linear"),

@@ -9,16 +9,16 @@ import numpy as np
 import pytest
 import stepper
 from stepper.envs import StepperVectorEnv
-from stepper.experiments.study.batches import run_points
-from stepper.experiments.study.points import Point
-from stepper.experiments.study.results import Results
-from stepper.experiments.study.whose import judge
+from stepper.lab.study.batches import run_points
+from stepper.lab.study.points import Point
+from stepper.lab.study.results import Results
+from stepper.lab.study.whose import judge
 
 LABS = Path(__file__).parents[2] / "examples/studies"
 
 
 def lab(name):
-    return stepper.Study.from_file(LABS / name)
+    return stepper.lab.Study.from_file(LABS / name)
 
 
 def module(name):
@@ -29,7 +29,7 @@ def module(name):
 
 
 def cliffs(study, out, *names, **given):
-    found = stepper.sweep(study, out, parameters=names, **given).sweep
+    found = stepper.lab.sweep(study, out, parameters=names, **given).sweep
     return {(cliff.setting, cliff.parameter): cliff for cliff in found.cliffs}, found
 
 
@@ -124,7 +124,7 @@ def test_perfect_sensors_inflate_a_score(tmp_path):
     for name in ("encoders", "encoders_trained"):
         study = lab(f"{name}.py")
         delay = replace(study.parameters["delay"], low=None, high=None, values=(0.0, 0.01))
-        found = stepper.sweep(replace(study, parameters={"delay": delay}), tmp_path, cliffs=False).sweep
+        found = stepper.lab.sweep(replace(study, parameters={"delay": delay}), tmp_path, cliffs=False).sweep
         shares[name] = [level.successes for level in found.levels_of("delay")]
     # All, none and all of 16 where it was measured. Products of NumPy differ between machines in their last bits, and a fall may follow.
     assert shares["encoders"][0] >= 15

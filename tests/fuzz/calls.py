@@ -195,9 +195,11 @@ def _shape_of(sim: stepper.Stepper, name: str) -> tuple[int, ...]:
     return _tail(sim, *tails[name])
 
 
-def _mask(rng: Random, sim: stepper.Stepper) -> Any:
+def _envs(rng: Random, sim: stepper.Stepper) -> Any:
     n = sim.num_envs or 1
-    return [None, rng.random(n) < 0.5, (rng.random(n) < 0.5).tolist(), np.arange(n), np.zeros(n, bool)][int(rng.integers(5))]
+    mask, order = rng.random(n) < 0.5, rng.permutation(n)[: int(rng.integers(0, n + 1))]
+    given = [None, mask, mask.tolist(), np.arange(n), np.zeros(n, bool), order, order.tolist(), [-1], [n], [0, 0], [0.5], "x"]
+    return given[int(rng.integers(len(given)))]
 
 
 def _state(rng: Random, sim: stepper.Stepper) -> dict[str, Any]:
@@ -241,14 +243,14 @@ def _reset(rng: Random, sim: stepper.Stepper, _: Path) -> tuple[list[Any], dict[
     keywords = {name: values for name, values in _state(rng, sim).items() if name in ("qpos", "qvel")}
     keywords["seed"] = [None, 3, -1, 2**64][int(rng.integers(4))]
     keywords["keyframe"] = [None, "up", 0, -1, 7, "x"][int(rng.integers(6))]
-    return [_mask(rng, sim)], keywords
+    return [_envs(rng, sim)], keywords
 
 
 def _randomize(rng: Random, sim: stepper.Stepper, _: Path) -> tuple[list[Any], dict[str, Any]]:
     fields = _fields(rng, sim, _tail(sim))
     if rng.random() < 0.2:
         fields["actuators"] = _actuator_model(rng)
-    return [_mask(rng, sim)], fields
+    return [_envs(rng, sim)], fields
 
 
 def _make(rng: Random, sim: stepper.Stepper, _: Path) -> tuple[list[Any], dict[str, Any]]:
@@ -335,7 +337,7 @@ CALLS: dict[str, Callable[[Random, stepper.Stepper, Path], Made]] = {
     "step": lambda rng, sim, _: ([array(rng, _tail(sim, sim.model.nu))], {"nstep": int(rng.integers(-1, 4))}),
     "rollout": _rollout,
     "reset": _reset,
-    "set_state": lambda rng, sim, _: ([], _state(rng, sim) | {"mask": _mask(rng, sim), "keep_warmstart": bool(rng.random() < 0.5)}),
+    "set_state": lambda rng, sim, _: ([], _state(rng, sim) | {"envs": _envs(rng, sim), "keep_warmstart": bool(rng.random() < 0.5)}),
     "stepper.State": lambda rng, sim, _: ([sim.get_state().bytes], {}),
     "get_state": lambda rng, sim, _: ([int(rng.integers(-4, 10))], {}),
     "contacts": lambda rng, sim, _: ([int(rng.integers(-4, 10))], {}),
@@ -371,7 +373,7 @@ CALLS: dict[str, Callable[[Random, stepper.Stepper, Path], Made]] = {
     "Model.replace": lambda rng, sim, _: ([], _fields(rng, sim, ())),
     "Model.save": lambda rng, sim, folder: ([folder / "m.stepper"], {}),
     "Model.geoms_seen_from": lambda rng, sim, _: ([int(rng.integers(-2, 3))], {}),
-    "Model.with_sensors": lambda rng, sim, _: ([{"fan": stepper.Combination({"servo": 1.0})}], {}),
+    "Model.with_sensors": lambda rng, sim, _: ([{"fan": stepper.sensors.Combination({"servo": 1.0})}], {}),
     "stepper.load": lambda rng, sim, folder: ([folder / "m.stepper"], {"strict": True}),
     "stepper.replay": lambda rng, sim, folder: ([folder / "run0"], {"threads": 1}),
 }

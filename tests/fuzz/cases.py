@@ -242,7 +242,7 @@ KINDS = {
     "model": Case(try_model, WRONG),
     "state": Case(try_state, WRONG),
     "pickle": Case(try_pickle, (Exception,)),
-    "recording": Case(try_recording, (stepper.RecordingError, OSError, MemoryError)),
+    "recording": Case(try_recording, (stepper.recording.RecordingError, OSError, MemoryError)),
     "mjcf": Case(try_mjcf, (*WRONG, OSError)),
     "call": Case(try_calls, ()),
 }

@@ -7,7 +7,7 @@ import json
 import pickle
 from pathlib import Path
 
-import stepper
+from stepper._stepper import cpu_levels
 
 from golden import kept
 from golden.record import record
@@ -16,7 +16,7 @@ from golden.trajectories import TRAJECTORIES
 
 def renew() -> None:
     """Keeps the digests of this build, provided that all CPU levels of this machine agree on them."""
-    levels = stepper.cpu_levels()
+    levels = cpu_levels()
     first, *others = (kept.entries_at(level) for level in levels)
     for level, entries in zip(levels[1:], others, strict=True):
         if different := [name for name in first if entries[name] != first[name]]:

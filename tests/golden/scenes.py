@@ -130,8 +130,8 @@ def instrumented() -> stepper.Model:
     on_the_box = "".join(f'<site name="{zone} feeler" type="{zone}" {size}/>' for zone in zones)
     text = MEADOW.replace(box, around + box).replace('<geom name="box"', on_the_box + '<geom name="box"')
     model = stepper.load(text.replace("</sensor>", "".join(made) + "</sensor>"))
-    fan = stepper.RayFan("ball", [(1, 0.1 * k, -0.5) for k in range(-3, 4)], data=("distance", "direction", "origin", "point"))
-    return model.with_sensors({"fan": fan, "sum": stepper.Combination({"bend": 2.0, "clock": -0.5})})
+    fan = stepper.sensors.RayFan("ball", [(1, 0.1 * k, -0.5) for k in range(-3, 4)], data=("distance", "direction", "origin", "point"))
+    return model.with_sensors({"fan": fan, "sum": stepper.sensors.Combination({"bend": 2.0, "clock": -0.5})})
 
 
 def soft_linkage() -> stepper.Model:

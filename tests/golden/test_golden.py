@@ -14,6 +14,7 @@ import functools
 
 import pytest
 import stepper
+from stepper._stepper import cpu_levels
 
 from golden import kept
 from golden.record import LABELS, READINGS, Record, Trajectory, record
@@ -27,8 +28,8 @@ def test_every_trajectory_is_kept():
 @pytest.mark.parametrize("level", ["baseline", "avx2", "avx512"])
 def test_the_bits_are_those_that_are_kept(level):
     """Of all trajectories at once: they are made together, in a process of that level."""
-    if level not in stepper.cpu_levels():
-        pytest.skip(f"this machine has no {level}, it has {', '.join(stepper.cpu_levels())}")
+    if level not in cpu_levels():
+        pytest.skip(f"this machine has no {level}, it has {', '.join(cpu_levels())}")
     known, entries = kept.read(), kept.entries_at(level)
     verdicts = {name: kept.verdict(entry, entries[name], known["mujoco"]) for name, entry in known["trajectories"].items()}
     assert {name: verdict for name, verdict in verdicts.items() if verdict} == {}

@@ -14,7 +14,8 @@ from equalities import KINDS, LINKAGE
 from fuzz.scenes import ROBOT, SCENES
 from meadow import FIELDS, MEADOW
 from models import stepper_model
-from stepper import PID, ActuatorModel, DCMotor, Drive, SensorModel, Transfer
+from stepper import ActuatorModel, Drive, SensorModel, Transfer
+from stepper.actuators import PID, DCMotor
 
 from golden import scenes
 from golden.record import Random, Trajectory
@@ -60,11 +61,11 @@ def interrupt(sim: stepper.Stepper, random: Random, call: int) -> np.ndarray | N
     if call == 20:
         sim.reset(mask, keyframe=0)
     if call == 25:
-        sim.set_state(qvel=random.uniform(-1, 1, sim.qvel.shape), mask=mask)
+        sim.set_state(qvel=random.uniform(-1, 1, sim.qvel.shape), envs=mask)
     if call == 30:
-        sim.set_state(qvel=sim.qvel * 0.5, mask=mask, keep_warmstart=True)
+        sim.set_state(qvel=sim.qvel * 0.5, envs=mask, keep_warmstart=True)
     if call == 35:
-        sim.set_state(sim.get_state(env=1), mask=mask)
+        sim.set_state(sim.get_state(env=1), envs=mask)
     if call == 40:
         sim.rollout(random.uniform(-1, 1, (4, *sim.ctrl.shape)), nstep=3)
     if call != 45:

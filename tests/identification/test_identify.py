@@ -1,4 +1,4 @@
-"""`stepper.identify`: right, sure, and not silent where data say nothing."""
+"""`stepper.sysid.identify`: right, sure, and not silent where data say nothing."""
 
 import dataclasses
 
@@ -8,8 +8,8 @@ import stepper
 from identification.repetitions import noisy
 from identification.scenes import held, pushed
 from models import stepper_model
-from stepper.identification import parameters
 from stepper.shared.rotations import matrices
+from stepper.sysid import parameters
 
 TIGHT = stepper.Options(tolerance=1e-9)
 
@@ -26,7 +26,7 @@ def episode_of(model, ctrl, period, channels, options=TIGHT, **start):
         else:
             sensor = model.sensor(name)
             readings[name] = made["sensordata"][:, sensor.adr : sensor.adr + sensor.dim]
-    return stepper.Episode(ctrl, readings, period, **start)
+    return stepper.sysid.Episode(ctrl, readings, period, **start)
 
 
 @pytest.mark.parametrize("scene", [pushed(), held()], ids=["pushed", "held"])
@@ -35,8 +35,8 @@ def test_mass_and_friction_with_noise(scene):
     clean = scene.readings(TIGHT)
     covered = []
     for seed in range(5):
-        episode = stepper.Episode(scene.ctrl, noisy(clean, scene, seed), scene.period)
-        found = stepper.identify(scene.model(*scene.starts[0]), [episode], scene.parameters, starts=3, threads=1)
+        episode = stepper.sysid.Episode(scene.ctrl, noisy(clean, scene, seed), scene.period)
+        found = stepper.sysid.identify(scene.model(*scene.starts[0]), [episode], scene.parameters, starts=3, threads=1)
         assert (np.abs(found.values / scene.truth - 1) < 0.06).all()  # four standard deviations of the worse of both, 1.5 %
         low, high = found.interval().T
         covered.append((low <= scene.truth) & (scene.truth <= high))
@@ -47,8 +47,8 @@ def test_mass_and_friction_with_noise(scene):
 def test_exact_data_give_exact_numbers_and_the_answer_can_be_used(tmp_path):
     """Without noise what is left is the tolerance of the steps."""
     scene = pushed()
-    episode = stepper.Episode(scene.ctrl, scene.readings(TIGHT), scene.period)
-    found = stepper.identify(scene.model(1.0, 0.5), [episode], scene.parameters, starts=2)
+    episode = stepper.sysid.Episode(scene.ctrl, scene.readings(TIGHT), scene.period)
+    found = stepper.sysid.identify(scene.model(1.0, 0.5), [episode], scene.parameters, starts=2)
     np.testing.assert_allclose(found.values, scene.truth, rtol=1e-5)
     assert found.warnings == ()
     assert found["mass:box"] == found.values[0]
@@ -62,16 +62,16 @@ def test_exact_data_give_exact_numbers_and_the_answer_can_be_used(tmp_path):
     assert abs(drawn.mean() / 0.35 - 1) < 1e-4
     assert drawn.std() > 0
     found.save(tmp_path / "found.json")
-    again = stepper.Identification.load(tmp_path / "found.json", found.model)
+    again = stepper.sysid.Identification.load(tmp_path / "found.json", found.model)
     assert str(again) == str(found)
     with pytest.raises(ValueError, match="of model"):
-        stepper.Identification.load(tmp_path / "found.json", estimate)
+        stepper.sysid.Identification.load(tmp_path / "found.json", estimate)
 
 
 def test_the_same_answer_for_any_number_of_threads():
     scene = pushed()
-    episode = stepper.Episode(scene.ctrl[:50], {n: r[:50] for n, r in noisy(scene.readings(TIGHT), scene, 0).items()}, scene.period)
-    one, two = (stepper.identify(scene.model(1.0, 0.5), [episode], scene.parameters, starts=3, threads=t) for t in (1, 2))
+    episode = stepper.sysid.Episode(scene.ctrl[:50], {n: r[:50] for n, r in noisy(scene.readings(TIGHT), scene, 0).items()}, scene.period)
+    one, two = (stepper.sysid.identify(scene.model(1.0, 0.5), [episode], scene.parameters, starts=3, threads=t) for t in (1, 2))
     assert one.theta.tobytes() == two.theta.tobytes()
     assert one.covariance.tobytes() == two.covariance.tobytes()
 
@@ -83,7 +83,7 @@ def test_what_never_moves_is_said(noise):
     still = dataclasses.replace(scene, ctrl=np.full((40, 1), -0.05))
     rng = np.random.default_rng(0)
     readings = {name: rows + noise * rng.standard_normal(rows.shape) for name, rows in still.readings(TIGHT).items()}
-    found = stepper.identify(scene.model(1.0, 0.5), [stepper.Episode(still.ctrl, readings, 0.02)], scene.parameters, starts=2)
+    found = stepper.sysid.identify(scene.model(1.0, 0.5), [stepper.sysid.Episode(still.ctrl, readings, 0.02)], scene.parameters, starts=2)
     assert not found.determined.any()
     assert any("mass:box is not determined" in text and "no reading depends on it" in text for text in found.warnings)
     assert any("friction:{floor,box} is not determined" in text and "slide" in text for text in found.warnings)
@@ -103,9 +103,9 @@ def test_a_search_that_begins_where_friction_never_slides():
     truth = truth.replace(actuator_gain=truth.actuator_gain / 20, actuator_bias=truth.actuator_bias / 20)
     ctrl = np.linspace(0, 0.6, 60)[:, None]
     episode = episode_of(truth, ctrl, 0.02, ("wrist_force", "box_x"))
-    found = stepper.identify(soft, [episode], [stepper.FitParameter("friction", ("floor", "box"), bounds=(0.05, 10))], starts=6)
+    found = stepper.sysid.identify(soft, [episode], [stepper.sysid.FitParameter("friction", ("floor", "box"), bounds=(0.05, 10))], starts=6)
     assert found.values[0] == pytest.approx(0.35, rel=1e-4)
-    alone = stepper.identify(soft, [episode], [stepper.FitParameter("friction", ("floor", "box"), bounds=(0.05, 10))], starts=1)
+    alone = stepper.sysid.identify(soft, [episode], [stepper.sysid.FitParameter("friction", ("floor", "box"), bounds=(0.05, 10))], starts=1)
     # From that start alone nothing is found, and that is said.
     assert alone.values[0] == pytest.approx(5.0, rel=0.1)
     assert any("not determined" in text for text in alone.warnings)
@@ -118,9 +118,9 @@ def test_outliers_with_and_without_a_robust_loss():
     hit = rng.random(100) < 0.05
     readings["wrist_force"][hit, 0] += 40.0
     readings["box_x"][hit] += 0.05
-    episode = stepper.Episode(scene.ctrl, readings, scene.period)
+    episode = stepper.sysid.Episode(scene.ctrl, readings, scene.period)
     plain, robust = (
-        stepper.identify(scene.model(1.0, 0.5), [episode], scene.parameters, starts=2, loss=loss) for loss in ("linear", "cauchy")
+        stepper.sysid.identify(scene.model(1.0, 0.5), [episode], scene.parameters, starts=2, loss=loss) for loss in ("linear", "cauchy")
     )
     error, robust_error = (np.abs(found.values / scene.truth - 1).max() for found in (plain, robust))
     assert robust_error < 0.05 < error
@@ -166,7 +166,7 @@ def test_kinds_of_an_arm(text, change):
         array[place] = value
         fields[field] = array
     episode = episode_of(model.replace(**fields), shaken(), 0.01, ("qpos", "force"))
-    found = stepper.identify(model, [episode], [text], starts=1)
+    found = stepper.sysid.identify(model, [episode], [text], starts=1)
     place, value = next(iter(change.values()))
     assert found.values[0] == pytest.approx(abs(value), rel=1e-4)
 
@@ -182,7 +182,7 @@ def test_an_inertia_stays_physical_and_is_found():
     truth["body_iquat"][body] = np.array([0.8, 0.3, 0.1, 0.5]) / np.linalg.norm([0.8, 0.3, 0.1, 0.5])
     true = model.replace(**truth)
     episode = episode_of(true, shaken(), 0.01, ("force", "torque", "qpos", "qvel"))
-    found = stepper.identify(model, [episode], ["inertia:load"], starts=1)
+    found = stepper.sysid.identify(model, [episode], ["inertia:load"], starts=1)
     moments = np.asarray(found.estimate.body("load").inertia)
     np.testing.assert_allclose(np.sort(moments), [0.0026, 0.003, 0.0048], rtol=1e-2)
     assert found["inertia:load.mass"] == pytest.approx(0.7, rel=1e-3)
@@ -195,7 +195,7 @@ def test_an_inertia_stays_physical_and_is_found():
         assert c < a + b
     true = model.replace(**{name: truth[name] for name in ("body_mass", "body_ipos")}, body_inertia=model.body_inertia)
     episode = episode_of(true, shaken(), 0.01, ("force", "torque", "qpos", "qvel"))
-    found = stepper.identify(model, [episode], ["mass:load", "com:load", "moments:load"], starts=1)
+    found = stepper.sysid.identify(model, [episode], ["mass:load", "com:load", "moments:load"], starts=1)
     np.testing.assert_allclose(found.values[:4], [0.7, 0.02, 0.015, -0.01], rtol=1e-3)
     np.testing.assert_allclose(found.values[4:], model.body("load").inertia, rtol=1e-2)
     found.sample(4)
@@ -211,7 +211,7 @@ def test_delay_bias_scale_and_lag():
     readings["torque"] = 1.1 * readings["torque"]
     readings["q"] = np.concatenate([readings["q"][:1], readings["q"][:-1]])
     episode = dataclasses.replace(episode, readings=readings)
-    found = stepper.identify(model, [episode], ["delay:b", "bias:force", "scale:torque", "lag:q"], starts=8)
+    found = stepper.sysid.identify(model, [episode], ["delay:b", "bias:force", "scale:torque", "lag:q"], starts=8)
     values = dict(zip(found.labels, found.values, strict=True))
     assert values["delay:b"] == pytest.approx(0.0132, abs=1e-5)
     assert [values[f"bias:force[{k}]"] for k in range(3)] == pytest.approx([0.5, -0.2, 0.1], abs=1e-4)
@@ -234,8 +234,8 @@ def test_an_unknown_start_is_estimated():
     rng = np.random.default_rng(2)
     readings = {"qpos": np.asarray(episode.readings["qpos"]) + 1e-3 * rng.standard_normal((60, 3))}
     given = dataclasses.replace(episode, qpos=None, qvel=None, readings=readings)
-    off = stepper.identify(model, [given], ["damping:roll"], starts=1)
-    found = stepper.identify(model, [dataclasses.replace(given, start_std=(0.1, 3.0))] * 2, ["damping:roll"], starts=1)
+    off = stepper.sysid.identify(model, [given], ["damping:roll"], starts=1)
+    found = stepper.sysid.identify(model, [dataclasses.replace(given, start_std=(0.1, 3.0))] * 2, ["damping:roll"], starts=1)
     assert abs(off.values[0] / 0.05 - 1) > 0.1
     low, high = found.interval()[0]
     assert low < 0.05 < high
@@ -264,7 +264,7 @@ def test_arms_that_others_wrote(name, text, field):
     rng = np.random.default_rng(0)
     rows = np.asarray(episode.readings["qpos"])
     episode = dataclasses.replace(episode, readings={"qpos": rows + 1e-3 * rng.standard_normal(rows.shape)})
-    found = stepper.identify(model, [episode], [text], starts=1)
+    found = stepper.sysid.identify(model, [episode], [text], starts=1)
     low, high = found.interval(0.999)[0]
     assert low < changed[place] < high
     assert abs(found.values[0] / changed[place] - 1) < 0.05

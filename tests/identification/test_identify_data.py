@@ -1,4 +1,4 @@
-"""What `stepper.identify` reads: recordings, CSV and npz files; and what it says of those that do not fit."""
+"""What `stepper.sysid.identify` reads: recordings, CSV and npz files; and what it says of those that do not fit."""
 
 import subprocess
 import sys
@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import stepper
 from identification.scenes import pushed
-from stepper.identification import Episode, episodes_of
+from stepper.sysid import Episode, episodes_of
 
 SCENE = pushed()
 MODEL = SCENE.model(*SCENE.truth)
@@ -61,7 +61,7 @@ def test_logs_and_recordings_say_the_same(tmp_path):
         (tmp_path / "log.csv", {"columns": {"t [s]": "time"}}),
         (tmp_path / "run", {}),
     ):
-        found = stepper.identify(start, data, SCENE.parameters, channels=channels, starts=1, **settings)
+        found = stepper.sysid.identify(start, data, SCENE.parameters, channels=channels, starts=1, **settings)
         # Recordings and logs hold all digits; what is left is the tolerance of the steps.
         np.testing.assert_allclose(found.values, SCENE.truth, rtol=1e-5, err_msg=str(data))
         assert found.warnings == ()
@@ -89,7 +89,7 @@ def test_a_recording_with_resets_forces_and_a_mask(tmp_path):
     # The mask: environment 0 goes on, with the force that applies to it.
     assert episodes[2].qvel[0] > 0
     assert episodes[3].qvel.tolist() == [0, 1, 0, 0, 0, 0]
-    found = stepper.identify(model.replace(body_mass=[0, 5.0]), episodes[:3], ["mass:b"], starts=1)
+    found = stepper.sysid.identify(model.replace(body_mass=[0, 5.0]), episodes[:3], ["mass:b"], starts=1)
     assert found.values[0] == pytest.approx(2.0, rel=1e-6)
 
 
@@ -109,7 +109,7 @@ def test_logs_that_do_not_fit(tmp_path, change, message):
         message = message.replace("0.002", "0.0021")
     np.savez(tmp_path / "log.npz", **table)
     with pytest.raises(ValueError, match=message) as caught:
-        stepper.identify(MODEL, tmp_path / "log.npz", ["mass:box"], starts=1)
+        stepper.sysid.identify(MODEL, tmp_path / "log.npz", ["mass:box"], starts=1)
     assert "log.npz" in str(caught.value)
 
 
@@ -117,15 +117,15 @@ def test_cells_lines_and_names(tmp_path):
     file = tmp_path / "log.csv"
     file.write_text("time,ctrl,box_x\n0,0,0\n0.02,0,abc\n")
     with pytest.raises(ValueError, match=r"log.csv, line 3, column 'box_x': 'abc' is no number"):
-        stepper.identify(MODEL, file, ["mass:box"])
+        stepper.sysid.identify(MODEL, file, ["mass:box"])
     file.write_text("time,ctrl,box_x\n0,0,0\n0.02,0\n")
     with pytest.raises(ValueError, match="line 3: 2 cells, must be 3"):
-        stepper.identify(MODEL, file, ["mass:box"])
+        stepper.sysid.identify(MODEL, file, ["mass:box"])
     file.write_text("time,ctrl,box_y\n0,0,0\n0.02,0,0\n0.04,0,0\n")
     with pytest.raises(KeyError, match="no sensor or coordinate is named 'box_y'; did you mean box_x"):
-        stepper.identify(MODEL, file, ["mass:box"])
+        stepper.sysid.identify(MODEL, file, ["mass:box"])
     with pytest.raises(FileNotFoundError):
-        stepper.identify(MODEL, tmp_path / "none.csv", ["mass:box"])
+        stepper.sysid.identify(MODEL, tmp_path / "none.csv", ["mass:box"])
     good = Episode(SCENE.ctrl, SCENE.readings(stepper.Options()), 0.02)
     for parameters, error, message in (
         ([], ValueError, "no parameter"),
@@ -140,20 +140,20 @@ def test_cells_lines_and_names(tmp_path):
         (["bias:torque"], KeyError, "no sensor is named"),
     ):
         with pytest.raises(error, match=message):
-            stepper.identify(MODEL, good, parameters)
+            stepper.sysid.identify(MODEL, good, parameters)
     with pytest.raises(ValueError, match="noise is given of 'q'"):
-        stepper.identify(MODEL, good, ["mass:box"], noise={"q": 1.0})
-    with pytest.raises(TypeError, match=r"stepper\.Episode or the path"):
-        stepper.identify(MODEL, 3, ["mass:box"])
+        stepper.sysid.identify(MODEL, good, ["mass:box"], noise={"q": 1.0})
+    with pytest.raises(TypeError, match=r"stepper\.sysid\.Episode or the path"):
+        stepper.sysid.identify(MODEL, 3, ["mass:box"])
 
 
 def test_a_log_without_a_start_says_so(tmp_path):
     table = log()
     del table["qpos"], table["qvel"]
     np.savez(tmp_path / "log.npz", **table)
-    found = stepper.identify(MODEL, tmp_path / "log.npz", ["mass:box"], starts=1)
+    found = stepper.sysid.identify(MODEL, tmp_path / "log.npz", ["mass:box"], starts=1)
     assert sum("does not say" in text for text in found.warnings) == 2
-    assert not stepper.identify(MODEL, tmp_path / "log.npz", ["mass:box"], starts=1, start=(MODEL.qpos0, np.zeros(MODEL.nv))).warnings
+    assert not stepper.sysid.identify(MODEL, tmp_path / "log.npz", ["mass:box"], starts=1, start=(MODEL.qpos0, np.zeros(MODEL.nv))).warnings
 
 
 def test_the_command(tmp_path):

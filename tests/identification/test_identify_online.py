@@ -1,4 +1,4 @@
-"""`stepper.Tracker` and `stepper.identification.design`: what is known after every sample, and which motion would say more."""
+"""`stepper.sysid.Tracker` and `stepper.sysid.design`: what is known after every sample, and which motion would say more."""
 
 import dataclasses
 
@@ -7,8 +7,8 @@ import pytest
 import stepper
 from identification.online import NOISE, PERIOD, controls, readings
 from identification.scenes import held, pushed
-from stepper.identification import design
-from stepper.identification.uncertainty import uncertainty
+from stepper.sysid import design
+from stepper.sysid.uncertainty import uncertainty
 
 SCENE = held()
 MODEL = SCENE.model(*SCENE.starts[0])
@@ -20,7 +20,7 @@ def test_a_held_box_is_weighed_at_once_and_its_friction_is_known_when_it_slips()
     ctrl, (mass, friction) = controls()[:110], (0.8, 0.45)
     clean = readings(np.full(200, mass), friction)
     rng = np.random.default_rng(0)
-    tracker = stepper.Tracker(MODEL, list(SCENE.parameters), noise=NOISE, period=PERIOD)
+    tracker = stepper.sysid.Tracker(MODEL, list(SCENE.parameters), noise=NOISE, period=PERIOD)
     for k, row in enumerate(ctrl):
         now = tracker.update(row, {name: rows[k] + NOISE[name] * rng.standard_normal(rows.shape[1]) for name, rows in clean.items()})
         if k == 45:
@@ -46,7 +46,9 @@ def test_a_held_box_is_weighed_at_once_and_its_friction_is_known_when_it_slips()
 def test_an_estimate_leaves_the_bound_that_it_begins_at(start, bounds):
     """There the slope is that of the side within bounds."""
     clean = readings(np.full(200, 0.8), 0.45)
-    tracker = stepper.Tracker(SCENE.model(start, 0.6), [stepper.FitParameter("mass", "box", bounds=bounds)], noise=NOISE, period=PERIOD)
+    tracker = stepper.sysid.Tracker(
+        SCENE.model(start, 0.6), [stepper.sysid.FitParameter("mass", "box", bounds=bounds)], noise=NOISE, period=PERIOD
+    )
     for k, row in enumerate(controls()[:20]):
         now = tracker.update(row, {name: rows[k] for name, rows in clean.items()})
     # The readings are exact: a standard deviation of the mass after 20 samples of 0.3 N on a weight of 8 N, which the prior may still pull.
@@ -55,7 +57,7 @@ def test_an_estimate_leaves_the_bound_that_it_begins_at(start, bounds):
 
 
 def test_readings_that_are_absent_say_nothing():
-    tracker = stepper.Tracker(MODEL, ["mass:box"], noise=NOISE, period=PERIOD)
+    tracker = stepper.sysid.Tracker(MODEL, ["mass:box"], noise=NOISE, period=PERIOD)
     now = tracker.update([0.0, 12.0, 12.0], {"wrist_force": [np.nan] * 3})
     np.testing.assert_allclose(now.values, 0.5, rtol=1e-9)
     assert now.covariance[0, 0] == pytest.approx(1.0)
@@ -66,8 +68,8 @@ def test_surprise_is_that_of_columns_with_noise():
     """Columns of infinite noise are not looked at: the mean square is that of the others, as if they had not been read."""
     row, force = controls()[0], [0.0, 0.0, 40.0]
     noise = {"wrist_force": [np.inf, np.inf, 0.3]}
-    whole = stepper.Tracker(MODEL, ["mass:box"], noise=noise, period=PERIOD).update(row, {"wrist_force": force})
-    part = stepper.Tracker(MODEL, ["mass:box"], noise=noise, period=PERIOD).update(row, {"wrist_force": [np.nan, np.nan, 40.0]})
+    whole = stepper.sysid.Tracker(MODEL, ["mass:box"], noise=noise, period=PERIOD).update(row, {"wrist_force": force})
+    part = stepper.sysid.Tracker(MODEL, ["mass:box"], noise=noise, period=PERIOD).update(row, {"wrist_force": [np.nan, np.nan, 40.0]})
     assert whole.surprise > 100  # of 30 N where noise is 0.3 N
     assert whole.surprise == part.surprise
     np.testing.assert_array_equal(whole.values, part.values)
@@ -97,11 +99,11 @@ def test_surprise_is_that_of_columns_with_noise():
 def test_trackers_that_cannot_be(change, error, message):
     settings = {"parameters": ["mass:box"], "noise": NOISE, "period": PERIOD} | change
     with pytest.raises(error, match=message):
-        stepper.Tracker(MODEL, settings.pop("parameters"), **settings)
+        stepper.sysid.Tracker(MODEL, settings.pop("parameters"), **settings)
 
 
 def test_samples_that_do_not_fit():
-    tracker = stepper.Tracker(MODEL, ["mass:box"], noise=NOISE, period=PERIOD)
+    tracker = stepper.sysid.Tracker(MODEL, ["mass:box"], noise=NOISE, period=PERIOD)
     with pytest.raises(ValueError, match=r"ctrl has shape \(1,\), must be \(3,\)"):
         tracker.update([0.0], {})
     with pytest.raises(KeyError, match="no noise was given of channel 'torque'"):
@@ -119,17 +121,19 @@ def test_what_to_measure_next():
 
     def episode(ctrl, name):
         still = dataclasses.replace(scene, ctrl=ctrl).readings(TIGHT)
-        return stepper.Episode(ctrl, {n: r + scene.noise[n] * rng.standard_normal(r.shape) for n, r in still.items()}, 0.02, name=name)
+        return stepper.sysid.Episode(
+            ctrl, {n: r + scene.noise[n] * rng.standard_normal(r.shape) for n, r in still.items()}, 0.02, name=name
+        )
 
     first = [episode(np.concatenate([scene.ctrl[:8], np.full((52, 1), -0.05)]), "short push")]
-    found = stepper.identify(model, first, scene.parameters, starts=1, noise=scene.noise)
-    offered = [stepper.Episode(ctrl, {}, 0.02, name=name) for ctrl, name in ((touch, "touch"), (push, "push"))]
+    found = stepper.sysid.identify(model, first, scene.parameters, starts=1, noise=scene.noise)
+    offered = [stepper.sysid.Episode(ctrl, {}, 0.02, name=name) for ctrl, name in ((touch, "touch"), (push, "push"))]
     best, other = design(found, offered, threads=1)
     assert (best.name, other.name) == ("push", "touch")
     assert best.gain > other.gain + 1
     assert (best.shrinks < 1).all()
     assert "push: gain" in str(best)
-    again = stepper.identify(model, [*first, episode(push, "push")], scene.parameters, starts=1, noise=scene.noise)
+    again = stepper.sysid.identify(model, [*first, episode(push, "push")], scene.parameters, starts=1, noise=scene.noise)
     # Within a third: slopes were those of draws around another estimate.
     np.testing.assert_allclose(np.sqrt(np.diag(again.covariance)), best.std, rtol=1 / 3)
 
@@ -138,9 +142,9 @@ def test_what_to_measure_next():
 def test_experiments_whose_noise_is_no_standard_deviation(value):
     scene = pushed()
     readings = {name: rows[:20] for name, rows in scene.readings(TIGHT).items()}
-    found = stepper.identify(scene.model(1.3, 0.35), [stepper.Episode(scene.ctrl[:20], readings, 0.02)], ["mass:box"], starts=1)
+    found = stepper.sysid.identify(scene.model(1.3, 0.35), [stepper.sysid.Episode(scene.ctrl[:20], readings, 0.02)], ["mass:box"], starts=1)
     with pytest.raises(ValueError, match=r"noise of 'wrist_force' is .*, must be above 0, one number or \d"):
-        design(found, [stepper.Episode(scene.ctrl[:20], {}, 0.02)], noise={"wrist_force": value}, threads=1)
+        design(found, [stepper.sysid.Episode(scene.ctrl[:20], {}, 0.02)], noise={"wrist_force": value}, threads=1)
 
 
 @pytest.mark.parametrize("spacing", [1, 11, 20])

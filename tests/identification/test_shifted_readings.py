@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from identification import strikes
 from identification.repetitions import noisy
 from identification.scenes import pushed
-from stepper.identification.shift import EARLY, LATE, RATIO, finding_of_fit, shifted, suspicious
+from stepper.sysid.shift import EARLY, LATE, RATIO, finding_of_fit, shifted, suspicious
 
 TIGHT = stepper.Options(tolerance=1e-9)
 WORDS = {LATE: "readings are one sample late", EARLY: "readings are one sample early"}
@@ -30,7 +30,9 @@ def moved(rows, shift):
 def test_identify_names_a_shift_and_its_remedy(shift):
     scene = pushed()
     readings = {name: moved(rows, shift) for name, rows in noisy(scene.readings(TIGHT), scene, 0).items()}
-    found = stepper.identify(scene.model(1.0, 0.5), [stepper.Episode(scene.ctrl, readings, 0.02)], scene.parameters, starts=2, threads=1)
+    found = stepper.sysid.identify(
+        scene.model(1.0, 0.5), [stepper.sysid.Episode(scene.ctrl, readings, 0.02)], scene.parameters, starts=2, threads=1
+    )
     if not shift:
         assert found.warnings == ()
         return
@@ -38,8 +40,8 @@ def test_identify_names_a_shift_and_its_remedy(shift):
     assert "A wrong initial state explains less: with an estimated one the residual falls to" in found.warnings[0]
     assert ("Pair ctrl[:-1] with readings[1:]" if shift == LATE else "Pair ctrl[1:] with readings[:-1]") in found.warnings[0]
     # And the remedy is one: the truth is in the intervals of 95 %, at this seed.
-    (episode,) = [shifted(stepper.Episode(scene.ctrl, readings, 0.02), shift)]
-    mended = stepper.identify(scene.model(1.0, 0.5), [episode], scene.parameters, starts=2, threads=1)
+    (episode,) = [shifted(stepper.sysid.Episode(scene.ctrl, readings, 0.02), shift)]
+    mended = stepper.sysid.identify(scene.model(1.0, 0.5), [episode], scene.parameters, starts=2, threads=1)
     low, high = mended.interval().T
     assert ((low <= scene.truth) & (scene.truth <= high)).all()
 
@@ -59,8 +61,8 @@ def swing() -> np.ndarray:
 
 
 def identified(rows, angle=ANGLE, **settings):
-    episode = stepper.Episode(np.zeros((100, 0)), {"hinge": rows}, 0.02, qpos=[angle], **settings)
-    return stepper.identify(PENDULUM, [episode], ["damping:hinge"], noise={"hinge": 1e-3}, starts=2, threads=1)
+    episode = stepper.sysid.Episode(np.zeros((100, 0)), {"hinge": rows}, 0.02, qpos=[angle], **settings)
+    return stepper.sysid.identify(PENDULUM, [episode], ["damping:hinge"], noise={"hinge": 1e-3}, starts=2, threads=1)
 
 
 def test_a_wrong_initial_state_is_not_taken_for_a_shift():
@@ -86,8 +88,8 @@ def test_a_fall_does_not_tell_a_shift_from_another_initial_state():
     made = strikes.readings(scene, scene.truth, np.random.default_rng(0))
     model = scene.model(scene.start)
     readings = {name: rows[1:] for name, rows in made.items()}
-    episode = stepper.Episode(scene.ctrl[1:], readings, 0.02, qvel=scene.velocities(model))
-    found = stepper.identify(model, [episode], scene.parameters, noise=scene.noise, options=TIGHT, starts=2, threads=1)
+    episode = stepper.sysid.Episode(scene.ctrl[1:], readings, 0.02, qvel=scene.velocities(model))
+    found = stepper.sysid.identify(model, [episode], scene.parameters, noise=scene.noise, options=TIGHT, starts=2, threads=1)
     assert found.warnings[0].startswith("the initial state is wrong, or readings are one sample early")
     assert "these data do not tell which" in found.warnings[0]
 
@@ -106,7 +108,7 @@ def test_the_warning_is_of_what_explains_the_readings_best(shift, ratio, freed):
 def test_the_tracker_does_not_say_what_shifted_readings_make_it_think(shift):
     scene = strikes.struck()
     readings = {name: moved(rows, shift) for name, rows in strikes.readings(scene, scene.truth, np.random.default_rng(0)).items()}
-    tracker = stepper.Tracker(
+    tracker = stepper.sysid.Tracker(
         scene.model(scene.start), list(scene.parameters), noise=scene.noise, period=0.02, options=TIGHT, start_std=strikes.START_STD
     )
     for k, ctrl in enumerate(scene.ctrl[:50]):
@@ -114,7 +116,7 @@ def test_the_tracker_does_not_say_what_shifted_readings_make_it_think(shift):
     if shift:
         assert len(now.warnings) == 1
         assert now.warnings[0].startswith(WORDS[shift])
-        assert now.warnings[0].endswith("stepper.identify with the same readings tries both, and says which fits better")
+        assert now.warnings[0].endswith("stepper.sysid.identify with the same readings tries both, and says which fits better")
         assert not now.determined.any()
     else:
         assert now.warnings == ()
@@ -125,7 +127,7 @@ def test_the_tracker_does_not_say_what_shifted_readings_make_it_think(shift):
 def test_shifts_undo_one_another(rows, width, shift):
     """All rows are back where they were, but one at an end, which was not measured on the way."""
     given_ = np.arange(rows * width, dtype=float).reshape(rows, width)
-    back = shifted(stepper.Episode(np.zeros((rows, 1)), {"x": moved(given_, shift)}, 0.02), shift).readings["x"]
+    back = shifted(stepper.sysid.Episode(np.zeros((rows, 1)), {"x": moved(given_, shift)}, 0.02), shift).readings["x"]
     kept = slice(None, -1) if shift == LATE else slice(1, None)
     np.testing.assert_array_equal(back[kept], given_[kept])
     assert np.isnan(back[-1 if shift == LATE else 0]).all()

@@ -1,4 +1,4 @@
-"""`stepper.Tracker` where contacts begin: a part of what `make identify IDENTIFY='--only strikes'` measures."""
+"""`stepper.sysid.Tracker` where contacts begin: a part of what `make identify IDENTIFY='--only strikes'` measures."""
 
 import dataclasses
 
@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from identification.strikes import follow, stopped, struck
-from stepper.identification.linear import LENGTH, Directions
+from stepper.sysid.linear import LENGTH, Directions
 
 
 @pytest.mark.parametrize(

@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 import stepper
 from models import contact_bits, mujoco_model, random_state, stepper_model
+from stepper._stepper import cpu_levels
 
 ROBOT = "dm_control/humanoid"
 # One thread steps groups of sixteen lanes, two threads groups of eight, and some lanes of the last group are none.
@@ -165,8 +166,8 @@ print(bits(*(x for p, i in [("f64", "midpoint"), ("f64", "rk4"), ("f32", "midpoi
 @pytest.mark.parametrize("levels", itertools.pairwise(["baseline", "avx2", "avx512"]), ids="-".join)
 def test_cpu_levels(levels):
     """Each has the bits of the next; those that are kept (`tests/golden`) hold whichever levels a machine has."""
-    if missing := set(levels) - set(stepper.cpu_levels()):
-        pytest.skip(f"this machine has no {' and no '.join(missing)}, it has {', '.join(stepper.cpu_levels())}")
+    if missing := set(levels) - set(cpu_levels()):
+        pytest.skip(f"this machine has no {' and no '.join(missing)}, it has {', '.join(cpu_levels())}")
     found = []
     for asked in levels:
         here = Path(__file__).parent

@@ -7,7 +7,8 @@ add up to 1e-13 of the largest number or less.
 import numpy as np
 import pytest
 import stepper
-from stepper import PID, ActuatorModel, DCMotor, Drive
+from stepper import ActuatorModel, Drive
+from stepper.actuators import PID, DCMotor
 
 H, J = 2e-3, 0.03
 ROUNDING = 1e-12

@@ -132,7 +132,7 @@ def test_reading_it_follows_the_last_call_as_its_siblings_do():
     assert (sim.max_equality_violation < 1e-4).all()  # One step of free fall of a closed loop opens it by 2e-6.
     sim.set_state(kept)
     assert np.array_equal(sim.max_equality_violation, told)
-    sim.reset(mask=[True, False])
+    sim.reset(envs=[True, False])
     assert sim.max_equality_violation.tolist() == [0.0, told[1]]
     sim = simulate(LOOPS["kite"], 2, stabilization="none")
     rolled = simulate(LOOPS["kite"], 2, stabilization="none")

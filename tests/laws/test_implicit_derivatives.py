@@ -8,7 +8,8 @@ import stepper
 from hypothesis import given
 from hypothesis import strategies as st
 from models import stepper_model
-from stepper import Kink, Options
+from stepper import Options
+from stepper.derivatives import Kink
 
 G, H = 9.81, 0.002
 WRT = ("qpos", "qvel", "act", "ctrl")

@@ -11,7 +11,8 @@ import stepper
 from hypothesis import given
 from hypothesis import strategies as st
 from models import SOURCES, afloat, random_quaternion, stepper_model
-from stepper import Drive, Kink, Options
+from stepper import Drive, Options
+from stepper.derivatives import Kink
 from stepper.derivatives.perturbations import step_of
 
 G = 9.81
@@ -343,7 +344,7 @@ def test_a_batch_in_parts_is_the_batch_at_once(monkeypatch):
     )
     drive = Drive(
         delay=np.array([0.0, 0.004, 0.001]), delay_steps=np.array([0.0, 0.0, 4.0]), lag=np.array([0.01, 0.0, 0.0]),
-        limits=(np.array([-np.inf, -9, -9]), np.array([np.inf, 9, 9])), servo=stepper.PID(kp=np.array([3.0, 4.0, 5.0]), ki=2.0),
+        limits=(np.array([-np.inf, -9, -9]), np.array([np.inf, 9, 9])), servo=stepper.actuators.PID(kp=np.array([3.0, 4.0, 5.0]), ki=2.0),
     )  # fmt: skip
     transfer = stepper.Transfer(
         noise_std=np.array([0.0, 0.0, 0.1]), delay=np.array([0.02, 0.004, 0.0]), jitter=np.array([0.0, 0.004, 0.005])

@@ -182,7 +182,7 @@ def test_kinks_are_seen_at_the_friction_of_the_pair():
 
 
 def test_identification_has_the_same_rule():
-    from stepper.identification.parameters import bind
+    from stepper.sysid.parameters import bind
 
     scene = model(name="")
     with pytest.raises(ValueError, match=r'friction:paired.*explicit pair "#0".*identify "pair_friction:#0"'):
@@ -193,7 +193,7 @@ def test_identification_has_the_same_rule():
 
 
 def test_a_study_has_the_same_rule():
-    from stepper.experiments.study.parameters import Parameter, check
+    from stepper.lab.study.parameters import Parameter, check
 
     friction = Parameter(target="geom_friction", names=("paired",), column=0, low=0.1, high=1.0)
     with pytest.raises(ValueError, match=r"parameter 'mu'.*explicit pair \"sole\".*target \"pair_friction\""):

@@ -184,7 +184,7 @@ def test_forces_of_actuators_are_what_sensors_read(precision):
       <actuator><motor name="a" joint="a" gear="3"/><position name="b" joint="b" kp="20" forcerange="-2 2"/></actuator>
       <sensor><actuatorfrc actuator="a"/><actuatorfrc actuator="b"/>
         <jointactuatorfrc joint="a"/><jointactuatorfrc joint="b"/></sensor></mujoco>"""
-    motor = stepper.DCMotor(stall_torque=2.0, no_load_speed=40.0, gear=3.0, efficiency=0.8)
+    motor = stepper.actuators.DCMotor(stall_torque=2.0, no_load_speed=40.0, gear=3.0, efficiency=0.8)
     drives = stepper.ActuatorModel({"a": stepper.Drive(delay=0.005, motor=motor), "b": stepper.Drive(lag=0.02, friction=0.1)})
     for actuators in (None, drives):
         sim = stepper.Stepper(stepper.load(source), ENVS, actuators=actuators, precision=precision)

@@ -283,7 +283,7 @@ def test_errors_name_field_environment_and_remedy(fields, parts):
 
 
 def test_a_mask_has_one_entry_per_environment():
-    with pytest.raises(ValueError, match=r"mask has shape \(3,\), must be \(4,\)"):
+    with pytest.raises(ValueError, match=r"envs has shape \(3,\), must be \(4,\)"):
         stepper.Stepper(meadow(), 4).randomize([True] * 3, gravity=np.zeros((4, 3)))
 
 
@@ -302,7 +302,7 @@ def test_parameters_and_drives_go_together():
         <geom type="capsule" fromto="0 0 0 .5 0 0" size=".02"/></body></worldbody>
         <actuator><motor name="motor" joint="hinge"/></actuator></mujoco>"""
     )
-    motor = stepper.DCMotor(stall_torque=1.0, no_load_speed=20.0, rotor_inertia=1e-3, gear=10.0, efficiency=0.8)
+    motor = stepper.actuators.DCMotor(stall_torque=1.0, no_load_speed=20.0, rotor_inertia=1e-3, gear=10.0, efficiency=0.8)
     drives = stepper.ActuatorModel({"motor": stepper.Drive(motor=motor, friction=0.01)})
     armature, mass, friction = np.array([[0.1], [0.2], [0.3]]), np.array([[0, 1.0], [0, 1.5], [0, 2.0]]), np.array([[0.02], [0.05], [0.01]])
     sim = stepper.Stepper(model, 3, actuators=drives)

@@ -10,7 +10,8 @@ import pytest
 import stepper
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from stepper import SensorModel, Transfer, devices
+from stepper import SensorModel, Transfer
+from stepper.sensors import devices
 
 STILL = """
 <mujoco>

@@ -36,7 +36,7 @@ def written_again(m):
                 name = mujoco.mj_id2name(m, OBJECTS.mjOBJ_BODY if kind == OBJECTS.mjOBJ_XBODY else kind, index)
                 what = "inertial" if kind == OBJECTS.mjOBJ_BODY and word in FRAMES else NAMED.get(kind, "body")
                 of[f"{prefix}{what}"] = name
-        readings[mujoco.mj_id2name(m, OBJECTS.mjOBJ_SENSOR, i)] = stepper.SensorSpec(type=word, **of)
+        readings[mujoco.mj_id2name(m, OBJECTS.mjOBJ_SENSOR, i)] = stepper.sensors.SensorSpec(type=word, **of)
     return readings
 
 
@@ -53,7 +53,7 @@ def test_what_is_added_reads_what_the_file_has(name):
         sim.set_state(qvel=rng.normal(size=(4, model.nv)))
         sim.step(rng.uniform(-1, 1, (4, model.nu)), nstep=3)
         for sensor in readings:
-            file, added = (stepper.quantities.read(sim, "sensordata_ideal", which) for which in (sensor, f"added {sensor}"))
+            file, added = (sim.read("sensordata_ideal", which) for which in (sensor, f"added {sensor}"))
             np.testing.assert_array_equal(added, file, f"{sensor}: {readings[sensor]}")
     assert len({reading.type for reading in readings.values()}) > 20
 
@@ -76,11 +76,11 @@ HAND = """<mujoco><worldbody><body name="arm"><joint name="hinge"/><geom name="l
 ])  # fmt: skip
 def test_what_is_wrong_is_said(reading, said):
     with pytest.raises(ValueError, match=said):
-        stepper.load(HAND).with_sensors({"new": stepper.SensorSpec(**reading)})
+        stepper.load(HAND).with_sensors({"new": stepper.sensors.SensorSpec(**reading)})
 
 
 def test_what_is_added_has_errors_of_its_own():
-    model = stepper.load(HAND).with_sensors({"hand": stepper.SensorSpec(type="framepos", site="tip")})
+    model = stepper.load(HAND).with_sensors({"hand": stepper.sensors.SensorSpec(type="framepos", site="tip")})
     sim = stepper.Stepper(model, 2, sensors=stepper.SensorModel({"hand": stepper.Transfer(bias=0.5)}))
-    np.testing.assert_array_equal(stepper.quantities.read(sim, "sensordata_ideal", "hand"), [[0.4, 0, 0]] * 2)
-    np.testing.assert_array_equal(stepper.quantities.read(sim, "sensordata", "hand"), [[0.9, 0.5, 0.5]] * 2)
+    np.testing.assert_array_equal(sim.read("sensordata_ideal", "hand"), [[0.4, 0, 0]] * 2)
+    np.testing.assert_array_equal(sim.read("sensordata", "hand"), [[0.9, 0.5, 0.5]] * 2)

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 import stepper
 from models import SOURCES, random_state, stepper_model
-from stepper import quantities
+from stepper._quantities import KINDS
 
 ENVS = 5
 ROBOTS = ["gymnasium/ant", "gymnasium/humanoid", "gymnasium/pusher_v5", "dm_control/quadruped", "dm_control/fish", "dm_control/cheetah"]
@@ -35,8 +35,7 @@ def test_mass_matrices_and_inverse_dynamics_are_mujocos(name):
     source.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
     sim.qfrc_applied[:], sim.xfrc_applied[:] = rng.normal(size=(ENVS, source.nv)), rng.normal(size=(ENVS, source.nbody, 6))
     qacc = rng.normal(size=(ENVS, source.nv))
-    mass, bias, forces = np.full((ENVS, source.nv, source.nv), np.nan), sim.qfrc_bias, quantities.inverse_dynamics(sim, qacc)
-    assert quantities.mass_matrix(sim, out=mass) is mass
+    mass, bias, forces = sim.mass_matrix(), sim.qfrc_bias, sim.inverse_dynamics(qacc)
     data = mujoco.MjData(source)
     for k in range(ENVS):
         data.qpos[:], data.qvel[:], data.qacc[:] = q[k], v[k], qacc[k]
@@ -62,9 +61,9 @@ def test_all_environments_have_the_bits_of_each(name):
     for what in (stepper.Stepper.mass_matrix, lambda sim: sim.qfrc_bias, lambda sim: sim.qacc_smooth):
         np.testing.assert_array_equal(what(sim), [what(one) for one in alone])
         assert what(half).dtype == np.float32
-    mass = quantities.mass_matrix(sim)
+    mass = sim.mass_matrix()
     # Sums of some tens of terms of single precision.
-    np.testing.assert_allclose(quantities.mass_matrix(half), mass, rtol=0, atol=1e-5 * np.abs(mass).max())
+    np.testing.assert_allclose(half.mass_matrix(), mass, rtol=0, atol=1e-5 * np.abs(mass).max())
 
 
 def test_tendons_with_inertia_and_drives_count_in_one_pass():
@@ -97,7 +96,7 @@ def test_forces_of_inverse_dynamics_make_the_acceleration():
         sim.reset(qpos=[[0.1, 0.2], [-1, 0.4], [2, -0.3]], qvel=[[0, 1], [2, -1], [0.5, 0.5]])
         sim.step(np.full((3, 2), 0.3), nstep=7)
         wanted = np.random.default_rng(0).normal(size=(3, 2))
-        sim.qfrc_applied[:] = quantities.inverse_dynamics(sim, wanted) - np.asarray(sim.qfrc_actuator)
+        sim.qfrc_applied[:] = sim.inverse_dynamics(wanted) - np.asarray(sim.qfrc_actuator)
         np.testing.assert_allclose(sim.qacc_smooth, wanted, rtol=1e-10, atol=1e-10)
 
 
@@ -106,43 +105,36 @@ def test_what_is_read_by_name_is_the_attributes(precision):
     _, sim, *_ = crowd("gymnasium/humanoid", precision=precision)
     sim.step(nstep=3)
     model, dtype = sim.model, {"f64": np.float64, "f32": np.float32}[precision]
-    for name in quantities.KINDS:
-        found = quantities.read(sim, name)
+    for name in KINDS:
+        found = sim.read(name)
         np.testing.assert_array_equal(found, np.asarray(getattr(sim, name)), name)
         found[...] = 0  # It is the caller's.
         if name not in ("xfrc_applied", "qfrc_applied", "actuator_saturation"):
             assert found.dtype == dtype, name
-    torso = np.empty((ENVS, 3), dtype)
-    assert quantities.read(sim, "xpos", "torso", out=torso) is torso
-    np.testing.assert_array_equal(torso, sim.xpos[:, model.body("torso").id])
-    np.testing.assert_array_equal(quantities.read(sim, "cvel", ["torso", -1]), sim.cvel[:, [1, -1]])
+    np.testing.assert_array_equal(sim.read("xpos", "torso"), sim.xpos[:, model.body("torso").id])
+    np.testing.assert_array_equal(sim.read("cvel", ["torso", -1]), sim.cvel[:, [1, -1]])
     root, knee = model.joint("root"), model.joint("left_knee")
     columns = [*range(root.qposadr, root.qposadr + 7), knee.qposadr]
-    np.testing.assert_array_equal(quantities.read(sim, "qpos", ["root", "left_knee"]), sim.qpos[:, columns])
-    np.testing.assert_array_equal(quantities.read(sim, "qacc", "left_knee"), sim.qacc[:, [knee.dofadr]])
-    np.testing.assert_array_equal(
-        quantities.read(sim, "actuator_force", "left_knee"), sim.actuator_force[:, [model.actuator("left_knee").id]]
-    )
-    np.testing.assert_array_equal(quantities.jacobian(sim, body="torso"), sim.jacobian(body="torso"))
+    np.testing.assert_array_equal(sim.read("qpos", ["root", "left_knee"]), sim.qpos[:, columns])
+    np.testing.assert_array_equal(sim.read("qacc", "left_knee"), sim.qacc[:, [knee.dofadr]])
+    np.testing.assert_array_equal(sim.read("actuator_force", "left_knee"), sim.actuator_force[:, [model.actuator("left_knee").id]])
 
 
 def test_a_stepper_without_an_axis_has_none():
     sim = stepper.Stepper(stepper_model("gymnasium/ant"))
-    assert quantities.read(sim, "xpos", "torso").shape == (3,)
-    assert quantities.mass_matrix(sim).shape == (14, 14)
-    assert quantities.inverse_dynamics(sim, np.zeros(14)).shape == (14,)
+    assert sim.read("xpos", "torso").shape == (3,)
+    assert sim.mass_matrix().shape == (14, 14)
+    assert sim.inverse_dynamics(np.zeros(14)).shape == (14,)
     sim.xfrc_applied[1, 2] = 5.0
-    np.testing.assert_allclose(quantities.inverse_dynamics(sim, sim.qacc_smooth)[:3], [0, 0, 5.0], atol=1e-12)
+    np.testing.assert_allclose(sim.inverse_dynamics(sim.qacc_smooth)[:3], [0, 0, 5.0], atol=1e-12)
 
 
 @pytest.mark.parametrize(("call", "error", "said"), [
-    (lambda sim: quantities.read(sim, "xpo"), ValueError, "there is no quantity 'xpo'; did you mean xpos"),
-    (lambda sim: quantities.read(sim, "xpos", "tors"), KeyError, "torso"),
-    (lambda sim: quantities.read(sim, "xpos", 99), IndexError, "99"),
-    (lambda sim: quantities.read(sim, "xpos", out=np.empty((5, 14, 3), np.float32)), ValueError, "float32, must have"),
-    (lambda sim: quantities.mass_matrix(sim, out=np.empty((5, 14, 13))), ValueError, r"out has shape \(5, 14, 13\)"),
-    (lambda sim: quantities.inverse_dynamics(sim, np.zeros((4, 14))), ValueError, r"qacc has shape \(4, 14\), must be \(5, 14\)"),
-    (quantities.jacobian, ValueError, "body"),
+    (lambda sim: sim.read("xpo"), ValueError, "there is no quantity 'xpo'; did you mean xpos"),
+    (lambda sim: sim.read("xpos", "tors"), KeyError, "torso"),
+    (lambda sim: sim.read("xpos", 99), IndexError, "99"),
+    (lambda sim: sim.inverse_dynamics(np.zeros((4, 14))), ValueError, r"qacc has shape \(4, 14\), must be \(5, 14\)"),
+    (stepper.Stepper.jacobian, ValueError, "body"),
 ])  # fmt: skip
 def test_what_is_wrong_is_said(call, error, said):
     with pytest.raises(error, match=said):

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import stepper
 from models import SOURCES, stepper_model
+from stepper.sensors import HeightField
 
 
 def scene(turn=30.0, rows=7, columns=11):
@@ -30,7 +31,7 @@ def test_heights_are_where_mujocos_rays_meet_the_field():
     data.qpos[:3] = 50.0
     mujoco.mj_forward(m, data)
     model = stepper.load(scene())
-    ground, sim = stepper.HeightField(model, "ground"), stepper.Stepper(model, 3)
+    ground, sim = HeightField(model, "ground"), stepper.Stepper(model, 3)
     places = np.random.default_rng(0).uniform(-1.2, 1.2, (3, 200, 2))
     found = np.empty((3, 200))
     assert ground.heights(sim, places, out=found) is found
@@ -50,7 +51,7 @@ def test_heights_are_where_mujocos_rays_meet_the_field():
 
 def test_a_scan_turns_with_the_body():
     model = stepper.load(scene())
-    ground, sim = stepper.HeightField(model, "ground"), stepper.Stepper(model, 2)
+    ground, sim = HeightField(model, "ground"), stepper.Stepper(model, 2)
     half = np.array([0.0, 0.6])
     quats = np.stack([np.cos(half), 0 * half, 0 * half, np.sin(half)], axis=1)
     sim.reset(qpos=np.hstack([[[0.1, 0.2, 2.0], [-0.3, 0.1, 1.0]], quats]))
@@ -60,12 +61,12 @@ def test_a_scan_turns_with_the_body():
     turned = offsets @ np.array([[c, s], [-s, c]])
     np.testing.assert_allclose(found[0], ground.heights(sim, offsets + np.array([0.1, 0.2]))[0], rtol=1e-12)
     np.testing.assert_allclose(found[1], ground.heights(sim, turned + np.array([-0.3, 0.1]))[1], rtol=1e-12)
-    assert stepper.HeightField(model, "ground").scan(stepper.Stepper(model), 1, offsets).shape == (3,)
+    assert HeightField(model, "ground").scan(stepper.Stepper(model), 1, offsets).shape == (3,)
 
 
 def test_an_environments_own_place_of_the_field_counts():
     model = stepper.load(scene(turn=0.0))
-    ground, sim = stepper.HeightField(model, 0), stepper.Stepper(model, 2)
+    ground, sim = HeightField(model, 0), stepper.Stepper(model, 2)
     pos = np.tile(model.geom_pos, (2, 1, 1))
     pos[1, 0] += [0.25, 0.1, 0.5]
     sim.randomize(geom_pos=pos)
@@ -77,7 +78,7 @@ def test_an_environments_own_place_of_the_field_counts():
 def test_what_falls_comes_to_rest_on_the_ground():
     """dm_control's escape terrain is its own in each episode; here are hills in its field, and balls between them."""
     model = stepper.load(scene(turn=0.0, rows=31, columns=41))
-    ground, sim = stepper.HeightField(model, "ground"), stepper.Stepper(model, 8)
+    ground, sim = HeightField(model, "ground"), stepper.Stepper(model, 8)
     rng = np.random.default_rng(5)
     qpos = np.tile(model.qpos0, (8, 1))
     qpos[:, :2] += rng.uniform(-0.5, 0.5, (8, 2))
@@ -97,17 +98,17 @@ def test_a_field_of_a_package_is_read():
     if not fields:
         pytest.skip("its file has no height field")
     m = mujoco.MjModel.from_xml_path(str(SOURCES["dm_control/quadruped"]))
-    ground = stepper.HeightField(model, fields[0], source=str(SOURCES["dm_control/quadruped"]))
+    ground = HeightField(model, fields[0], source=str(SOURCES["dm_control/quadruped"]))
     assert ground.elevation.shape == (m.hfield_nrow[0], m.hfield_ncol[0])
     np.testing.assert_array_equal(ground.half, m.hfield_size[0, :2])
 
 
 @pytest.mark.parametrize(("call", "said"), [
-    (lambda model: stepper.HeightField(model, "ball"), "geom 'ball' is a sphere, must be a height field"),
-    (lambda model: stepper.HeightField(model, "ground", source="<mujoco/>"), "the source is of another model"),
-    (lambda model: stepper.HeightField(model, 0).heights(stepper.Stepper(model, 2), np.zeros((3, 4, 2))), r"places has shape \(3, 4, 2\)"),
-    (lambda model: stepper.HeightField(model, "ground").scan(stepper.Stepper(model, 2), 1, np.zeros(2)), r"offsets has shape \(2,\)"),
-    (lambda model: stepper.HeightField(stepper.load(scene().replace('euler="0 0 30.0"', 'euler="20 0 0"')), "ground"), "is inclined"),
+    (lambda model: HeightField(model, "ball"), "geom 'ball' is a sphere, must be a height field"),
+    (lambda model: HeightField(model, "ground", source="<mujoco/>"), "the source is of another model"),
+    (lambda model: HeightField(model, 0).heights(stepper.Stepper(model, 2), np.zeros((3, 4, 2))), r"places has shape \(3, 4, 2\)"),
+    (lambda model: HeightField(model, "ground").scan(stepper.Stepper(model, 2), 1, np.zeros(2)), r"offsets has shape \(2,\)"),
+    (lambda model: HeightField(stepper.load(scene().replace('euler="0 0 30.0"', 'euler="20 0 0"')), "ground"), "is inclined"),
 ])  # fmt: skip
 def test_what_is_wrong_is_said(call, said):
     with pytest.raises(ValueError, match=said):
@@ -119,6 +120,6 @@ def test_a_model_whose_source_is_not_known_asks_for_it(tmp_path: Path):
     import sys
 
     stepper.load(scene()).save(tmp_path / "hills.stepper")
-    code = "import sys, stepper; m = stepper.load(sys.argv[1]); stepper.HeightField(m, 'ground')"
+    code = "import sys, stepper; m = stepper.load(sys.argv[1]); stepper.sensors.HeightField(m, 'ground')"
     ended = subprocess.run([sys.executable, "-c", code, str(tmp_path / "hills.stepper")], capture_output=True, text=True, check=False)
     assert "give source=" in ended.stderr

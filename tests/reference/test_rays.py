@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 import stepper
 from models import SOURCES, forward, random_quaternion, random_state
-from stepper import quantities
 
 BOUND = 1e-9
 """m: what rounding makes of scenes of some metres, rays that nearly graze included, is below 1e-10."""
@@ -164,7 +163,7 @@ def eyes() -> tuple[stepper.Model, np.ndarray]:
     text = SHAPES.format(hills=hills).replace('<geom name="ball" size=".2"/>', '<geom name="ball" size=".2"/><site name="eye"/>')
     rays = np.random.default_rng(7).normal(size=(60, 3))
     rays /= np.linalg.norm(rays, axis=-1, keepdims=True)
-    return stepper.load(text).with_sensors({"lidar": stepper.RayFan("eye", rays)}), rays
+    return stepper.load(text).with_sensors({"lidar": stepper.sensors.RayFan("eye", rays)}), rays
 
 
 def crowd(num_envs, **settings):
@@ -182,14 +181,14 @@ def crowd(num_envs, **settings):
 def test_rays_around_a_body_are_those_of_a_fan(precision, bound):
     """To rounding, which is as many times larger as the ray is longer that meets the floor far away, nearly grazing: hundreds of times."""
     sim, rays = crowd(20, precision=precision)
-    found, geoms = quantities.rays(sim, np.zeros((60, 3)), 3.0 * rays, body="ball")
+    found, geoms = sim.rays(np.zeros((60, 3)), 3.0 * rays, body="ball")
     assert found.dtype == {"f64": np.float64, "f32": np.float32}[precision]
-    read = np.asarray(quantities.read(sim, "sensordata_ideal", "lidar"))
+    read = np.asarray(sim.read("sensordata_ideal", "lidar"))
     same = (found > 0) == (read > 0)
     assert same.mean() > 0.99
     np.testing.assert_allclose(found[same], read[same], rtol=bound, atol=bound)
     assert {sim.model.geom(name).id for name in ("ground", "stone", "floor")} <= set(geoms.flat)
-    only, _ = quantities.rays(sim, np.zeros((60, 3)), 3.0 * rays, body="ball", geoms=["stone"])
+    only, _ = sim.rays(np.zeros((60, 3)), 3.0 * rays, body="ball", geoms=["stone"])
     np.testing.assert_array_equal(only > 0, (only >= found) & (only > 0))
     assert ((only == found) & (only > 0)).any()
 
@@ -205,7 +204,7 @@ def test_axes_around_a_body():
     upright = np.stack([ahead, left, np.broadcast_to([0, 0, 1.0], ahead.shape)], axis=-1)
     for axes, mats in {"body": turn, "heading": upright, "world": np.broadcast_to(np.eye(3), turn.shape)}.items():
         expected = sim.rays(at @ mats.transpose(0, 2, 1) + pos[:, None], rays @ mats.transpose(0, 2, 1), exclude=5)
-        found = quantities.rays(sim, at, rays, body="ball", axes=axes)
+        found = sim.rays(at, rays, body="ball", axes=axes)
         np.testing.assert_allclose(found[0], expected[0], rtol=0, atol=1e-11)
         np.testing.assert_array_equal(found[1], expected[1])
 
@@ -218,14 +217,11 @@ def mujoco_matrix(quat):
 
 @pytest.mark.parametrize("precision", ["f64", "f32"])
 def test_no_bit_depends_on_who_is_beside(precision):
-    """Neither on the number of environments nor on threads; `out` has what is returned."""
+    """Neither on the number of environments nor on threads."""
     sim, rays = crowd(37, precision=precision, threads=1)
     points = np.asarray(sim.xpos, dtype=np.float64)[:, 5, None] + 0.4 * rays
     all_of_them, geoms = sim.rays(points, rays)
-    out, out_geoms = np.empty_like(all_of_them), np.empty_like(geoms)
-    given = quantities.rays(sim, points, np.broadcast_to(rays, points.shape), out=out, out_geoms=out_geoms)
-    assert given[0] is out
-    assert given[1] is out_geoms
+    out, out_geoms = sim.rays(points, np.broadcast_to(rays, points.shape))
     for found in (out, crowd(37, precision=precision, threads=3)[0].rays(points, rays)[0]):
         assert found.tobytes() == all_of_them.tobytes()
     assert out_geoms.tobytes() == geoms.tobytes()
@@ -291,9 +287,8 @@ def test_a_mesh_that_is_only_drawn_is_no_part_of_the_model():
     (lambda sim: sim.rays(np.full((1, 3), np.nan), np.ones((1, 3))), ValueError, r"points\[0\] of environment 0 is NaN"),
     (lambda sim: sim.rays(np.zeros((1, 3)), np.ones((1, 3)), geoms=["hill"]), KeyError, "hill"),
     (lambda sim: sim.rays(np.zeros((1, 3)), np.ones((1, 3)), exclude=99), IndexError, "99"),
-    (lambda sim: quantities.rays(sim, np.zeros((1, 3)), np.ones((1, 3)), axes="up"), ValueError, "axes is 'up'"),
-    (lambda sim: quantities.rays(sim, np.zeros((3, 1, 3)), np.ones((1, 3)), body=1), ValueError, r"points has shape \(3, 1, 3\)"),
-    (lambda sim: quantities.rays(sim, np.zeros((1, 3)), np.ones((1, 3)), out=np.empty(2)), ValueError, r"out has shape \(2,\)"),
+    (lambda sim: sim.rays(np.zeros((1, 3)), np.ones((1, 3)), body=1, axes="up"), ValueError, "axes is 'up'"),
+    (lambda sim: sim.rays(np.zeros((3, 1, 3)), np.ones((1, 3)), body=1), ValueError, r"points has shape \(3, 1, 3\)"),
 ])  # fmt: skip
 def test_what_is_wrong_is_said(call, error, said):
     with pytest.raises(error, match=said):

@@ -8,13 +8,13 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 import stepper
-from stepper.experiments.accuracy.candidates import lines, pareto, timesteps
-from stepper.experiments.accuracy.costs import saving
-from stepper.experiments.accuracy.measure import Ground, measure, reference
-from stepper.experiments.accuracy.reference import _judged, converge
-from stepper.experiments.accuracy.traces import Distance, quantity, run
-from stepper.experiments.accuracy.tune import Candidate, Tuning, _beside, _cheaper, _lines
-from stepper.experiments.study import Recorded
+from stepper.lab.accuracy.candidates import lines, pareto, timesteps
+from stepper.lab.accuracy.costs import saving
+from stepper.lab.accuracy.measure import Ground, measure, reference
+from stepper.lab.accuracy.reference import _judged, converge
+from stepper.lab.accuracy.traces import Distance, quantity, run
+from stepper.lab.accuracy.tune import Candidate, Tuning, _beside, _cheaper, _lines
+from stepper.lab.study import Recorded
 from typer.testing import CliRunner
 
 PENDULUM = """<mujoco><option timestep=".005"/><worldbody><body pos="0 0 1"><joint name="hinge" axis="0 1 0"/>
@@ -33,11 +33,11 @@ SCENE = """<mujoco><option timestep=".005"/><worldbody><geom name="floor" type="
 
 def pendulum(**changed):
     given = {"model": PENDULUM.format(child=""), "name": "pendulum", "episodes": 2, "seconds": 0.5, "control": 0.02, "qvel_noise": 0.5}
-    return stepper.Study(**(given | changed))
+    return stepper.lab.Study(**(given | changed))
 
 
 def scene(**changed):
-    return stepper.Study.from_model(SCENE, name="scene", seconds=0.2, qvel_noise=0.1, **changed)
+    return stepper.lab.Study.from_model(SCENE, name="scene", seconds=0.2, qvel_noise=0.1, **changed)
 
 
 def test_a_smooth_motion_is_known_as_well_as_its_reference_says():
@@ -98,7 +98,7 @@ def test_where_eulers_rule_diverges_the_implicit_rule_judges():
 
 
 def test_a_rule_that_takes_too_long_is_no_judge(monkeypatch):
-    monkeypatch.setattr(sys.modules["stepper.experiments.accuracy.reference"], "patience", lambda *_: 0.0)
+    monkeypatch.setattr(sys.modules["stepper.lab.accuracy.reference"], "patience", lambda *_: 0.0)
     found = converge(pendulum(seconds=0.1), range(2), Distance("m", 0.1), target=1e-5, most=2)
     assert found.second == ()
     assert not found.stopped
@@ -111,8 +111,8 @@ def test_a_run_that_takes_too_long_is_stopped_and_told(tmp_path, monkeypatch):
     """As motions that blew up do, whose steps take as many iterations as there may be; here by a clock of its own."""
     for module in ("tune", "measure"):
         patience = lambda study, of, timestep, **_: 0.0 if timestep >= 0.005 else 60.0  # noqa: E731
-        monkeypatch.setattr(sys.modules[f"stepper.experiments.accuracy.{module}"], "patience", patience)
-    found = stepper.tune(scene(), tmp_path, error="0.5 mm", horizon="0.1 s", coverage=0.5, reduce=False)
+        monkeypatch.setattr(sys.modules[f"stepper.lab.accuracy.{module}"], "patience", patience)
+    found = stepper.lab.tune(scene(), tmp_path, error="0.5 mm", horizon="0.1 s", coverage=0.5, reduce=False)
     assert found.usual.stopped
     assert found.usual.error == math.inf
     assert found.chosen is not None
@@ -155,9 +155,9 @@ def test_a_chart_and_a_tuning_take_the_same_horizons(tmp_path):
         assert quantity(horizon, name="horizon", units=("s",)) == (pytest.approx(0.1), "s")
     for wrong in ("5", 0.0, -1, math.inf, math.nan, True, [1.0], "1 m"):
         with pytest.raises(ValueError, match=r"horizon is .*, must be a number above 0 with a unit"):
-            stepper.chart(scene(), tmp_path, horizon=wrong)
+            stepper.lab.chart(scene(), tmp_path, horizon=wrong)
         with pytest.raises(ValueError, match=r"horizon is .*, must be a number above 0 with a unit"):
-            stepper.tune(scene(), tmp_path, error="1 mm", horizon=wrong)
+            stepper.lab.tune(scene(), tmp_path, error="1 mm", horizon=wrong)
 
 
 def test_time_steps_divide_the_time_of_a_control_and_fronts_are_pareto():
@@ -167,7 +167,7 @@ def test_time_steps_divide_the_time_of_a_control_and_fronts_are_pareto():
 
 
 def test_a_chart_of_a_model_of_ones_own(tmp_path):
-    found = stepper.chart(scene(), tmp_path, quick=True, episodes=3, horizon=0.1)
+    found = stepper.lab.chart(scene(), tmp_path, quick=True, episodes=3, horizon=0.1)
     for name in ("chart.png", "chart_later.png", "chart.csv", "chart.npz", "chart.html", "chart.md"):
         assert (tmp_path / "scene" / name).stat().st_size > 500
     # Why rapier is left out is one line: it is not installed, or has no actuators.
@@ -206,7 +206,7 @@ def test_a_chart_has_both_laws_whatever_the_options_of_the_study(options):
 
 
 def test_a_tuning_keeps_its_budget_on_episodes_that_it_has_not_seen(tmp_path):
-    found = stepper.tune(scene(), tmp_path, error="0.5 mm", horizon="0.1 s", coverage=0.8, reduce=False)
+    found = stepper.lab.tune(scene(), tmp_path, error="0.5 mm", horizon="0.1 s", coverage=0.8, reduce=False)
     assert found.chosen is not None
     assert found.trials[-1].share >= 0.8
     assert found.chosen.error <= 5e-4
@@ -273,7 +273,7 @@ def test_episodes_that_repeat_those_that_chose_prove_nothing(tmp_path):
     for study in (scene(drive=None), scene(drive=recorded(tmp_path, 13))):
         count = 0 if study.drive is None else 1
         with pytest.raises(ValueError, match=f"scene: {count} of 17 held-out episodes differ"):
-            stepper.tune(replace(study, qvel_noise=0.0), tmp_path, error="1 mm", horizon="0.1 s", coverage=0.8)
+            stepper.lab.tune(replace(study, qvel_noise=0.0), tmp_path, error="1 mm", horizon="0.1 s", coverage=0.8)
 
 
 def recorded(folder, episodes):
@@ -283,7 +283,7 @@ def recorded(folder, episodes):
 
 
 def test_a_budget_that_nothing_keeps_is_said(tmp_path):
-    found = stepper.tune(scene(), tmp_path, error="0.000001 um", horizon="0.2 s", reduce=False)
+    found = stepper.lab.tune(scene(), tmp_path, error="0.000001 um", horizon="0.2 s", reduce=False)
     assert found.chosen is None
     assert found.options is None
     assert "No settings are proved to keep the budget" in str(found)
@@ -293,14 +293,14 @@ def test_a_budget_that_nothing_keeps_is_said(tmp_path):
 def saves(monkeypatch):
     """What taking something out saves, without a clock: a tenth, or what a test says."""
     told = {"share": (0.1, 0.05)}
-    monkeypatch.setattr(sys.modules["stepper.experiments.accuracy.needs"], "saving", lambda own, less, trace: told["share"])
+    monkeypatch.setattr(sys.modules["stepper.lab.accuracy.needs"], "saving", lambda own, less, trace: told["share"])
     return told
 
 
 def test_what_a_scene_does_not_need(tmp_path, saves):
-    motor = stepper.Parameter(target="drive", nominal=0.01, low=0.0, high=0.02)
+    motor = stepper.lab.Parameter(target="drive", nominal=0.01, low=0.0, high=0.02)
     study = scene(drive=lambda now: now.theta["motor"][:, None], parameters={"motor": motor})
-    found = stepper.tune(study, tmp_path, error="1 mm", horizon="0.1 s", coverage=0.5)
+    found = stepper.lab.tune(study, tmp_path, error="1 mm", horizon="0.1 s", coverage=0.5)
     spare = {own.what: own for own in found.spare}
     # Balls and arm meet one another nowhere, nor does the arm the floor; both balls lie on the floor.
     assert "4 of 6 pairs of bodies" in spare
@@ -322,7 +322,7 @@ def test_what_a_scene_does_not_need(tmp_path, saves):
     assert (smaller.nsensordata, smaller.joint("hinge").limited, smaller.nv) == (0, False, study.loaded[0].nv)
     # What saves nothing, or perhaps nothing, stays.
     saves["share"] = (0.02, -0.01)
-    found = stepper.tune(study, tmp_path / "nothing", error="1 mm", horizon="0.1 s", coverage=0.5)
+    found = stepper.lab.tune(study, tmp_path / "nothing", error="1 mm", horizon="0.1 s", coverage=0.5)
     assert {own.what for own in found.spare} >= spare.keys() - {"all that is taken out, together"}
     assert not any(own.taken for own in found.spare)
     assert found.smaller is None
@@ -348,7 +348,7 @@ def test_what_is_used_stays(tmp_path):
         drive=lambda now: 0.02 - 0.0 * now.sensor("angle"),
         start=lambda now, rng: (np.tile(now.model.qpos0 + 1.5708 * (np.arange(15) == 14), (now.num_envs, 1)), np.ones((now.num_envs, 13))),
     )
-    found = stepper.tune(study, tmp_path, error="1 mm", horizon="0.1 s", coverage=0.5)
+    found = stepper.lab.tune(study, tmp_path, error="1 mm", horizon="0.1 s", coverage=0.5)
     told = " ".join(own.what for own in found.spare)
     assert "sensors" not in told
     assert "limits" not in told

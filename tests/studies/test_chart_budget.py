@@ -8,12 +8,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import stepper
-from stepper.experiments.accuracy import measure as measured
-from stepper.experiments.accuracy.budget import Budget, Stage
-from stepper.experiments.accuracy.candidates import Line
-from stepper.experiments.accuracy.measure import Ground, measure
-from stepper.experiments.accuracy.reference import converge
-from stepper.experiments.accuracy.traces import Distance, run
+from stepper.lab.accuracy import measure as measured
+from stepper.lab.accuracy.budget import Budget, Stage
+from stepper.lab.accuracy.candidates import Line
+from stepper.lab.accuracy.measure import Ground, measure
+from stepper.lab.accuracy.reference import converge
+from stepper.lab.accuracy.traces import Distance, run
 
 BALL = """<mujoco><option timestep=".005"/><worldbody><geom type="plane" size="9 9 1"/>
   <body name="ball" pos="0 0 .12"><freejoint/><geom size=".1"/></body></worldbody></mujoco>"""
@@ -39,7 +39,7 @@ def clock(monkeypatch):
 
 
 def ball(**changed):
-    return stepper.Study.from_model(BALL, name="ball", seconds=0.2, qvel_noise=0.1, drive=None, **changed)
+    return stepper.lab.Study.from_model(BALL, name="ball", seconds=0.2, qvel_noise=0.1, drive=None, **changed)
 
 
 def test_a_run_that_the_clock_stops_has_what_it_saw(clock):
@@ -64,7 +64,7 @@ def test_steps_one_by_one_are_those_of_a_control(clock):
 
 
 def test_what_is_run_for_its_beginning_alone_has_no_outcome():
-    study = ball(outcomes=stepper.Outcome(name="height", measure="body ball z"))
+    study = ball(outcomes=stepper.lab.Outcome(name="height", measure="body ball z"))
     part = run(study, range(2), until=0.1)
     assert part.reached == pytest.approx(0.1)
     assert not part.stopped
@@ -76,14 +76,14 @@ def test_an_episode_that_is_not_finite_is_over(tmp_path):
     wild = """<mujoco><option timestep=".02" integrator="Euler"/><worldbody><body><joint name="j"/><geom size=".1" pos=".1 0 0"/></body>
       <body pos="3 0 0"><joint name="k"/><geom size=".1" pos=".1 0 0"/></body></worldbody>
       <actuator><general joint="j" biastype="affine" biasprm="0 1e7 1e6"/></actuator></mujoco>"""
-    study = stepper.Study.from_model(
+    study = stepper.lab.Study.from_model(
         wild,
         seconds=1.0,
         drive=None,
         qvel_noise=0.0,
         # The first episode begins at the joint's zero, where nothing grows.
         start=lambda now, rng: (np.array([[0.0, 0.1], [0.1, 0.1]]), np.zeros((2, 2))),
-        outcomes=stepper.Outcome(name="other", measure="joint k", success=">= -9"),
+        outcomes=stepper.lab.Outcome(name="other", measure="joint k", success=">= -9"),
     )
     for engine in ("stepper", "mujoco"):
         settings = {"integrator": "euler"} | ({"engine": engine} if engine == "mujoco" else {})
@@ -139,8 +139,8 @@ def test_a_chart_of_little_time_is_written(tmp_path, monkeypatch):
         monkeypatch.setattr(time, "time", lambda: real() + 3600.0)
         return begun(*given)
 
-    monkeypatch.setattr(sys.modules["stepper.experiments.accuracy.chart"], "measure", late)
-    found = stepper.chart(ball(), tmp_path, quick=True, episodes=2, horizon=0.1, budget="1800 s")
+    monkeypatch.setattr(sys.modules["stepper.lab.accuracy.chart"], "measure", late)
+    found = stepper.lab.chart(ball(), tmp_path, quick=True, episodes=2, horizon=0.1, budget="1800 s")
     assert {dot.notes[0] for dot in found.dots} == {"not run: the budget of 1800 s was spent before"}
     page = (tmp_path / "ball/chart.html").read_text()
     assert "the budget of 1800 s was spent before" in page
@@ -150,19 +150,19 @@ def test_a_chart_of_little_time_is_written(tmp_path, monkeypatch):
 @pytest.mark.parametrize("wrong", ["5", 0, "1 m", math.inf])
 def test_a_wrong_budget_is_named(tmp_path, wrong):
     with pytest.raises(ValueError, match=r"budget is .*, must be a number above 0 with a unit"):
-        stepper.chart(ball(), tmp_path, budget=wrong)
+        stepper.lab.chart(ball(), tmp_path, budget=wrong)
 
 
 def test_rows_without_time_for_invariants_and_costs_say_so(tmp_path, monkeypatch):
     """The clock jumps ahead when all is run."""
-    real, made = time.time, sys.modules["stepper.experiments.accuracy.chart"].Invariants
+    real, made = time.time, sys.modules["stepper.lab.accuracy.chart"].Invariants
 
     def late(study):
         monkeypatch.setattr(time, "time", lambda: real() + 3600.0)
         return made(study)
 
-    monkeypatch.setattr(sys.modules["stepper.experiments.accuracy.chart"], "Invariants", late)
-    found = stepper.chart(ball(), tmp_path, quick=True, episodes=1, horizon=0.1, budget="1800 s")
+    monkeypatch.setattr(sys.modules["stepper.lab.accuracy.chart"], "Invariants", late)
+    found = stepper.lab.chart(ball(), tmp_path, quick=True, episodes=1, horizon=0.1, budget="1800 s")
     assert {dot.notes for dot in found.dots} == {("invariants: the budget was spent before", "costs: the budget was spent before")}
     assert all(math.isfinite(dot.error) and math.isnan(dot.alone) for dot in found.dots)
     assert "invariants: the budget was spent before" in (tmp_path / "ball/chart.csv").read_text()

@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import stepper
-from stepper.experiments.accuracy.candidates import lines
-from stepper.experiments.accuracy.closed_form import closed_form, right_of
-from stepper.experiments.accuracy.measure import Ground, measure
-from stepper.experiments.accuracy.reference import converge
-from stepper.experiments.accuracy.traces import Distance, run
+from stepper.lab.accuracy.candidates import lines
+from stepper.lab.accuracy.closed_form import closed_form, right_of
+from stepper.lab.accuracy.measure import Ground, measure
+from stepper.lab.accuracy.reference import converge
+from stepper.lab.accuracy.traces import Distance, run
 
 MU, G = 0.5, 9.81
 BLOCK = f"""<mujoco><option timestep=".005"/><worldbody><geom name="floor" type="plane" size="9 9 1" friction="{MU} 0 0"/>
@@ -37,8 +37,10 @@ def slides(now, time):
 
 
 def block(**changed):
-    way = stepper.Outcome(name="way", measure="joint x", success=">= 0.03", unit="m")
-    return stepper.Study(**({"model": BLOCK, "name": "block", "seconds": 0.3, "start": thrown, "exact": slides, "outcomes": way} | changed))
+    way = stepper.lab.Outcome(name="way", measure="joint x", success=">= 0.03", unit="m")
+    return stepper.lab.Study(
+        **({"model": BLOCK, "name": "block", "seconds": 0.3, "start": thrown, "exact": slides, "outcomes": way} | changed)
+    )
 
 
 def test_a_closed_form_is_a_trace_with_its_outcomes():
@@ -55,8 +57,8 @@ def test_a_closed_form_is_a_trace_with_its_outcomes():
 
 def test_a_chart_measures_from_it(tmp_path, monkeypatch):
     study = block()
-    monkeypatch.setattr(sys.modules["stepper.experiments.accuracy.chart"], "lines", lambda study, **given: lines(study, **given)[:2])
-    found = stepper.chart(study, tmp_path, quick=True, episodes=3)
+    monkeypatch.setattr(sys.modules["stepper.lab.accuracy.chart"], "lines", lambda study, **given: lines(study, **given)[:2])
+    found = stepper.lab.chart(study, tmp_path, quick=True, episodes=3)
     assert found.reference.exact
     assert "Reference: the closed form" in found.document.markdown()
     assert "its last two runs" not in found.document.markdown()
@@ -83,7 +85,7 @@ def test_hard_contact_alone_is_measured_from_it_as_its_own_law():
 
 
 def test_a_tuning_is_proved_by_it(tmp_path):
-    found = stepper.tune(block(), tmp_path, error="0.2 mm", horizon="0.3 s", coverage=0.7, reduce=False)
+    found = stepper.lab.tune(block(), tmp_path, error="0.2 mm", horizon="0.3 s", coverage=0.7, reduce=False)
     assert found.chosen is not None
     assert found.trials[-1].unknown == 0
     study = replace(block(), options=found.options, precision=found.precision)
@@ -96,7 +98,7 @@ def test_files_name_it(tmp_path):
     (tmp_path / "block.xml").write_text(BLOCK)
     (tmp_path / "known.py").write_text("def slides(now, time):\n    return None\n")
     (tmp_path / "block.toml").write_text('model = "block.xml"\nexact = "known.py:slides"\n')
-    study = stepper.Study.from_file(tmp_path / "block.toml")
+    study = stepper.lab.Study.from_file(tmp_path / "block.toml")
     with pytest.raises(ValueError, match=r"block: exact, known\.py:slides, gives NoneType, must give two arrays, qpos and qvel"):
         closed_form(study, range(1))
 

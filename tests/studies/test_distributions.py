@@ -7,20 +7,23 @@ import numpy as np
 import pytest
 import scipy.stats
 import stepper
-from stepper.experiments.accuracy.distributions import names, newcombe, shifts
-from stepper.experiments.accuracy.traces import run
-from stepper.experiments.study.intervals import student, student_quantile
+from stepper.lab.accuracy.distributions import names, newcombe, shifts
+from stepper.lab.accuracy.traces import run
+from stepper.lab.study.intervals import student, student_quantile
 
 HINGE = """<mujoco><worldbody><body><joint name="j" axis="0 1 0"/><geom size=".1" pos=".2 0 0"/></body></worldbody></mujoco>"""
 
 
 def episodes(**values):
     """A run whose outcomes are given."""
-    made = stepper.Study.from_model(
+    made = stepper.lab.Study.from_model(
         HINGE,
         seconds=0.04,
         drive=None,
-        outcomes=(stepper.Outcome(name="angle", measure="joint j", success=">= 0"), stepper.Outcome(name="speed", measure="jointvel j")),
+        outcomes=(
+            stepper.lab.Outcome(name="angle", measure="joint j", success=">= 0"),
+            stepper.lab.Outcome(name="speed", measure="jointvel j"),
+        ),
     )
     return made, replace(run(made, range(len(values["angle"]))), outcomes={name: np.array(own, float) for name, own in values.items()})
 

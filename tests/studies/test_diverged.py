@@ -5,8 +5,8 @@ import math
 import numpy as np
 import pytest
 import stepper
-from stepper.experiments.accuracy.traces import Distance, run
-from stepper.experiments.study.whose import DIVERGED
+from stepper.lab.accuracy.traces import Distance, run
+from stepper.lab.study.whose import DIVERGED
 
 # MuJoCo's Euler rule takes a spring explicitly: its oscillation grows where kp dt^2 / I is above 4, and it is 4000 here. Stepper's midpoint
 # rule takes it implicitly.
@@ -14,18 +14,18 @@ STIFF = """<mujoco model="stiff"><option timestep=".002"/><worldbody><body name=
   <geom size=".01" pos="0 0 -.1" mass=".1"/></body></worldbody>
   <actuator><position name="servo" joint="hinge" kp="1e6"/></actuator></mujoco>"""
 MEASURES = (
-    stepper.Outcome(name="angle", measure="joint hinge", success="> -1e9"),
-    stepper.Outcome(name="widest", measure="joint hinge", over="max"),
+    stepper.lab.Outcome(name="angle", measure="joint hinge", success="> -1e9"),
+    stepper.lab.Outcome(name="widest", measure="joint hinge", over="max"),
 )
 
 
 def study(**changed):
     """Whatever is finite is a success."""
     given = {"model": STIFF, "name": "stiff", "outcomes": MEASURES, "seconds": 0.1, "episodes": 3, "qvel_noise": 0.1}
-    servo = stepper.Parameter(target="kp", how="scale", low=0.9, high=1.1)
-    mass = stepper.Parameter(target="body_mass", how="scale", low=0.9, high=1.1)
+    servo = stepper.lab.Parameter(target="kp", how="scale", low=0.9, high=1.1)
+    mass = stepper.lab.Parameter(target="body_mass", how="scale", low=0.9, high=1.1)
     engines = {"MuJoCo": {"engine": "mujoco"}, "finer": {"engine": "mujoco", "timestep": 1e-5}}
-    return stepper.Study(**(given | {"parameters": {"stiffness": servo, "mass": mass}, "settings": engines} | changed))
+    return stepper.lab.Study(**(given | {"parameters": {"stiffness": servo, "mass": mass}, "settings": engines} | changed))
 
 
 def runaway(now):
@@ -35,7 +35,7 @@ def runaway(now):
 
 def test_episodes_that_mujoco_begins_anew_are_failures_of_physics(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    found = stepper.report(study(parameters={}), tmp_path)
+    found = stepper.lab.report(study(parameters={}), tmp_path)
     lost = [row for row in found.sweep.table.rows if row["setting"] == "MuJoCo"]
     assert [row["success"] for row in lost] == [False] * 3
     assert all(math.isnan(value) for row in lost for value in row["outcomes"].values())
@@ -54,7 +54,7 @@ def test_episodes_that_mujoco_begins_anew_are_failures_of_physics(tmp_path, monk
 def test_episodes_that_stepper_loses_are_failures_of_physics(tmp_path):
     """Euler's rule goes on until a step is not finite, and keeps the state before it, which is a success by its number."""
     spring = STIFF.replace("position", "motor").replace(' kp="1e6"', "")
-    found = stepper.report(
+    found = stepper.lab.report(
         study(model=spring, drive=runaway, parameters={}, settings={}, options=stepper.Options(integrator="euler"), seconds=1.0), tmp_path
     )
     assert {(v.whose, v.rule) for v in found.verdicts if v.row["setting"] in ("stepper", "MuJoCo")} == {("physics", DIVERGED)}
@@ -70,7 +70,7 @@ def test_the_mean_is_of_the_episodes_that_went_on(tmp_path):
 
     euler = stepper.Options(integrator="euler")
     given = study(model=spring, drive=some, parameters={}, settings={}, options=euler, seconds=1.0)
-    found = stepper.sweep(given, tmp_path)
+    found = stepper.lab.sweep(given, tmp_path)
     (level,) = found.sweep.levels
     assert (level.successes, level.diverged, level.episodes) == (1, 2, 3)
     assert level.mean == found.sweep.table["outcome.angle"][1]
@@ -83,13 +83,13 @@ def test_the_mean_is_of_the_episodes_that_went_on(tmp_path):
 def test_a_ranking_counts_or_names_them(tmp_path):
     ranked = study(episodes=1, settings={"MuJoCo": {"engine": "mujoco"}})
     with pytest.raises(ValueError, match=r"as many episodes succeed at all 8 points, 0% of them"):
-        stepper.rank(ranked, tmp_path, samples=2, setting="MuJoCo")
-    angle = stepper.Outcome(name="angle", measure="joint hinge")
+        stepper.lab.rank(ranked, tmp_path, samples=2, setting="MuJoCo")
+    angle = stepper.lab.Outcome(name="angle", measure="joint hinge")
     with pytest.raises(ValueError, match=r"angle is not finite in 8 of 8 episodes \(8 of them diverged\)"):
-        stepper.rank(study(episodes=1, outcomes=angle), tmp_path / "number", samples=2, setting="MuJoCo")
+        stepper.lab.rank(study(episodes=1, outcomes=angle), tmp_path / "number", samples=2, setting="MuJoCo")
     # About the stiffness with which the spring of MuJoCo's Euler rule begins to grow: 4 I / dt^2.
     edge = STIFF.replace('kp="1e6"', f'kp="{4 * 0.1 * 0.1**2 / 0.002**2}"')
-    found = stepper.rank(study(model=edge, episodes=1, seconds=2.0), tmp_path / "edge", samples=4, setting="MuJoCo")
+    found = stepper.lab.rank(study(model=edge, episodes=1, seconds=2.0), tmp_path / "edge", samples=4, setting="MuJoCo")
     lost = int(np.isnan(found.table["outcome.angle"]).sum())
     assert 0 < lost < 16
     assert f"{lost} of 16 episodes diverged, and count as no success" in str(found)

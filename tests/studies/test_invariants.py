@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 import pytest
 import stepper
-from stepper.experiments.accuracy.invariants import (
+from stepper.lab.accuracy.invariants import (
     ANGULAR,
     CONSERVED,
     ENERGY,
@@ -17,7 +17,7 @@ from stepper.experiments.accuracy.invariants import (
     PENETRATION,
     Invariants,
 )
-from stepper.experiments.accuracy.traces import run
+from stepper.lab.accuracy.traces import run
 
 SPACE = """<mujoco><option gravity="0 0 -3"/><worldbody><body><freejoint/><geom type="box" size=".1 .2 .05" contype="0" conaffinity="0"/>
   <body pos=".3 0 0"><joint name="elbow" axis="0 1 1"/><geom size=".1" pos=".2 0 0" contype="0" conaffinity="0"/></body></body></worldbody>
@@ -32,7 +32,7 @@ LOOP = """<mujoco><worldbody><body><joint name="a" axis="0 1 0" range="-10 10"/>
 
 
 def study(model, **changed):
-    return stepper.Study.from_model(model, **({"seconds": 0.4, "qvel_noise": 1.0, "drive": None} | changed))
+    return stepper.lab.Study.from_model(model, **({"seconds": 0.4, "qvel_noise": 1.0, "drive": None} | changed))
 
 
 def moved(trace, qpos=0.0, qvel=0.0):
@@ -140,7 +140,7 @@ def test_what_a_drive_pushes_with_is_no_error():
 
 
 def test_parameters_of_the_nominal_point_are_in_force():
-    heavy = stepper.Parameter(target="body_mass", how="scale", nominal=2.0, low=1.0, high=2.0)
+    heavy = stepper.lab.Parameter(target="body_mass", how="scale", nominal=2.0, low=1.0, high=2.0)
     own = study(SPACE.format(more=""), parameters={"mass": heavy}, qvel_noise=0.0)
     push = np.zeros(own.loaded[0].nv)
     push[1] = 0.5

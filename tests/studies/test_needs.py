@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import stepper
-from stepper.experiments.accuracy import account
-from stepper.experiments.accuracy.needs import Bench, spares
-from stepper.experiments.accuracy.traces import Distance, run
-from stepper.experiments.study.touching import pairs_of_bodies, pairs_that_may_touch, touching
+from stepper.lab.accuracy import account
+from stepper.lab.accuracy.needs import Bench, spares
+from stepper.lab.accuracy.traces import Distance, run
+from stepper.lab.study.touching import pairs_of_bodies, pairs_that_may_touch, touching
 from stepper.loading import describe
 from typer.testing import CliRunner
 
@@ -37,7 +37,7 @@ def push(now):
 
 
 def heap(more=""):
-    return stepper.Study(model=HEAP.format(more=more), name="heap", drive=push, seconds=0.1, episodes=1, control=0.02)
+    return stepper.lab.Study(model=HEAP.format(more=more), name="heap", drive=push, seconds=0.1, episodes=1, control=0.02)
 
 
 def bench(study):
@@ -68,7 +68,7 @@ def test_a_cone_that_is_left_is_needed():
     def shove(now):
         now.xfrc_applied[:, 2, 0] = 1.5 * MASS * G
 
-    study = stepper.Study(model=HEAP.format(more=""), name="heap", drive=shove, seconds=0.1, control=0.02)
+    study = stepper.lab.Study(model=HEAP.format(more=""), name="heap", drive=shove, seconds=0.1, control=0.02)
     (found,) = [own for own in spares(bench(study), 1e-4, lambda _: None)[0] if own.what.startswith("cones")]
     # The third box lies still and uses no friction at all: what it needs less is no cone but no rows.
     assert found.what == "cones of 1 of 3 pairs of geoms that touch"
@@ -110,7 +110,7 @@ FAR = """<mujoco><option gravity="0 0 0"/><worldbody>
 @pytest.mark.parametrize("masks", ["", 'contype="0" conaffinity="0"'])
 @pytest.mark.parametrize("more", ["", '<exclude body1="a" body2="b"/>'])
 def test_explicit_pairs_that_never_come_near_are_taken_out(tmp_path, masks, more):
-    study = stepper.Study(model=FAR.format(masks=masks, more=more, place=3, pair="a"), seconds=0.1, episodes=1, control=0.02)
+    study = stepper.lab.Study(model=FAR.format(masks=masks, more=more, place=3, pair="a"), seconds=0.1, episodes=1, control=0.02)
     (found,), smaller = without(study, "1 of 1 pairs of bodies")
     assert found.taken
     assert found.error == 0.0
@@ -125,7 +125,7 @@ def test_explicit_pairs_that_never_come_near_are_taken_out(tmp_path, masks, more
 def test_explicit_pairs_of_bodies_that_touch_elsewhere_are_taken_out():
     """The spheres touch, the ear is far above, and its masks meet nobody's."""
     model = FAR.format(masks="", more="", place=0.19, pair="ear")
-    study = stepper.Study(model=model, seconds=0.1, episodes=1, control=0.02)
+    study = stepper.lab.Study(model=model, seconds=0.1, episodes=1, control=0.02)
     (found,), smaller = without(study, "1 of 1 explicit pairs of geoms")
     assert found.taken
     assert found.error == 0.0
@@ -138,7 +138,7 @@ def test_explicit_pairs_of_bodies_that_touch_elsewhere_are_taken_out():
 def test_explicit_pairs_that_their_masks_would_bring_back_stay():
     """Beside spheres that touch there is one that is far, and may collide without its pair: nothing is gained by taking it out."""
     model = FAR.format(masks="", more="", place=0.19, pair="ear").replace('size=".05" contype="0" conaffinity="0"', 'size=".05"')
-    study = stepper.Study(model=model, seconds=0.1, episodes=1, control=0.02)
+    study = stepper.lab.Study(model=model, seconds=0.1, episodes=1, control=0.02)
     assert without(study, "pairs")[0] == []
 
 
@@ -150,7 +150,7 @@ def slide(now):
 def test_friction_of_an_explicit_pair_is_its_own():
     """One of the pair's geoms slides on another floor: its friction is needed there, and not in the pair, which nothing pushes sideways."""
     more = '<contact><pair geom1="floor" geom2="low"/><pair geom1="low" geom2="top"/></contact>'
-    study = stepper.Study(model=HEAP.format(more=more), name="heap", drive=slide, seconds=0.1, control=0.02)
+    study = stepper.lab.Study(model=HEAP.format(more=more), name="heap", drive=slide, seconds=0.1, control=0.02)
     (found,), smaller = without(study, "friction of")
     assert found.what == "friction of 2 explicit pairs of geoms"
     assert found.taken
@@ -193,7 +193,7 @@ def test_explicit_pairs_may_touch_and_excluded_ones_do_not():
         for name, x, mask in (("a", 0, 0), ("b", 0.15, 0), ("c", 2, 1), ("d", 3, 1))
     )
     scene = f'<mujoco><worldbody>{balls}</worldbody><contact><pair geom1="b" geom2="a"/><exclude body1="c" body2="d"/></contact></mujoco>'
-    study = stepper.Study.from_model(scene)
+    study = stepper.lab.Study.from_model(scene)
     assert pairs_that_may_touch(*study.loaded) == {(1, 2)}
     (use,) = [use for use in account(scene, episodes=1).uses if use.name == "pairs of bodies within reach of a step"]
     assert (use.could, use.did) == (1, 1)
@@ -259,4 +259,4 @@ def test_a_model_without_joints_is_refused(command, tmp_path):
     still = '<mujoco model="statue"><worldbody><body><geom size=".1"/></body></worldbody></mujoco>'
     given = {"error": "1 mm", "horizon": "0.1 s"} if command == "tune" else {}
     with pytest.raises(ValueError, match="statue has no joints, so that nothing moves: give it some, as <freejoint/>"):
-        getattr(stepper, command)(still, tmp_path, **given)
+        getattr(stepper.lab, command)(still, tmp_path, **given)

@@ -10,11 +10,11 @@ import pytest
 import stepper
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from stepper.experiments.progress import progress
-from stepper.experiments.study.draw import WIDEST, cliffs_of, figure_of
-from stepper.experiments.study.report import _differences
-from stepper.experiments.study.sweep import Cliff, Level, Sweep
-from stepper.experiments.study.table import Table
+from stepper.lab.progress import progress
+from stepper.lab.study.draw import WIDEST, cliffs_of, figure_of
+from stepper.lab.study.report import _differences
+from stepper.lab.study.sweep import Cliff, Level, Sweep
+from stepper.lab.study.table import Table
 from stepper.shared.files import existing, in_words
 
 BLOCK = """<mujoco model="block and plane"><option timestep="0.004"/><worldbody><geom type="plane" size="3 3 1" friction=".3"/>
@@ -28,12 +28,12 @@ def start(now, _):
 
 
 def study(parameters, names):
-    return stepper.Study(
+    return stepper.lab.Study(
         name="sliding distance",
         model=BLOCK,
         start=start,
-        parameters={name: stepper.Parameter(target="geom_friction", column=0, low=0.1, high=1.0) for name in parameters},
-        outcomes=[stepper.Outcome(name="slide", measure="body block x", over="change", success="<= 0.2", unit="m")],
+        parameters={name: stepper.lab.Parameter(target="geom_friction", column=0, low=0.1, high=1.0) for name in parameters},
+        outcomes=[stepper.lab.Outcome(name="slide", measure="body block x", over="change", success="<= 0.2", unit="m")],
         settings={name: {"iterations": 5 + k} for k, name in enumerate(names)},
         seconds=1.2,
         control=0.008,
@@ -83,7 +83,7 @@ def test_points_stand_at_their_values_and_pictures_fit_a_page(parameters, names,
 
 def test_a_cliff_is_as_steep_as_it_is_known(tmp_path):
     """The line of shares crosses one half between the ends of the bracket, and bisected points carry the outcome."""
-    found = stepper.sweep(study(["friction"], ["5 iterations"]), tmp_path).sweep
+    found = stepper.lab.sweep(study(["friction"], ["5 iterations"]), tmp_path).sweep
     (cliff, _) = found.cliffs
     points = found.points("friction")
     assert len(points) > len(found.levels_of("friction"))
@@ -97,7 +97,7 @@ def test_a_cliff_is_as_steep_as_it_is_known(tmp_path):
 @pytest.mark.parametrize("count", [0, 7, 20])
 def test_tables_of_a_page_do_not_widen_with_settings(tmp_path, count):
     own = study(["friction"], [f"{k + 1} iterations and a name that is rather long" for k in range(count)])
-    document = stepper.report(own, tmp_path).document
+    document = stepper.lab.report(own, tmp_path).document
     # 68 rem are 1,088 pixels; thirteen columns of wrapped words fit.
     assert max(len(section.head) for section in document.sections) <= 13
     assert "overflow-wrap: anywhere" in document.html()
@@ -105,7 +105,7 @@ def test_tables_of_a_page_do_not_widen_with_settings(tmp_path, count):
 
 
 def test_a_report_is_named_after_its_study(tmp_path):
-    found = stepper.report(study(["friction"], []), tmp_path)
+    found = stepper.lab.report(study(["friction"], []), tmp_path)
     assert found.document.title == "Simulator report of sliding distance"
     assert found.document.sections[0].words[0].startswith("`sliding distance` of model `block and plane`: ")
     assert found.files[0].parent == tmp_path / "sliding distance"
@@ -131,7 +131,7 @@ def test_progress_into_a_file_is_written_at_once(capfd):
 
 def test_progress_into_a_pipe_comes_before_the_end():
     """As `stepper report ... | cat` has it."""
-    code = "from stepper.experiments.progress import progress\nwith progress() as tick:\n    tick('sweep', 0.5)\n    input()"
+    code = "from stepper.lab.progress import progress\nwith progress() as tick:\n    tick('sweep', 0.5)\n    input()"
     child = subprocess.Popen([sys.executable, "-c", code], stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     assert child.stderr is not None
     assert child.stderr.readline() == "sweep: 50 %\n"

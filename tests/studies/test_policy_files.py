@@ -8,7 +8,7 @@ import pytest
 import stepper
 import stepper.policies
 from servo_arm import ARM, angles
-from stepper.experiments.study.drives import digest_of, name_of
+from stepper.lab.study.drives import digest_of, name_of
 from stepper.shared.machine import MissingPackageError
 
 
@@ -38,18 +38,18 @@ def test_a_policy_of_stepper_drives_a_study(tmp_path):
     (tmp_path / "arm.xml").write_text(ARM)
     (tmp_path / "reach.toml").write_text(STUDY)
     network().save(tmp_path / "servo.npz")
-    study = stepper.Study.from_file(tmp_path / "reach.toml")
-    found = stepper.sweep(study, tmp_path / "out").sweep
-    same = replace(study, drive=stepper.Policy(network()))
-    other = stepper.sweep(same, tmp_path / "other").sweep
+    study = stepper.lab.Study.from_file(tmp_path / "reach.toml")
+    found = stepper.lab.sweep(study, tmp_path / "out").sweep
+    same = replace(study, drive=stepper.lab.Policy(network()))
+    other = stepper.lab.sweep(same, tmp_path / "other").sweep
     assert [row["outcomes"] for row in found.table.rows] == [row["outcomes"] for row in other.table.rows]
     assert name_of(study.drive) == "policy servo.npz"
     # What the file holds is what rows follow from, not where it is.
     (tmp_path / "copy").mkdir()
     network().save(tmp_path / "copy/servo.npz")
-    again = stepper.Policy(tmp_path / "copy/servo.npz")
+    again = stepper.lab.Policy(tmp_path / "copy/servo.npz")
     network(-3.0).save(tmp_path / "copy/servo.npz")
-    changed = stepper.Policy(tmp_path / "copy/servo.npz")
+    changed = stepper.lab.Policy(tmp_path / "copy/servo.npz")
     assert digest_of(again) == digest_of(study.drive) != digest_of(changed)
 
 
@@ -66,14 +66,14 @@ def test_files_that_hold_no_policy_are_named(tmp_path, name, content, error, mes
     if content is not None:
         (tmp_path / name).write_bytes(content)
     with pytest.raises(error, match=message):
-        stepper.Policy(tmp_path / name)
+        stepper.lab.Policy(tmp_path / name)
 
 
 def test_a_study_of_a_program_is_refused_with_the_remedy(tmp_path):
     (tmp_path / "arm.xml").write_text(ARM)
     (tmp_path / "reach.toml").write_text(STUDY.replace("servo.npz", "servo.pt2"))
     with pytest.raises(ValueError, match=r"servo\.pt2: a program of torch\.export is not read"):
-        stepper.Study.from_file(tmp_path / "reach.toml")
+        stepper.lab.Study.from_file(tmp_path / "reach.toml")
 
 
 @pytest.mark.parametrize(
@@ -83,7 +83,7 @@ def test_what_is_not_installed_is_named_with_the_remedy(tmp_path, monkeypatch, n
     (tmp_path / name).write_bytes(b"")
     monkeypatch.setitem(sys.modules, package, None)
     with pytest.raises(MissingPackageError, match=f"{package} is needed to run a policy .*{remedy}"):
-        stepper.Policy(tmp_path / name)
+        stepper.lab.Policy(tmp_path / name)
 
 
 class Integrator:
@@ -98,7 +98,7 @@ class Integrator:
 
 
 def test_a_memory_is_of_one_batch(tmp_path):
-    policy = stepper.Policy(Integrator())
+    policy = stepper.lab.Policy(Integrator())
     assert angles(policy, tmp_path, 1) == angles(policy, tmp_path, 4)
 
 
@@ -114,18 +114,18 @@ class Count:
         return 0.01 * self._count + 0.0 * seen[:, :1]
 """)
     (tmp_path / "reach.toml").write_text(STUDY.replace("servo.npz", "memory.py:Count"))
-    study = stepper.Study.from_file(tmp_path / "reach.toml")
-    one, all_ = (stepper.sweep(replace(study, batch=n), tmp_path / f"{n}").sweep.table.rows for n in (1, 2))
+    study = stepper.lab.Study.from_file(tmp_path / "reach.toml")
+    one, all_ = (stepper.lab.sweep(replace(study, batch=n), tmp_path / f"{n}").sweep.table.rows for n in (1, 2))
     assert [row["outcomes"] for row in one] == [row["outcomes"] for row in all_]
 
 
 def test_controls_of_another_shape_are_named(tmp_path):
-    study = stepper.Study(
+    study = stepper.lab.Study(
         model=ARM,
-        drive=stepper.Policy(lambda seen: seen),
+        drive=stepper.lab.Policy(lambda seen: seen),
         episodes=3,
         seconds=0.02,
-        outcomes=stepper.Outcome(name="a", measure="joint hinge"),
+        outcomes=stepper.lab.Outcome(name="a", measure="joint hinge"),
     )
     with pytest.raises(ValueError, match=r"returned the shape \(3, 2\), must be \(num_envs, nu\), which is \(3, 1\)"):
-        stepper.sweep(study, tmp_path)
+        stepper.lab.sweep(study, tmp_path)

@@ -17,14 +17,14 @@ def ishigami(now):
 
 
 def of(measure, success=None, **changed):
-    ranges = {name: stepper.Parameter(target="drive", nominal=0.0, low=-np.pi, high=np.pi, unit="rad") for name in "xyz"}
-    outcome = stepper.Outcome(name="value", measure=measure, success=success)
+    ranges = {name: stepper.lab.Parameter(target="drive", nominal=0.0, low=-np.pi, high=np.pi, unit="rad") for name in "xyz"}
+    outcome = stepper.lab.Outcome(name="value", measure=measure, success=success)
     given = {"model": BALL, "name": "known", "outcomes": outcome, "parameters": ranges, "seconds": 0.002, "control": 0.002, "episodes": 1}
-    return stepper.Study(**(given | changed))
+    return stepper.lab.Study(**(given | changed))
 
 
 def test_indices_of_ishigamis_function(tmp_path):
-    found = stepper.rank(of(ishigami), tmp_path, samples=512)
+    found = stepper.lab.rank(of(ishigami), tmp_path, samples=512)
     by_name = {own.parameter: own for own in found.ranks}
     assert [own.parameter for own in found.ranks] == ["x", "y", "z"]
     for name, first, total in zip("xyz", FIRST, TOTAL, strict=True):
@@ -42,7 +42,7 @@ def test_indices_of_ishigamis_function(tmp_path):
 def test_a_success_is_ranked_by_its_share_and_nothing_is_run_twice(tmp_path):
     """A half of the range of x succeeds, whatever the others are."""
     study = of(lambda now: np.asarray(now.theta["x"], float), success="> 0")
-    found = stepper.rank(study, tmp_path, samples=32)
+    found = stepper.lab.rank(study, tmp_path, samples=32)
     first, *others = found.ranks
     assert first.parameter == "x"
     assert first.total == pytest.approx(1.0, abs=0.3)
@@ -51,7 +51,7 @@ def test_a_success_is_ranked_by_its_share_and_nothing_is_run_twice(tmp_path):
     assert (first.thirds[0], first.thirds[2]) == (0.0, 1.0)
     assert first.intervals[0][1] > 0.0
     journal = (tmp_path / "known/journal").read_bytes()
-    again = stepper.rank(study, tmp_path, samples=32)
+    again = stepper.lab.rank(study, tmp_path, samples=32)
     assert again.ranks == found.ranks
     assert (tmp_path / "known/journal").read_bytes() == journal
     for name in ("rank.html", "rank.md", "rank.png", "rank_table.csv", "rank_table.npz"):
@@ -61,9 +61,9 @@ def test_a_success_is_ranked_by_its_share_and_nothing_is_run_twice(tmp_path):
 
 def test_the_table_of_a_sweep_stays(tmp_path):
     study = of(lambda now: np.asarray(now.theta["x"], float), success="> 0")
-    stepper.sweep(study, tmp_path, cliffs=False)
+    stepper.lab.sweep(study, tmp_path, cliffs=False)
     before = [(tmp_path / "known" / name).read_bytes() for name in ("table.csv", "table.npz")]
-    stepper.rank(study, tmp_path, samples=4)
+    stepper.lab.rank(study, tmp_path, samples=4)
     assert [(tmp_path / "known" / name).read_bytes() for name in ("table.csv", "table.npz")] == before
 
 
@@ -79,7 +79,7 @@ def test_the_table_of_a_sweep_stays(tmp_path):
         (of(ishigami, success="> 1e9"), {"samples": 2}, "as many episodes succeed at all 10 points, 0% of them by value > 1e9, so that no"),
         (of(lambda now: np.log(np.asarray(now.theta["x"], float))), {"samples": 4}, "value is not finite in"),
         (
-            of(ishigami, parameters={"step": stepper.Parameter(target="options.timestep", low=0.001, high=0.002)}),
+            of(ishigami, parameters={"step": stepper.lab.Parameter(target="options.timestep", low=0.001, high=0.002)}),
             {"parameters": ["step"]},
             "is a setting of the step",
         ),
@@ -88,7 +88,7 @@ def test_the_table_of_a_sweep_stays(tmp_path):
 @pytest.mark.filterwarnings("ignore:invalid value encountered in log")
 def test_what_cannot_be_ranked_is_named(tmp_path, study, given, message):
     with pytest.raises(ValueError, match=message):
-        stepper.rank(study, tmp_path, **given)
+        stepper.lab.rank(study, tmp_path, **given)
 
 
 def test_the_command(tmp_path, monkeypatch):

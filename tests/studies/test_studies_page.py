@@ -18,7 +18,7 @@ def test_the_first_study_runs(tmp_path):
     blocks = re.findall(r"```(?:xml|toml|python)\n(.*?)```", PAGE.read_text(), re.DOTALL)
     for name, text in zip(("arm.xml", "reach.toml", "reach.py"), blocks, strict=False):
         (tmp_path / name).write_text(text)
-    found = stepper.sweep(tmp_path / "reach.toml", tmp_path / "out").sweep
+    found = stepper.lab.sweep(tmp_path / "reach.toml", tmp_path / "out").sweep
     # On both sides of the goal: no success comes back beyond the delay at which the arm begins to swing.
     (cliff,) = found.cliffs
     assert (cliff.parameter, round(1e3 * cliff.high)) == ("delay", 36)

@@ -19,17 +19,18 @@ import numpy as np
 import pytest
 import stepper
 from stepper.cli import main
-from stepper.experiments.study import Recorded
-from stepper.experiments.study.batches import begin, run_points, world_of
-from stepper.experiments.study.drives import digest_of
-from stepper.experiments.study.episode import Episodes
-from stepper.experiments.study.intervals import least_share, trials_for, wilson
-from stepper.experiments.study.journal import Journal, JournalError
-from stepper.experiments.study.parameters import model_fields
-from stepper.experiments.study.points import Point
-from stepper.experiments.study.results import Results
-from stepper.experiments.study.sweep import sweep
-from stepper.experiments.study.whose import LAW
+from stepper.lab import Outcome, Parameter, Policy, Study
+from stepper.lab.study import Recorded
+from stepper.lab.study.batches import begin, run_points, world_of
+from stepper.lab.study.drives import digest_of
+from stepper.lab.study.episode import Episodes
+from stepper.lab.study.intervals import least_share, trials_for, wilson
+from stepper.lab.study.journal import Journal, JournalError
+from stepper.lab.study.parameters import model_fields
+from stepper.lab.study.points import Point
+from stepper.lab.study.results import Results
+from stepper.lab.study.sweep import sweep
+from stepper.lab.study.whose import LAW
 
 TRAY = """<mujoco model="tray"><option timestep=".005"/><worldbody><geom name="tray" type="box" size="2 2 .01" pos="0 0 -.01"/>
   <body name="object" pos="0 0 .02"><freejoint name="free"/><geom name="object" type="box" size=".05 .05 .02" mass=".3"/></body></worldbody>
@@ -56,18 +57,18 @@ def tray(**changed):
         "model": TRAY,
         "name": "tray",
         "drive": push,
-        "outcomes": stepper.Outcome(name="slid", measure="body object x", over="change", success="<= 1e-5", unit="m"),
+        "outcomes": Outcome(name="slid", measure="body object x", over="change", success="<= 1e-5", unit="m"),
         "parameters": {
-            "push": stepper.Parameter(target="drive", nominal=PUSH, low=1.0, high=3.5, unit="N"),
-            "friction": stepper.Parameter(target="geom_friction", column=0, low=0.2, high=1.2),
-            "mass": stepper.Parameter(target="body_mass", how="scale", low=0.5, high=1.5),
+            "push": Parameter(target="drive", nominal=PUSH, low=1.0, high=3.5, unit="N"),
+            "friction": Parameter(target="geom_friction", column=0, low=0.2, high=1.2),
+            "mass": Parameter(target="body_mass", how="scale", low=0.5, high=1.5),
         },
         "episodes": 3,
         "seconds": 0.4,
         "control": 0.02,
         "qvel_noise": 1e-9,
     }
-    return stepper.Study(**(given | changed))
+    return Study(**(given | changed))
 
 
 def test_cliffs_are_where_coulomb_has_them(tmp_path):
@@ -86,7 +87,7 @@ def test_cliffs_are_where_coulomb_has_them(tmp_path):
 
 
 def test_episodes_that_repeat_one_another_are_no_trials(tmp_path):
-    told = str(stepper.sweep(tray(qvel_noise=0.0, parameters={"push": tray().parameters["push"]}), tmp_path / "same", cliffs=False))
+    told = str(stepper.lab.sweep(tray(qvel_noise=0.0, parameters={"push": tray().parameters["push"]}), tmp_path / "same", cliffs=False))
     assert "as few as 1 different of 3 episodes" in told
     assert "none, 1 different" in told
     same = swept(tray(qvel_noise=0.0), tmp_path).levels_of("")[0]
@@ -97,7 +98,7 @@ def test_episodes_that_repeat_one_another_are_no_trials(tmp_path):
 
 
 def test_cliffs_of_values_in_any_order_and_of_any_width(tmp_path):
-    friction = stepper.Parameter(target="geom_friction", column=0, values=(1.2, 0.2))
+    friction = Parameter(target="geom_friction", column=0, values=(1.2, 0.2))
     push_alone = {"push": tray().parameters["push"]}
     study = tray(parameters=push_alone | {"friction": friction}, episodes=1)
     with Results(study, tmp_path) as results:
@@ -120,7 +121,7 @@ def study_range(name):
 
 def test_an_environment_of_a_batch_is_the_model_with_its_numbers(tmp_path):
     """To the bit: what `Model.replace` gives, stepped alone."""
-    study = tray(outcomes=stepper.Outcome(name="x", measure="body object x"))
+    study = tray(outcomes=Outcome(name="x", measure="body object x"))
     thetas = [{"push": 2.5, "friction": 0.3}, {"push": 2.5, "mass": 0.7}, {"push": 1.0}]
     with Results(study, tmp_path) as results:
         rows = run_points(study, [Point(theta) for theta in thetas], results.journal)
@@ -143,11 +144,11 @@ def test_an_environment_of_a_batch_is_the_model_with_its_numbers(tmp_path):
 
 def test_servo_gains_and_element_names():
     parameters = {
-        "stiffness": stepper.Parameter(target="kp", names=("servo",), how="scale", low=0.5, high=2.0),
-        "damping": stepper.Parameter(target="kd", how="set", low=0.5, high=2.0),
-        "length": stepper.Parameter(target="geom_size", names=("arm/rod",), column=1, how="add", low=0.0, high=0.1),
+        "stiffness": Parameter(target="kp", names=("servo",), how="scale", low=0.5, high=2.0),
+        "damping": Parameter(target="kd", how="set", low=0.5, high=2.0),
+        "length": Parameter(target="geom_size", names=("arm/rod",), column=1, how="add", low=0.0, high=0.1),
     }
-    world = world_of(stepper.Study(model=ARM, parameters=parameters), "stepper", [{"stiffness": 2.0, "damping": 1.5, "length": 0.05}, {}])
+    world = world_of(Study(model=ARM, parameters=parameters), "stepper", [{"stiffness": 2.0, "damping": 1.5, "length": 0.05}, {}])
     own = world.sim.randomized
     np.testing.assert_array_equal(own["actuator_gain"][:, 0, 0], [10, 5])
     np.testing.assert_array_equal(own["actuator_bias"][:, 0], [[0, -10, -1.5], [0, -5, -0.5]])
@@ -157,7 +158,7 @@ def test_servo_gains_and_element_names():
 @pytest.mark.parametrize("order", [("mass", "inertia"), ("inertia", "mass")])
 def test_masses_and_inertias_vary_together(order):
     targets = {"mass": "body_mass", "inertia": "body_inertia"}
-    parameters = {name: stepper.Parameter(target=targets[name], how="scale", low=0.5, high=4.0) for name in order}
+    parameters = {name: Parameter(target=targets[name], how="scale", low=0.5, high=4.0) for name in order}
     model = stepper.load(ARM)
     made = model_fields(parameters, model, [{"inertia": 4.0}, {"mass": 0.5}, {"inertia": 4.0, "mass": 0.5}, {}])
     # Powers of two: exact.
@@ -170,7 +171,7 @@ def test_masses_and_inertias_vary_together(order):
 def test_a_control_is_held_until_the_next_one(said):
     """That of the keyframe until the drive gives one, then the drive's."""
     keyed = ARM.replace("</mujoco>", '<keyframe><key name="up" qpos=".2" ctrl=".3"/></keyframe></mujoco>')
-    study = stepper.Study(model=keyed, keyframe="up")
+    study = Study(model=keyed, keyframe="up")
     given, held = (world_of(study, "stepper", [{}]) for _ in range(2))
     for world in (given, held):
         begin(study, world, [0])
@@ -184,17 +185,15 @@ def test_a_control_is_held_until_the_next_one(said):
 
 def test_settings_delays_and_errors_of_sensors_vary():
     parameters = {
-        "step": stepper.Parameter(target="options.timestep", values=(0.001, 0.01)),
-        "noise": stepper.Parameter(target="sensor.noise_std", names=("angle",), low=0.0, high=0.1),
-        "delay": stepper.Parameter(target="actuator.delay", low=0.0, high=0.02),
+        "step": Parameter(target="options.timestep", values=(0.001, 0.01)),
+        "noise": Parameter(target="sensor.noise_std", names=("angle",), low=0.0, high=0.1),
+        "delay": Parameter(target="actuator.delay", low=0.0, high=0.02),
     }
 
     def servo(now):
         return 0.5 - now.sensor("angle")
 
-    study = stepper.Study(
-        model=ARM, drive=servo, parameters=parameters, outcomes=stepper.Outcome(name="angle", measure="joint hinge"), episodes=4
-    )
+    study = Study(model=ARM, drive=servo, parameters=parameters, outcomes=Outcome(name="angle", measure="joint hinge"), episodes=4)
     found = world_of(study, "stepper", [{"step": 0.01, "noise": 0.1, "delay": 0.02}] * 2)
     assert found.timestep == 0.01
     assert found.sim.sensors.named["angle"].noise_std.tolist() == [0.1, 0.1]
@@ -204,12 +203,12 @@ def test_settings_delays_and_errors_of_sensors_vary():
 def test_the_same_episodes_have_the_same_noise_at_every_point(tmp_path):
     """Whatever else is in the batch: what differs between points is the parameter alone."""
     sensors = stepper.SensorModel(default=stepper.Transfer(noise_std=0.1))
-    study = stepper.Study(
+    study = Study(
         model=ARM,
         sensors=sensors,
         drive=lambda now: 0.5 - now.sensor("angle"),
-        outcomes=stepper.Outcome(name="angle", measure="joint hinge"),
-        parameters={"damping": stepper.Parameter(target="dof_damping", how="scale", low=0.5, high=1.5)},
+        outcomes=Outcome(name="angle", measure="joint hinge"),
+        parameters={"damping": Parameter(target="dof_damping", how="scale", low=0.5, high=1.5)},
         episodes=5,
     )
     angles = []
@@ -223,11 +222,14 @@ def test_the_same_episodes_have_the_same_noise_at_every_point(tmp_path):
 
 def test_mujoco_beside(tmp_path):
     """The same theta in MuJoCo: a servo without contacts, of which both are second order or less in a step of 1 ms."""
-    study = stepper.Study(
+    study = Study(
         model=ARM,
         drive=lambda now: np.full((now.num_envs, 1), 0.4),
-        outcomes=[stepper.Outcome(name="angle", measure="joint hinge"), stepper.Outcome(name="z", measure="site tip z", over="min")],
-        parameters={"mass": stepper.Parameter(target="body_mass", how="scale", low=0.5, high=1.5)},
+        outcomes=[
+            Outcome(name="angle", measure="joint hinge"),
+            Outcome(name="z", measure="site tip z", over="min"),
+        ],
+        parameters={"mass": Parameter(target="body_mass", how="scale", low=0.5, high=1.5)},
         settings={"MuJoCo": {"engine": "mujoco"}, "f32": {"precision": "f32"}},
         options=stepper.Options(timestep=0.001),
         episodes=1,
@@ -247,16 +249,16 @@ def still(**changed):
     given = {
         "model": ARM,
         "drive": lambda now: np.full((now.num_envs, 1), 0.4),
-        "outcomes": stepper.Outcome(name="angle", measure="joint hinge"),
+        "outcomes": Outcome(name="angle", measure="joint hinge"),
         "episodes": 1,
         "seconds": 0.1,
     }
-    return stepper.Study(**(given | changed))
+    return Study(**(given | changed))
 
 
 def test_settings_that_are_compared_fix_what_they_name(tmp_path):
     """Also where a parameter has another nominal value."""
-    parameters = {"iterations": stepper.Parameter(target="options.iterations", values=(20, 50), nominal=50)}
+    parameters = {"iterations": Parameter(target="options.iterations", values=(20, 50), nominal=50)}
     study = still(parameters=parameters, settings={"five": {"iterations": 5}})
     found = swept(study, tmp_path)
     ran = {(row["setting"], row["settings"]["iterations"], row["theta"].get("iterations")) for row in found.table.rows}
@@ -267,16 +269,16 @@ def test_settings_that_are_compared_fix_what_they_name(tmp_path):
 
 def test_nominal_values_that_mujoco_lacks_are_not_asked_of_it(tmp_path):
     parameters = {
-        "noise": stepper.Parameter(target="sensor.noise_std", low=0.0, high=0.1, nominal=0.05),
-        "bounce": stepper.Parameter(target="geom_restitution", low=0.0, high=1.0, nominal=0.5),
-        "room": stepper.Parameter(target="options.max_contacts", values=(10, 20), nominal=20),
-        "rule": stepper.Parameter(target="options.integrator", values=("midpoint", "euler"), nominal="midpoint"),
+        "noise": Parameter(target="sensor.noise_std", low=0.0, high=0.1, nominal=0.05),
+        "bounce": Parameter(target="geom_restitution", low=0.0, high=1.0, nominal=0.5),
+        "room": Parameter(target="options.max_contacts", values=(10, 20), nominal=20),
+        "rule": Parameter(target="options.integrator", values=("midpoint", "euler"), nominal="midpoint"),
     }
-    found = stepper.report(still(parameters=parameters, name="alone"), tmp_path)
+    found = stepper.lab.report(still(parameters=parameters, name="alone"), tmp_path)
     assert "MuJoCo" not in found.study.settings
     assert "MuJoCo cannot run this study: it has no errors of sensors" in str(found)
     del parameters["noise"]
-    found = stepper.report(still(parameters=parameters, name="beside"), tmp_path)
+    found = stepper.lab.report(still(parameters=parameters, name="beside"), tmp_path)
     thetas = {row["setting"]: row["theta"] for row in found.sweep.table.rows if row["episode"] == 0}
     assert thetas["MuJoCo"] == {}
     assert thetas["stepper"].keys() == {"bounce", "room", "rule"}
@@ -288,7 +290,7 @@ CHILD = """
 import sys
 sys.path.insert(0, sys.argv[2])
 import test_study, stepper
-from stepper.experiments.study.journal import Journal
+from stepper.lab.study.journal import Journal
 study = test_study.tray(batch=4)
 append = Journal.append
 def told(self, rows):
@@ -296,9 +298,10 @@ def told(self, rows):
     print("rows", flush=True)
     sys.stdin.readline()
 Journal.append = told
-{"sweep": stepper.sweep, "report": stepper.report, "rank": lambda *given: stepper.rank(*given, samples=8)}[sys.argv[3]](study, sys.argv[1])
+from stepper.lab import rank, report, sweep
+{"sweep": sweep, "report": report, "rank": lambda *given: rank(*given, samples=8)}[sys.argv[3]](study, sys.argv[1])
 """
-COMMANDS = {"sweep": stepper.sweep, "report": stepper.report, "rank": functools.partial(stepper.rank, samples=8)}
+COMMANDS = {"sweep": stepper.lab.sweep, "report": stepper.lab.report, "rank": functools.partial(stepper.lab.rank, samples=8)}
 
 
 def child(folder, command):
@@ -366,8 +369,8 @@ def test_a_journal_keeps_what_it_was_told_and_refuses_damage(tmp_path, monkeypat
 def test_what_the_model_leaves_out_is_noted_beside_the_rows(tmp_path):
     asks = """<mujoco><option integrator="RK4"/><worldbody><body name="b"><joint/><geom size=".1"/></body></worldbody>
       <sensor><user name="own" dim="1"/></sensor></mujoco>"""
-    study = stepper.Study.from_model(asks, seconds=0.1, episodes=2, outcomes=stepper.Outcome(name="x", measure="body b x"))
-    stepper.sweep(study, tmp_path)
+    study = Study.from_model(asks, seconds=0.1, episodes=2, outcomes=Outcome(name="x", measure="body b x"))
+    stepper.lab.sweep(study, tmp_path)
     (told,) = json.loads((tmp_path / "model" / "in_force.json").read_text()).values()
     assert told["notes"] == study.notes
     assert any(note.startswith("sensor user own: ") for note in told["notes"])
@@ -395,12 +398,12 @@ def servo_with_noise(**changed):
         "name": "servo",
         "sensors": stepper.SensorModel(default=stepper.Transfer(noise_std=0.1)),
         "drive": lambda now: 0.5 - now.sensor("angle"),
-        "outcomes": stepper.Outcome(name="angle", measure="joint hinge"),
-        "parameters": {"damping": stepper.Parameter(target="dof_damping", how="scale", low=0.5, high=1.5)},
+        "outcomes": Outcome(name="angle", measure="joint hinge"),
+        "parameters": {"damping": Parameter(target="dof_damping", how="scale", low=0.5, high=1.5)},
         "episodes": 5,
         "seconds": 0.2,
     }
-    return stepper.Study(**(given | changed))
+    return Study(**(given | changed))
 
 
 @pytest.mark.parametrize("made", [tray, servo_with_noise])
@@ -424,7 +427,7 @@ def test_rows_carry_the_names_of_the_study_that_asks(tmp_path):
 def test_rows_of_mujoco_follow_from_its_own_model():
     def keys(**option):
         words = " ".join(f'{name}="{value}"' for name, value in option.items())
-        study = stepper.Study(model=ARM.replace("<worldbody>", f"<option {words}/><worldbody>"), settings={"MuJoCo": {"engine": "mujoco"}})
+        study = Study(model=ARM.replace("<worldbody>", f"<option {words}/><worldbody>"), settings={"MuJoCo": {"engine": "mujoco"}})
         return study.key({}, "stepper", 0), study.key({}, "MuJoCo", 0)
 
     (ours, theirs), (same, other) = keys(), keys(ls_tolerance="1e-3")
@@ -449,7 +452,7 @@ class Gain:
 
 def test_rows_follow_from_what_a_drive_is_and_not_from_its_memory():
     def key(drive):
-        return stepper.Study(model=ARM, drive=drive).key({}, "stepper", 0)
+        return Study(model=ARM, drive=drive).key({}, "stepper", 0)
 
     used = Gain(1.0)
     used.begin(None)
@@ -489,13 +492,13 @@ class Tanh(Net):
 
 
 @pytest.mark.parametrize("drives", [
-    [stepper.Policy(Agent(gain).act) for gain in (1.0, 2.0)],
+    [Policy(Agent(gain).act) for gain in (1.0, 2.0)],
     [lambda _, k=k: k for k in range(3)],
     [lambda _, *, k=k: k for k in range(3)],
     [functools.partial(push, 1, 23), functools.partial(push, 12, 3), functools.partial(push, "1", 23), functools.partial(push, (1, 23))],
     [Gain([1, 23]), Gain([12, 3]), Gain([[1], 23]), Gain((1, 23)), Gain({1: 23}), Gain("[1, 23]")],
     [Gain(Gain(gain)) for gain in (1.0, 2.0)],
-    [stepper.Policy(Agent(1.0, Net(np.full(2, weight))).act) for weight in (1.0, 2.0)],
+    [Policy(Agent(1.0, Net(np.full(2, weight))).act) for weight in (1.0, 2.0)],
     [Agent(1.0, Net(np.ones(2), part(None))).act for part in (Net, Tanh)],
     [Gain(np.random.default_rng(seed)) for seed in (0, 1)],
     [Gain(x) for x in (np.zeros(2), np.zeros(2, np.float32), np.zeros((2, 1)), np.array([0, None]))],
@@ -519,11 +522,11 @@ def test_what_has_no_digest_is_named_with_the_remedy():
 def test_recorded_controls_and_policies(tmp_path):
     ctrl = np.linspace(0, 0.5, 10)[:, None]
     np.savez(tmp_path / "controls.npz", ctrl=ctrl)
-    outcome = stepper.Outcome(name="angle", measure="joint hinge")
+    outcome = Outcome(name="angle", measure="joint hinge")
     played = []
-    policies = (Recorded(tmp_path / "controls.npz"), stepper.Policy(lambda seen: 0.5 - seen), "random", None)
+    policies = (Recorded(tmp_path / "controls.npz"), Policy(lambda seen: 0.5 - seen), "random", None)
     for k, drive in enumerate(policies):
-        with Results(stepper.Study(model=ARM, drive=drive, outcomes=outcome, episodes=2, seconds=0.3), tmp_path / str(k)) as results:
+        with Results(Study(model=ARM, drive=drive, outcomes=outcome, episodes=2, seconds=0.3), tmp_path / str(k)) as results:
             played.append([row["outcomes"]["angle"] for row in run_points(results_study(drive, outcome), [Point({})], results.journal)])
     sim = stepper.Stepper(stepper.load(ARM))
     for k in range(15):
@@ -549,7 +552,7 @@ def test_controls_of_a_csv_file_are_those_of_the_names_in_its_first_line(tmp_pat
     for name in ("controls.npz", "plain.csv", "named.csv"):
         file = tmp_path / f"{name}.toml"
         file.write_text(f'model = "two.xml"\ndrive = "{name}"\nseconds = 0.2\n[[outcomes]]\nname = "a"\nmeasure = "joint a"\n')
-        rows.append(stepper.Study.from_file(file).episode()["outcomes"])
+        rows.append(Study.from_file(file).episode()["outcomes"])
     assert rows[0] == rows[1] == rows[2]
 
 
@@ -565,11 +568,11 @@ def test_controls_of_a_csv_file_are_those_of_the_names_in_its_first_line(tmp_pat
 def test_what_is_wrong_in_a_csv_file_is_named(tmp_path, text, said):
     (tmp_path / "controls.csv").write_text(text)
     with pytest.raises(ValueError, match=rf"controls\.csv.*{said}"):
-        stepper.Study(model=TWO, drive=Recorded(tmp_path / "controls.csv")).episode()
+        Study(model=TWO, drive=Recorded(tmp_path / "controls.csv")).episode()
 
 
 def results_study(drive, outcome):
-    return stepper.Study(model=ARM, drive=drive, outcomes=outcome, episodes=2, seconds=0.3)
+    return Study(model=ARM, drive=drive, outcomes=outcome, episodes=2, seconds=0.3)
 
 
 STUDY = """
@@ -606,10 +609,10 @@ def write_study(folder, text=STUDY):
 
 
 def test_a_study_from_a_file_and_its_pages(tmp_path):
-    study = stepper.Study.from_file(write_study(tmp_path))
+    study = Study.from_file(write_study(tmp_path))
     assert study.options.timestep == 0.005
     assert study.sensors.named["angle"].noise_std == 0.01
-    found = stepper.report(study, tmp_path / "out")
+    found = stepper.lab.report(study, tmp_path / "out")
     page = (tmp_path / "out/servo/report.html").read_text()
     assert "<img" in page
     assert "http" not in page.replace("http-equiv", "")
@@ -647,7 +650,7 @@ def test_wrong_files_say_what_and_where(tmp_path, wrong, message):
     assert wrong in STUDY
     file = write_study(tmp_path, STUDY.replace(wrong, new))
     with pytest.raises(ValueError, match=said):
-        stepper.sweep(file, tmp_path / "out")
+        stepper.lab.sweep(file, tmp_path / "out")
 
 
 def test_a_parameter_that_fits_nothing_is_named(tmp_path):
@@ -661,29 +664,29 @@ def test_a_parameter_that_fits_nothing_is_named(tmp_path):
         ("options.speed", ("*",), "settings are"),
     ):
         with pytest.raises(ValueError, match=said):
-            stepper.sweep(tray(parameters={"p": stepper.Parameter(target=target, names=names, low=0, high=1)}), tmp_path)
+            stepper.lab.sweep(tray(parameters={"p": Parameter(target=target, names=names, low=0, high=1)}), tmp_path)
 
 
 @pytest.mark.parametrize(("target", "said"), [
-    ("sensor.latency", "a stepper.Transfer has no number 'latency', it has: scale, scale_std"),
+    ("sensor.latency", "a Transfer has no number 'latency', it has: scale, scale_std"),
     ("sensor.nois_std", "no number 'nois_std'; did you mean noise_std"),
-    ("actuator.dely", "a stepper.Drive has no number 'dely'; did you mean delay"),
-    ("actuator.servo.kpp", "a stepper.PID has no number 'kpp'; did you mean kp"),
+    ("actuator.dely", "a Drive has no number 'dely'; did you mean delay"),
+    ("actuator.servo.kpp", "a PID has no number 'kpp'; did you mean kp"),
     ("actuator.gearbox.kp", "a drive has no 'gearbox', it has: motor, servo"),
 ])  # fmt: skip
 def test_a_number_that_a_sensor_or_drive_lacks_is_named(target, said):
-    study = random_force(parameters={"p": stepper.Parameter(target=target, low=0, high=1)})
+    study = random_force(parameters={"p": Parameter(target=target, low=0, high=1)})
     with pytest.raises(ValueError, match=f"parameter 'p': .*{said}"):
         study.episode()
 
 
 def test_a_choice_among_words_takes_values():
     with pytest.raises(ValueError, match="low is 'hard', must be a number: a choice among words takes values"):
-        stepper.Parameter(target="options.contact", low="hard", high="mujoco")
+        Parameter(target="options.contact", low="hard", high="mujoco")
     with pytest.raises(ValueError, match="which is a choice among words: give values, not low and high"):
-        stepper.Parameter(target="options.contact", low=0, high=1)
+        Parameter(target="options.contact", low=0, high=1)
     with pytest.raises(ValueError, match="low is nan, must be a number"):
-        stepper.Parameter(target="drive", low=math.nan, high=1.0)
+        Parameter(target="drive", low=math.nan, high=1.0)
 
 
 def test_a_drive_that_reads_another_parameter_is_told_which_there_are():
@@ -715,33 +718,33 @@ def judged(tmp_path, **changed):
     given = {
         "model": ARM,
         "drive": lambda now: np.full((now.num_envs, 1), 0.5),
-        "outcomes": stepper.Outcome(name="angle", measure="joint hinge", success="<= 0.6", margin=1e-6),
+        "outcomes": Outcome(name="angle", measure="joint hinge", success="<= 0.6", margin=1e-6),
         "episodes": 3,
         "seconds": 0.5,
     }
-    found = stepper.report(stepper.Study(**(given | changed)), tmp_path)
+    found = stepper.lab.report(Study(**(given | changed)), tmp_path)
     return {(verdict.whose, verdict.rule.partition(":")[0]) for verdict in found.verdicts if verdict.row["setting"] == "stepper"}
 
 
 def test_whose_a_failure_is(tmp_path):
-    late = stepper.Outcome(name="angle", measure="joint hinge", success=">= 1.0")
+    late = Outcome(name="angle", measure="joint hinge", success=">= 1.0")
     assert judged(tmp_path / "policy", outcomes=late) == {("policy", "fails though the world is computed more finely and seen as it is")}
     biased = stepper.SensorModel(default=stepper.Transfer(bias=-0.4))
     assert judged(tmp_path / "senses", drive=blind, sensors=biased) == {("perception", "success with ideal sensors")}
-    nothing = stepper.Outcome(name="angle", measure=lambda now: np.full(now.num_envs, np.nan), success=">= 0")
+    nothing = Outcome(name="angle", measure=lambda now: np.full(now.num_envs, np.nan), success=">= 0")
     assert {whose for whose, _ in judged(tmp_path / "nan", outcomes=nothing)} == {"evaluation"}
-    declared = stepper.Outcome(name="angle", measure="joint hinge", success=">= 1.0", whose="evaluation")
+    declared = Outcome(name="angle", measure="joint hinge", success=">= 1.0", whose="evaluation")
     assert judged(tmp_path / "declared", outcomes=declared) == {("evaluation", "the study says whose failures of this outcome are")}
 
 
 def test_a_time_step_that_decides_is_physics(tmp_path):
     """A free fall by semi-implicit Euler falls g t h / 2 too far: 2.45 mm in 0.1 s at 5 ms, half of it at half the step."""
     fall = 0.5 * G * 0.1**2
-    found = stepper.report(
-        stepper.Study(
+    found = stepper.lab.report(
+        Study(
             model=TRAY.replace('pos="0 0 .02"', 'pos="0 0 1"'),
             name="fall",
-            outcomes=stepper.Outcome(name="z", measure="body object z", over="change", success=f">= {-fall - 0.0018}"),
+            outcomes=Outcome(name="z", measure="body object z", over="change", success=f">= {-fall - 0.0018}"),
             options=stepper.Options(integrator="euler"),
             episodes=2,
             seconds=0.1,
@@ -754,12 +757,12 @@ def test_a_time_step_that_decides_is_physics(tmp_path):
 
 def test_softness_is_judged_against_hard_contact_with_nominal_values(tmp_path):
     """A box that must bounce: from 0.1 m with a restitution of 0.8 it is 6 cm up again after 0.25 s; MuJoCo's law has none."""
-    found = stepper.report(
-        stepper.Study(
+    found = stepper.lab.report(
+        Study(
             model=TRAY.replace('pos="0 0 .02"', 'pos="0 0 .12"'),
             name="bounce",
-            outcomes=stepper.Outcome(name="z", measure="body object z", success=">= 0.05"),
-            parameters={"bounce": stepper.Parameter(target="geom_restitution", values=(0.7, 0.9), nominal=0.8)},
+            outcomes=Outcome(name="z", measure="body object z", success=">= 0.05"),
+            parameters={"bounce": Parameter(target="geom_restitution", values=(0.7, 0.9), nominal=0.8)},
             episodes=1,
             seconds=0.25,
             control=0.025,
@@ -771,12 +774,12 @@ def test_softness_is_judged_against_hard_contact_with_nominal_values(tmp_path):
 
 
 def test_a_report_says_how_many_episodes_it_looked_at(tmp_path):
-    found = stepper.report(tray(episodes=3, batch=2, drive=None, parameters={}, seconds=0.1), tmp_path)
+    found = stepper.lab.report(tray(episodes=3, batch=2, drive=None, parameters={}, seconds=0.1), tmp_path)
     assert "Every step of 2 episodes at the nominal point" in str(found)
 
 
 def test_contacts_that_decide(tmp_path):
-    from stepper.experiments.study.touching import touching
+    from stepper.lab.study.touching import touching
 
     seen = touching(tray(), range(2))
     (pair,) = seen.deciding
@@ -792,20 +795,20 @@ def test_contacts_that_decide(tmp_path):
 
 
 def test_one_outcome_decides():
-    def outcome(name: str) -> stepper.Outcome:
-        return stepper.Outcome(name=name, measure="joint a", over="max", success="<= 1")
+    def outcome(name: str) -> Outcome:
+        return Outcome(name=name, measure="joint a", over="max", success="<= 1")
 
     with pytest.raises(ValueError, match=r"outcomes \['high', 'far'\] all have a success, and one decides"):
-        stepper.Study(model="<mujoco/>", seconds=1.0, outcomes=(outcome("high"), outcome("far")))
+        Study(model="<mujoco/>", seconds=1.0, outcomes=(outcome("high"), outcome("far")))
 
 
 def random_force(**changed):
     """A study whose episodes differ in their controls, their starts and the errors of their sensors."""
     noise = stepper.SensorModel({"angle": stepper.Transfer(noise_std=0.01)})
-    measured = stepper.Outcome(name="angle", measure="joint hinge", over="max", success=">= 0.1")
+    measured = Outcome(name="angle", measure="joint hinge", over="max", success=">= 0.1")
     given = {"model": ARM, "name": "arm", "drive": blind, "outcomes": measured, "sensors": noise, "seconds": 0.3, "qvel_noise": 0.5}
-    gain = stepper.Parameter(target="kp", how="scale", low=0.5, high=2.0)
-    return stepper.Study(**(given | {"parameters": {"gain": gain}, "episodes": 3} | changed))
+    gain = Parameter(target="kp", how="scale", low=0.5, high=2.0)
+    return Study(**(given | {"parameters": {"gain": gain}, "episodes": 3} | changed))
 
 
 @pytest.mark.parametrize("changed", [{}, {"sensors": None}, {"sensors": None, "drive": "random"}], ids=["noise", "ideal", "random"])
@@ -890,7 +893,7 @@ def test_a_memory_that_no_begin_ends_is_found():
     for drive in (Caching(), Forgetting(), blind):
         random_force(drive=drive, sensors=None).episode()
     with pytest.raises(ValueError, match="has changed _count in a batch"):
-        random_force(drive=stepper.Policy(Remembering()), sensors=None).episode()
+        random_force(drive=Policy(Remembering()), sensors=None).episode()
 
 
 class Remembering(Counting):
@@ -900,11 +903,11 @@ class Remembering(Counting):
 
 
 def test_a_study_of_a_python_file_has_the_name_of_the_file(tmp_path):
-    text = "import stepper\nstudy = stepper.Study(model={!r}{})\n"
+    text = "from stepper.lab import Study\nstudy = Study(model={!r}{})\n"
     (tmp_path / "lift.py").write_text(text.format(ARM, ""))
     (tmp_path / "own.py").write_text(text.format(ARM, ', name="mine"'))
-    assert stepper.Study.from_file(tmp_path / "lift.py").name == "lift"
-    assert stepper.Study.from_file(tmp_path / "own.py").name == "mine"
+    assert Study.from_file(tmp_path / "lift.py").name == "lift"
+    assert Study.from_file(tmp_path / "own.py").name == "mine"
 
 
 def stepper_command(monkeypatch, *arguments):
@@ -921,7 +924,7 @@ def test_the_command_records_an_episode(tmp_path, monkeypatch, capsys):
     folder = tmp_path / "recorded"
     arguments = ("view", file, "--values", "goal=0.5", "--episode", "2", "--seed", "4", "--record", folder)
     assert stepper_command(monkeypatch, *arguments) == 0
-    row = stepper.Study.from_file(file).episode({"goal": 0.5}, 2, seed=4)
+    row = Study.from_file(file).episode({"goal": 0.5}, 2, seed=4)
     told = f"episode 2: reached {row['outcomes']['reached']:.6g}: a success"
     assert told in capsys.readouterr().out
     assert stepper_command(monkeypatch, "replay", folder) == 0

@@ -8,17 +8,17 @@ import numpy as np
 import pytest
 import stepper
 from stepper.envs import StepperVectorEnv
-from stepper.experiments.study.drives import load_file
+from stepper.lab.study.drives import load_file
 from stepper.policies import load
 
 LABS = Path(__file__).parents[2] / "examples/studies"
 
 
 def test_a_panda_picks_a_cube_above_coulombs_friction(tmp_path):
-    study = stepper.Study.from_file(LABS / "panda.py")
+    study = stepper.lab.Study.from_file(LABS / "panda.py")
     friction = replace(study.parameters["friction"], values=(0.35, 0.5))
     quick = {name: study.settings[name] for name in ("MuJoCo's law, 20 iterations", "MuJoCo, 20 iterations")}
-    found = stepper.sweep(replace(study, settings=quick, parameters={"friction": friction}), tmp_path, resolution=0.02).sweep
+    found = stepper.lab.sweep(replace(study, settings=quick, parameters={"friction": friction}), tmp_path, resolution=0.02).sweep
     ends = {cliff.setting: (cliff.low + cliff.high) / 2 for cliff in found.cliffs}
     assert ends.keys() == {"stepper", *quick}
     # Fingers press with 20 N, and their dry friction of 1 N adds to that or takes from it.
@@ -32,10 +32,10 @@ def test_a_panda_picks_a_cube_above_coulombs_friction(tmp_path):
 
 @pytest.mark.parametrize("lab", ["panda_trained.py", "panda_scripted.py"])
 def test_a_panda_picks_a_cube_wherever_it_lies(tmp_path, lab):
-    study = stepper.Study.from_file(LABS / lab)
+    study = stepper.lab.Study.from_file(LABS / lab)
     friction = replace(study.parameters["friction"], values=(0.3, 1.2))
     quick = {name: study.settings[name] for name in ("5 iterations", "MuJoCo's law, 20 iterations", "MuJoCo, 20 iterations")}
-    found = stepper.sweep(replace(study, settings=quick, parameters={"friction": friction}, episodes=6), tmp_path, cliffs=False).sweep
+    found = stepper.lab.sweep(replace(study, settings=quick, parameters={"friction": friction}, episodes=6), tmp_path, cliffs=False).sweep
     for setting in ("stepper", *quick):
         low, high = (level.successes for level in found.levels_of("friction", setting))
         # 0.3 carries 12 N of the cube's 15.7 N.
@@ -66,9 +66,9 @@ def test_a_policy_is_trained_to_pick(monkeypatch):
 
 
 def test_a_go2_trots_and_a_push_decides_its_fall(tmp_path):
-    study = stepper.Study.from_file(LABS / "quadruped.py")
+    study = stepper.lab.Study.from_file(LABS / "quadruped.py")
     calm = {"MuJoCo's law": {"contact": "mujoco"}, "MuJoCo": {"engine": "mujoco"}}
-    walks = stepper.sweep(
+    walks = stepper.lab.sweep(
         replace(study, parameters={"push": study.parameters["push"]}, settings=calm, episodes=2), tmp_path / "walks", cliffs=False
     )
     for row in walks.sweep.table.rows:
@@ -76,6 +76,6 @@ def test_a_go2_trots_and_a_push_decides_its_fall(tmp_path):
             # 0.14 m a step and two a period of 0.5 s for 4 s, less what feet slip and the first half second.
             assert row["success"]
             assert 0.8 < row["outcomes"]["way"] < 2.2
-    found = stepper.rank(study, tmp_path / "rank", samples=8, parameters=["push", "dry friction"])
+    found = stepper.lab.rank(study, tmp_path / "rank", samples=8, parameters=["push", "dry friction"])
     assert found.ranks[0].parameter == "push"
     assert found.ranks[0].total > found.ranks[1].total_interval[1] or found.ranks[1].total == pytest.approx(0.0)

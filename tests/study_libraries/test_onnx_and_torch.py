@@ -9,8 +9,8 @@ import stepper
 import torch
 from onnx import TensorProto, helper, numpy_helper
 from servo_arm import ARM, angles
-from stepper.experiments.study.drives import digest_of
-from stepper.experiments.study.policy_files import read_policy
+from stepper.lab.study.drives import digest_of
+from stepper.lab.study.policy_files import read_policy
 
 WEIGHT, BIAS = np.array([[-2.0], [-0.5]], np.float32), np.array([1.0], np.float32)
 
@@ -69,9 +69,9 @@ def write_program(path):
 )
 @pytest.mark.filterwarnings("ignore::DeprecationWarning", "ignore::FutureWarning", "ignore::UserWarning")
 def test_a_file_gives_the_rows_of_the_network(tmp_path, write):
-    policy = stepper.Policy(write(tmp_path))
+    policy = stepper.lab.Policy(write(tmp_path))
     # Single precision: 2^-24 of a control, which twenty of them turn into as much of an angle.
-    np.testing.assert_allclose(angles(policy, tmp_path / "file"), angles(stepper.Policy(plain), tmp_path / "plain"), rtol=0, atol=1e-6)
+    np.testing.assert_allclose(angles(policy, tmp_path / "file"), angles(stepper.lab.Policy(plain), tmp_path / "plain"), rtol=0, atol=1e-6)
     again = pickle.loads(pickle.dumps(policy))
     assert digest_of(again) == digest_of(policy)
     seen = np.array([[0.1, 0.2], [-0.3, 0.4]])
@@ -84,7 +84,7 @@ def test_a_study_of_a_file(tmp_path):
     (tmp_path / "reach.toml").write_text(
         'model = "arm.xml"\npolicy = "servo.onnx"\n[[outcomes]]\nname = "angle"\nmeasure = "joint hinge"\n'
     )
-    study = stepper.Study.from_file(tmp_path / "reach.toml")
+    study = stepper.lab.Study.from_file(tmp_path / "reach.toml")
     assert study.identity["drive"]["name"] == "policy servo.onnx"
 
 
@@ -111,8 +111,8 @@ def test_files_that_are_no_policy_are_named(tmp_path, write, message):
 
 @pytest.mark.filterwarnings("ignore::DeprecationWarning", "ignore::FutureWarning", "ignore::UserWarning")
 def test_a_program_that_its_owner_loads_is_a_policy(tmp_path):
-    policy = stepper.Policy(torch.export.load(str(write_program(tmp_path / "program.pt2"))).module())
-    np.testing.assert_allclose(angles(policy, tmp_path / "own"), angles(stepper.Policy(plain), tmp_path / "plain"), rtol=0, atol=1e-6)
+    policy = stepper.lab.Policy(torch.export.load(str(write_program(tmp_path / "program.pt2"))).module())
+    np.testing.assert_allclose(angles(policy, tmp_path / "own"), angles(stepper.lab.Policy(plain), tmp_path / "plain"), rtol=0, atol=1e-6)
 
 
 class Remembers(torch.nn.Module):
@@ -142,7 +142,7 @@ def scripted(module, path):
 @pytest.mark.parametrize("form", ["module", "file"])
 @pytest.mark.filterwarnings("ignore::DeprecationWarning")
 def test_a_memory_is_of_one_batch(tmp_path, kind, form):
-    policy = stepper.Policy(kind() if form == "module" else scripted(kind(), tmp_path / "memory.pt"))
+    policy = stepper.lab.Policy(kind() if form == "module" else scripted(kind(), tmp_path / "memory.pt"))
     before = digest_of(policy)
     assert angles(policy, tmp_path / "one", batch=1) == angles(policy, tmp_path / "four", batch=4)
     assert digest_of(policy) == before
@@ -150,7 +150,9 @@ def test_a_memory_is_of_one_batch(tmp_path, kind, form):
 
 @pytest.mark.filterwarnings("ignore::DeprecationWarning")
 def test_a_script_is_reset(tmp_path):
-    first = [stepper.Policy(scripted(kind(), tmp_path / f"{kind.__name__}.pt")).act(np.full((1, 2), 0.5)) for kind in (Remembers, Resets)]
+    first = [
+        stepper.lab.Policy(scripted(kind(), tmp_path / f"{kind.__name__}.pt")).act(np.full((1, 2), 0.5)) for kind in (Remembers, Resets)
+    ]
     assert [float(controls) for controls in first] == pytest.approx([0.0, 0.2])
 
 

@@ -7,20 +7,20 @@ from servo_arm import ARM
 
 
 def test_a_table_in_parquet_is_the_one_in_npz(tmp_path):
-    study = stepper.Study(
+    study = stepper.lab.Study(
         model=ARM,
         name="arm",
         drive="random",
-        outcomes=stepper.Outcome(name="angle", measure="joint hinge"),
+        outcomes=stepper.lab.Outcome(name="angle", measure="joint hinge"),
         parameters={
-            "damping": stepper.Parameter(target="dof_damping", how="scale", low=0.5, high=1.5),
-            "rule": stepper.Parameter(target="options.integrator", values=("euler", "midpoint")),
+            "damping": stepper.lab.Parameter(target="dof_damping", how="scale", low=0.5, high=1.5),
+            "rule": stepper.lab.Parameter(target="options.integrator", values=("euler", "midpoint")),
         },
         settings={"MuJoCo": {"engine": "mujoco"}},
         seconds=0.1,
         episodes=2,
     )
-    assert tmp_path / "arm/table.parquet" in stepper.sweep(study, tmp_path).files
+    assert tmp_path / "arm/table.parquet" in stepper.lab.sweep(study, tmp_path).files
     parquet, npz = pyarrow.parquet.read_table(tmp_path / "arm/table.parquet"), np.load(tmp_path / "arm/table.npz")
     assert parquet.column_names == list(npz)
     for name in npz:

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 import stepper
-from stepper.experiments.accuracy.candidates import lines, no_rapier
-from stepper.experiments.accuracy.invariants import MOMENTUM, Invariants
-from stepper.experiments.accuracy.traces import Distance, run
+from stepper.lab.accuracy.candidates import lines, no_rapier
+from stepper.lab.accuracy.invariants import MOMENTUM, Invariants
+from stepper.lab.accuracy.traces import Distance, run
 
 pytest.importorskip("rapier3d", reason="pip install 'rapier3d>=0.36,<0.37'")
 
@@ -23,7 +23,7 @@ BLOCK = """<mujoco><option timestep=".002"/><worldbody><geom type="plane" size="
 
 
 def study(model, **changed):
-    return stepper.Study.from_model(model, **({"seconds": 0.2, "qvel_noise": 0.3, "drive": None} | changed))
+    return stepper.lab.Study.from_model(model, **({"seconds": 0.2, "qvel_noise": 0.3, "drive": None} | changed))
 
 
 def test_a_motion_without_contacts_is_the_same():
@@ -70,7 +70,7 @@ def test_invariants_are_measured_alike():
 def test_a_chart_has_rapier_where_it_can(tmp_path):
     own = study(BLOCK, name="block")
     assert no_rapier(own) is None
-    found = stepper.chart(own, tmp_path, quick=True, episodes=2, horizon=0.1)
+    found = stepper.lab.chart(own, tmp_path, quick=True, episodes=2, horizon=0.1)
     theirs = [dot for dot in found.dots if dot.engine == "rapier"]
     assert {dot.setting for dot in theirs} == {"its defaults", "20 iterations"}
     assert all(np.isfinite(dot.error) and dot.alone > 0 and dot.batch > 0 for dot in theirs)

@@ -58,34 +58,34 @@ def cluster():
 def study(tmp_path):
     for name, text in (("arm.xml", ARM), ("drive.py", DRIVE), ("study.toml", STUDY)):
         (tmp_path / name).write_text(text)
-    return stepper.Study.from_file(tmp_path / "study.toml")
+    return stepper.lab.Study.from_file(tmp_path / "study.toml")
 
 
 def test_the_rows_are_those_of_one_process(study, tmp_path):
-    here = stepper.sweep(study, tmp_path / "here")
-    there = stepper.sweep(replace(study, ray=True, batch=4), tmp_path / "there")
+    here = stepper.lab.sweep(study, tmp_path / "here")
+    there = stepper.lab.sweep(replace(study, ray=True, batch=4), tmp_path / "there")
     assert there.sweep.table.rows == here.sweep.table.rows
     assert there.sweep.cliffs == here.sweep.cliffs
     # Nothing is left to run.
     before = (tmp_path / "there/study/journal").read_bytes()
-    assert stepper.sweep(study, tmp_path / "there").sweep.table.rows == here.sweep.table.rows
+    assert stepper.lab.sweep(study, tmp_path / "there").sweep.table.rows == here.sweep.table.rows
     assert (tmp_path / "there/study/journal").read_bytes() == before
 
 
 def test_threads_of_all_cpus_are_one_of_a_task(study, tmp_path):
     """Tasks take all CPUs, so that each of them has one."""
     # A function of this module is not where workers would find it; one without a name goes along.
-    threads = stepper.Outcome(name="threads", measure=lambda now: np.full(now.num_envs, float(now.sim.threads)))
-    here = stepper.sweep(study, tmp_path / "here", cliffs=False)
+    threads = stepper.lab.Outcome(name="threads", measure=lambda now: np.full(now.num_envs, float(now.sim.threads)))
+    here = stepper.lab.sweep(study, tmp_path / "here", cliffs=False)
     all_of_them = replace(study, ray=True, threads=0, outcomes=[*study.all_outcomes, threads])
-    there = stepper.sweep(all_of_them, tmp_path / "there", cliffs=False)
+    there = stepper.lab.sweep(all_of_them, tmp_path / "there", cliffs=False)
     assert {row["outcomes"].pop("threads") for row in there.sweep.table.rows} == {1.0}
     assert [row["outcomes"] for row in there.sweep.table.rows] == [row["outcomes"] for row in here.sweep.table.rows]
 
 
 def test_a_chart_is_that_of_one_process(study, tmp_path):
     given = {"horizon": 0.1, "episodes": 2, "quick": True}
-    here, there = (stepper.chart(replace(study, ray=ray), tmp_path / str(ray), **given) for ray in (False, True))
+    here, there = (stepper.lab.chart(replace(study, ray=ray), tmp_path / str(ray), **given) for ray in (False, True))
     # All but what is timed. What is no number is nowhere the same.
     told = [[{**vars(dot), "alone": 0.0, "batch": 0.0} for dot in found.dots] for found in (here, there)]
     np.testing.assert_equal(told[1], told[0])
@@ -101,10 +101,10 @@ SPARE = """<mujoco><option timestep=".002"/><worldbody><geom name="floor" type="
 
 def test_a_tuning_is_that_of_one_process(study, tmp_path, monkeypatch):
     # What is taken out is what saves time, which is another matter in each run.
-    monkeypatch.setattr(sys.modules["stepper.experiments.accuracy.needs"], "saving", lambda own, less, trace: (0.1, 0.05))
+    monkeypatch.setattr(sys.modules["stepper.lab.accuracy.needs"], "saving", lambda own, less, trace: (0.1, 0.05))
     study = replace(study, model=SPARE)
     given = {"error": "1 mm", "horizon": "0.1 s", "coverage": 0.5, "episodes": 4}
-    here, there = (stepper.tune(replace(study, ray=ray), tmp_path / str(ray), **given) for ray in (False, True))
+    here, there = (stepper.lab.tune(replace(study, ray=ray), tmp_path / str(ray), **given) for ray in (False, True))
     errors = [{(own.name, own.settings["timestep"]): own.error for own in found.candidates} for found in (here, there)]
     assert errors[1] == errors[0]
     # Which precision is the cheapest is a matter of time too.
@@ -121,9 +121,9 @@ def test_a_tuning_is_that_of_one_process(study, tmp_path, monkeypatch):
 
 
 def test_what_fails_in_a_worker_is_raised_here(study, tmp_path):
-    broken = replace(study, ray=True, outcomes=stepper.Outcome(name="a", measure=lambda now: now.joint("elbow")[:, 0]))
+    broken = replace(study, ray=True, outcomes=stepper.lab.Outcome(name="a", measure=lambda now: now.joint("elbow")[:, 0]))
     with pytest.raises(KeyError, match="elbow"):
-        stepper.sweep(broken, tmp_path)
+        stepper.lab.sweep(broken, tmp_path)
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import ray
 import stepper
-from stepper.experiments.study.over_ray import WorkerVersionError
+from stepper.lab.study.over_ray import WorkerVersionError
 
 ARM = (
     """<mujoco><worldbody><body><joint name="hinge" axis="0 1 0" damping="1"/><geom size=".05" pos=".2 0 0"/></body></worldbody></mujoco>"""
@@ -22,10 +22,10 @@ def test_a_worker_with_another_version_is_refused(tmp_path, module, version):
     path = os.pathsep.join([str(folder), os.environ.get("PYTHONPATH", "")])
     ray.init(num_cpus=1, include_dashboard=False, log_to_driver=False, runtime_env={"env_vars": {"PYTHONPATH": path}})
     try:
-        study = stepper.Study(model=ARM, seconds=0.1, ray=True, outcomes=stepper.Outcome(name="angle", measure="joint hinge"))
+        study = stepper.lab.Study(model=ARM, seconds=0.1, ray=True, outcomes=stepper.lab.Outcome(name="angle", measure="joint hinge"))
         ours = {"numpy": np.__version__, "stepper": stepper.__version__}[module]
         with pytest.raises(WorkerVersionError, match=rf"has {module} {version} there and {ours} here, so that its rows") as told:
-            stepper.sweep(study, tmp_path)
+            stepper.lab.sweep(study, tmp_path)
         assert str(told.value).count(" there and ") == 1
     finally:
         ray.shutdown()

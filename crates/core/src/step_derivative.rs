@@ -79,7 +79,7 @@ pub struct DerivativeQuery<'a> {
 pub struct DerivativeRows<'a> {
     /// Derivatives of displacements of qpos, qvel and act after the step, (environments, 2 nv + na, columns).
     pub slopes: &'a mut [f64],
-    /// Flags of every column, (environments, columns), as Python's `stepper.Kink` has them.
+    /// Flags of every column, (environments, columns), as Python's `stepper.derivatives.Kink` has them.
     pub causes: &'a mut [u32],
     /// Widths of the displacements to the nearest kink, to first order; infinite where none is seen.
     pub distance: &'a mut [f64],

@@ -11,6 +11,7 @@ mod error;
 mod model;
 mod options;
 mod phrases;
+mod selection;
 mod state;
 mod stepper;
 
@@ -26,7 +27,24 @@ fn _stepper(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add("ModelError", m.py().get_type::<error::ModelError>())?;
     m.add("__version__", env!("CARGO_PKG_VERSION"))?;
     m.add_function(wrap_pyfunction!(cpu_levels, m)?)?;
+    m.add_function(wrap_pyfunction!(selected, m)?)?;
     Ok(())
+}
+
+/// Environments that an argument `envs` selects, in its order: see `Stepper.reset`.
+///
+/// Args:
+///     envs: A boolean mask (num_envs,), or integer indices; None is all.
+///     num_envs: Number of environments.
+///
+/// Raises:
+///     TypeError: Numbers that are no integers, with the first of them.
+///     ValueError: A mask of another length, an index twice.
+///     IndexError: An index out of range.
+#[pyfunction]
+#[pyo3(signature = (envs, num_envs))]
+fn selected(envs: Option<Bound<'_, PyAny>>, num_envs: usize) -> PyResult<Vec<usize>> {
+    Ok(selection::Selection::of(envs.as_ref(), num_envs)?.envs)
 }
 
 /// CPU levels of this machine, slowest first.

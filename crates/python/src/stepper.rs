@@ -17,21 +17,23 @@ mod rollout;
 mod sensing;
 mod state;
 mod stepping;
+mod taking_over;
 
 use std::ops::{Deref, DerefMut};
 
-use numpy::{PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArray, PyUntypedArrayMethods};
-use pyo3::exceptions::{PyIndexError, PyRuntimeError, PyTypeError, PyValueError};
+use numpy::{PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArray, PyUntypedArrayMethods};
+use pyo3::exceptions::{PyIndexError, PyRuntimeError, PyTypeError};
 use pyo3::prelude::*;
 use stepper_core::{Precision, Simulation};
 
 use crate::arguments::{Env, Whole};
-use crate::array::{assign_attribute, check_shape, check_shape_of, described, hint, read_only, readonly, whole};
+use crate::array::{assign_attribute, check_shape_of, described, hint, read_only, readonly, whole};
 use crate::derived_arrays::DerivedArrays;
 use crate::device_models::{drives, transfers};
 use crate::error::value_error;
 use crate::model::Model;
 use crate::options::{settings, unknown};
+use crate::selection::{Numbers, Selection};
 
 /// Environments of one model, stepped together. The GIL is released while stepping. Pickles with its state.
 ///
@@ -90,26 +92,9 @@ impl Stepper {
         if self.batched { read_only(out.into_any(), name) } else { out.call_method0("item") }
     }
 
-    /// Environments named by a mask, all without one.
-    fn chosen(&self, mask: Option<&Bound<'_, PyAny>>) -> PyResult<Vec<usize>> {
-        let Some(mask) = mask else { return Ok((0..self.n()).collect()) };
-        Ok(self.truths(mask)?.into_iter().enumerate().filter(|(_, chosen)| *chosen).map(|(env, _)| env).collect())
-    }
-
-    /// A boolean mask (num_envs,).
-    fn truths(&self, mask: &Bound<'_, PyAny>) -> PyResult<Vec<bool>> {
-        let numpy = mask.py().import("numpy")?;
-        let mask = numpy.call_method1("asarray", (mask,))?;
-        if mask.getattr("dtype")?.getattr("kind")?.extract::<String>()? != "b" {
-            let (dtype, n) = (mask.getattr("dtype")?, self.n());
-            return Err(PyValueError::new_err(format!(
-                "mask has dtype {dtype}, must be bool, a truth for every environment: for indices, mask = np.isin(np.arange({n}), indices)"
-            )));
-        }
-        let shape: Vec<usize> = mask.getattr("shape")?.extract()?;
-        check_shape("mask", &shape, &[&[self.n()]])?;
-        let mask = mask.cast::<PyArrayDyn<bool>>()?.try_readonly()?;
-        Ok(mask.as_array().iter().copied().collect())
+    /// Environments that an argument `envs` selects.
+    fn selection(&self, envs: Option<&Bound<'_, PyAny>>) -> PyResult<Selection> {
+        Selection::of(envs, self.n())
     }
 
     /// Rows of a (num_envs, width) or (width,) array, one per environment.
@@ -119,6 +104,14 @@ impl Stepper {
         // A single environment has no axis of environments.
         check_shape_of(given, name, numbers.shape(), &[&full[..], &[width]][usize::from(!self.batched)..])?;
         Ok(numbers)
+    }
+
+    /// Rows of the selected environments: with indices (k, width), else as of [`Stepper::rows`].
+    fn selected_rows<'py>(&self, given: &Bound<'py, PyAny>, name: &str, width: usize, selection: &Selection) -> PyResult<Numbers<'py>> {
+        if !self.batched && !selection.by_index {
+            return self.rows(given, name, width).map(Numbers::Given);
+        }
+        selection.numbers(given, name, &[self.n(), width], Some(&[width]))
     }
 }
 

@@ -128,7 +128,7 @@ class Drive:
         for name, kind in (("motor", DCMotor), ("servo", PID)):
             given = getattr(self, name)
             if given is not None and not isinstance(given, kind):
-                raise TypeError(f"{name} is {given!r}, must be a stepper.{kind.__name__}")
+                raise TypeError(f"{name} is {given!r}, must be a stepper.actuators.{kind.__name__}")
         check_numbers(self, "motor", "servo")
 
     def _row(self, num_envs: int, envs: Envs = None) -> dict[str, Any]:

@@ -7,9 +7,9 @@ from types import ModuleType
 from typing import TYPE_CHECKING
 
 from stepper.cli.options import OUT, RAY_RUNS, of_source
-from stepper.experiments.accuracy import chart as run
-from stepper.experiments.chart import SCENES, Effort, charts
-from stepper.experiments.progress import progress, show_files
+from stepper.lab.accuracy import chart as run
+from stepper.lab.engine_chart import SCENES, Effort, charts
+from stepper.lab.progress import progress, show_files
 
 if TYPE_CHECKING:
     from typer import Typer

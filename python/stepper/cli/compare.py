@@ -7,8 +7,8 @@ from types import ModuleType
 from typing import TYPE_CHECKING
 
 from stepper.cli.options import OUT
-from stepper.experiments.compare import compare as run
-from stepper.experiments.progress import show_files
+from stepper.lab.comparison import compare as run
+from stepper.lab.progress import show_files
 
 if TYPE_CHECKING:
     from typer import Typer

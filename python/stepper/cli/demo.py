@@ -7,7 +7,7 @@ from types import ModuleType
 from typing import TYPE_CHECKING
 
 from stepper.cli.options import OUT
-from stepper.experiments.demo import Plan, demo
+from stepper.lab.demo import Plan, demo
 
 if TYPE_CHECKING:
     from typer import Typer

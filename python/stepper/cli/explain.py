@@ -10,10 +10,10 @@ from types import ModuleType
 from typing import TYPE_CHECKING
 
 from stepper.cli.options import OUT
-from stepper.experiments.accuracy import Account, account
-from stepper.experiments.progress import show_files
-from stepper.experiments.study import Study
-from stepper.experiments.study.document import Document, Section
+from stepper.lab.accuracy import Account, account
+from stepper.lab.progress import show_files
+from stepper.lab.study import Study
+from stepper.lab.study.document import Document, Section
 from stepper.loading import ModelWarning
 from stepper.shared.machine import provenance
 

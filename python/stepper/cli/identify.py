@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Any
 
 from stepper._options import Options
 from stepper.cli.options import OUT
-from stepper.experiments.progress import show_files
-from stepper.identification import KINDS
-from stepper.identification import identify as run
+from stepper.lab.progress import show_files
 from stepper.loading import load
+from stepper.sysid import KINDS
+from stepper.sysid import identify as run
 
 if TYPE_CHECKING:
     from typer import Typer
@@ -40,7 +40,7 @@ def identify(
     Example: stepper identify robot.xml push.csv -p mass:box -p friction:floor,box=0.05..2
     """
     read = load(model)
-    # As of `stepper.identify`, unless something else is asked for.
+    # As of `stepper.sysid.identify`, unless something else is asked for.
     options = None
     if law == "mujoco":
         options = Options.from_model(read) if timestep is None else replace(Options.from_model(read), timestep=timestep)

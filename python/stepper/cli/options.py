@@ -6,10 +6,10 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from stepper.experiments.study import Study
+from stepper.lab.study import Study
 
 OUT = "Folder for what is written."
-STUDY = "A study: a .toml file, or a .py file that has a stepper.Study named study."
+STUDY = "A study: a .toml file, or a .py file that has a stepper.lab.Study named study."
 RECORDING = "A folder that Stepper.record wrote."
 RAY = "Run batches as tasks of Ray, on all machines of its cluster."
 RAY_RUNS = "Run settings as tasks of Ray, on all machines of its cluster; costs are measured here."

@@ -7,9 +7,9 @@ from types import ModuleType
 from typing import TYPE_CHECKING
 
 from stepper.cli.options import ONLY, OUT, RAY, STUDY, of_file
-from stepper.experiments.progress import progress, show_files
-from stepper.experiments.study import rank as run
-from stepper.experiments.study.points import USUAL
+from stepper.lab.progress import progress, show_files
+from stepper.lab.study import rank as run
+from stepper.lab.study.points import USUAL
 
 if TYPE_CHECKING:
     from typer import Typer

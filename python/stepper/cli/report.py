@@ -7,8 +7,8 @@ from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 from stepper.cli.options import OUT, RAY, RECORDING, STUDY, of_file
-from stepper.experiments.progress import progress, show_files
-from stepper.experiments.study import report as run
+from stepper.lab.progress import progress, show_files
+from stepper.lab.study import report as run
 from stepper.recording.format import HEADER, check_files, read_header, reading
 
 if TYPE_CHECKING:

@@ -7,8 +7,8 @@ from types import ModuleType
 from typing import TYPE_CHECKING
 
 from stepper.cli.options import ONLY, OUT, RAY, STUDY, of_file
-from stepper.experiments.progress import progress, show_files
-from stepper.experiments.study import sweep as run
+from stepper.lab.progress import progress, show_files
+from stepper.lab.study import sweep as run
 
 if TYPE_CHECKING:
     from typer import Typer

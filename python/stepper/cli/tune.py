@@ -7,8 +7,8 @@ from types import ModuleType
 from typing import TYPE_CHECKING
 
 from stepper.cli.options import OUT, RAY_RUNS, of_source
-from stepper.experiments.accuracy import tune as run
-from stepper.experiments.progress import progress, show_files
+from stepper.lab.accuracy import tune as run
+from stepper.lab.progress import progress, show_files
 
 if TYPE_CHECKING:
     from typer import Typer

@@ -15,10 +15,10 @@ import numpy as np
 
 from stepper._options import Options
 from stepper._stepper import Stepper
-from stepper.experiments.study import Study
-from stepper.experiments.study.episode import Episodes
-from stepper.experiments.study.journal import diverged
-from stepper.experiments.study.points import USUAL
+from stepper.lab.study import Study
+from stepper.lab.study.episode import Episodes
+from stepper.lab.study.journal import diverged
+from stepper.lab.study.points import USUAL
 from stepper.loading import ModelWarning, load
 from stepper.recording.format import HEADER
 from stepper.shared.environments import known

@@ -306,4 +306,4 @@ def _restore(sim: Stepper, copies: Stepper, index: NDArray[np.int64]) -> None:
         copies.set_state(sim.get_state())
         return
     for env in np.unique(index):
-        copies.set_state(sim.get_state(env=int(env)), mask=index == env)
+        copies.set_state(sim.get_state(env=int(env)), envs=index == env)

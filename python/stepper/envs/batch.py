@@ -12,6 +12,7 @@ from gymnasium.spaces import Box
 
 from stepper._hints import near_or_all
 from stepper._options import Options, Precision
+from stepper._quantities import room
 from stepper._status import Status
 from stepper._stepper import Model, Stepper
 from stepper.envs.state import EnvState, check_settings, restore, save
@@ -19,7 +20,6 @@ from stepper.envs.streams import Draws, Streams
 from stepper.envs.task import Array, Contact, Moment, Quantity, Task, Terms, cleared
 from stepper.envs.tasks import TASKS
 from stepper.loading import ModelWarning
-from stepper.quantities import room
 
 _NON_FINITE = np.uint32(Status.NON_FINITE)
 
@@ -160,9 +160,9 @@ class Batch:
         self.task.prepare(self.sim, self._memory, mask, Draws(self.streams, envs))
         self.returns[envs], self.lengths[envs] = 0.0, 0
 
-    def set_state(self, qpos: Array | None, qvel: Array | None, mask: Array) -> None:
-        """Sets configurations (num_envs, nq) and velocities (num_envs, nv) of the environments of a mask. Episodes go on."""
-        self.sim.set_state(qpos, qvel, mask)
+    def set_state(self, qpos: Array | None, qvel: Array | None, mask: Array, envs: Array | None = None) -> None:
+        """Sets configurations and velocities of the environments of a mask; their rows are as of `envs`, see `Stepper.set_state`."""
+        self.sim.set_state(qpos, qvel, mask if envs is None else envs)
         self._reread(mask)
 
     def get_state(self) -> EnvState:

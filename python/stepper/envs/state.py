@@ -115,7 +115,7 @@ def restore(sim: Stepper, state: EnvState, mask: Array) -> None:
     Raises:
         ValueError: The state is from another model or precision. Nothing is changed.
     """
-    sim.set_state(state.sim, mask=mask)
+    sim.set_state(state.sim, envs=mask)
     _restore_parameters(sim, state.parameters, mask)
     used = sim.__getstate__()["applied"]
     for name, array in zip(APPLIED, used, strict=True):

@@ -11,14 +11,14 @@ import numpy as np
 from gymnasium.error import ResetNeeded
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
+from numpy.typing import ArrayLike
 
 from stepper._options import Options, Precision
-from stepper._stepper import Model, Stepper
+from stepper._stepper import Model, Stepper, selected
 from stepper.envs.batch import Batch
 from stepper.envs.drawing import RENDER_MODES, Drawing, RenderMode, camera_settings
 from stepper.envs.state import EnvState
 from stepper.envs.task import Array, Camera, Contact, Moment, Task, Terms
-from stepper.states import Envs, indices
 
 
 class StepperVectorEnv(VectorEnv[Array, Array, Array]):
@@ -129,6 +129,7 @@ class StepperVectorEnv(VectorEnv[Array, Array, Array]):
         *,
         seed: int | Sequence[int | None] | None = None,
         options: dict[str, Any] | None = None,
+        envs: ArrayLike | None = None,
         out: Array | None = None,
     ) -> tuple[Array, dict[str, Any]]:
         """Begins new episodes.
@@ -136,26 +137,28 @@ class StepperVectorEnv(VectorEnv[Array, Array, Array]):
         Args:
             seed: Environment i has the seed `seed + i`, or that of a sequence; what it draws follows from it alone. None goes on with the
                 random numbers as they are.
-            options: "reset_mask", (num_envs,) bool: the environments that begin; or "reset_ids", their indices (n,); without either all
-                do. With indices a sequence of n seeds may be theirs.
+            options: Gymnasium's "reset_mask", (num_envs,) bool: the environments that begin, at least one.
+            envs: The environments that begin, in place of `options`: a boolean mask (num_envs,) or integer indices (k,), each once;
+                None is all, and none of them does nothing. With indices a sequence of seeds has k, in their order.
             out: Array that observations are written to, (num_envs, n) of their type; None is a new one.
 
         Returns:
             Observations of all environments (num_envs, n), and infos of those that began.
 
         Raises:
-            TypeError: A reset_mask that is no array of bool, reset_ids that are no whole numbers.
-            ValueError: Another shape, a mask or indices of none, an index twice, other options, seeds for another number of environments.
-            IndexError: An index that there is not.
+            TypeError: A reset_mask that is no array of bool, or indices that are no integers.
+            ValueError: Another shape, an index twice, other options, seeds for another number of environments.
+            IndexError: An index out of range.
             ResetNeeded: A mask before all environments began once.
         """
-        room, ids = self._batch.room(out), None if options is None or "reset_ids" not in options else self._indices(options)
-        mask = _mask(options, self.num_envs) if ids is None else _of_indices(ids, self.num_envs)
-        if ids is not None and seed is not None and not isinstance(seed, int | np.integer) and len(seed) == len(ids):
-            seed = _scattered(list(seed), ids, self.num_envs)
+        room, mask = self._batch.room(out), self._begins(options, envs)
+        if seed is not None and _are_indices(envs) and not isinstance(seed, int | np.integer):
+            seed = _scattered(list(seed), np.array(selected(envs, self.num_envs)), self.num_envs)
         seeds = _seeds(seed, self.num_envs)
         if not self._begun and not mask.all():
-            raise ResetNeeded("call reset without reset_mask first: not all environments have begun")
+            raise ResetNeeded("call reset without envs or reset_mask first: not all environments have begun")
+        if not mask.any():
+            return self._batch.observation(room), {}
         super().reset(seed=seed if isinstance(seed, int) else None)
         given = np.array([value is not None for value in seeds]) & mask
         if given.any():
@@ -229,7 +232,7 @@ class StepperVectorEnv(VectorEnv[Array, Array, Array]):
         state = self._batch.get_state()
         return replace(state, episodes=state.episodes | {"over": self._over.copy(), "elapsed": time.perf_counter() - self._since})
 
-    def set_state(self, qpos: Array | EnvState | None = None, qvel: Array | None = None, envs: Envs | None = None) -> Array:
+    def set_state(self, qpos: Array | EnvState | None = None, qvel: Array | None = None, envs: ArrayLike | None = None) -> Array:
         """Sets positions and velocities, or restores a state of `get_state`.
 
         Positions and velocities leave the episodes as they are: lengths, memory and random numbers. A state replaces everything: the
@@ -239,7 +242,8 @@ class StepperVectorEnv(VectorEnv[Array, Array, Array]):
         Args:
             qpos: Positions, (num_envs, nq) or (nq,), None keeps them; or a state, whose row i belongs to environment i.
             qvel: Velocities, (num_envs, nv) or (nv,); None keeps them. Leave it out with a state.
-            envs: Environments to change, a mask (num_envs,) bool or indices; None is all. Rows of the others are ignored.
+            envs: Environments to change, a boolean mask (num_envs,) or integer indices (k,), each once; None is all. With indices,
+                positions and velocities have a row for each index, in their order.
 
         Returns:
             Observations, (num_envs, n).
@@ -250,9 +254,9 @@ class StepperVectorEnv(VectorEnv[Array, Array, Array]):
             TypeError, IndexError: Indices that are not integers, or out of range.
             ResetNeeded: A state for some environments before the first `reset`.
         """
-        mask = _of_indices(indices(self.sim, envs), self.num_envs)
+        mask = _mask_of(envs, self.num_envs)
         if not isinstance(qpos, EnvState):
-            self._batch.set_state(qpos, qvel, mask)
+            self._batch.set_state(qpos, qvel, mask, None if envs is None else np.asarray(envs))
             return self._batch.observation()
         if qvel is not None:
             raise ValueError("qvel is given together with a state, which contains velocities: leave it out")
@@ -286,14 +290,13 @@ class StepperVectorEnv(VectorEnv[Array, Array, Array]):
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__ = state | {"_since": time.perf_counter() - state["_since"]}
 
-    def _indices(self, options: dict[str, Any]) -> Array:
-        """Environments that `reset` begins, by their indices."""
-        if unknown := set(options) - {"reset_ids"}:
-            raise ValueError(f"options has {sorted(unknown)} beside 'reset_ids': give one of 'reset_mask' and 'reset_ids'")
-        found: Array = indices(self.sim, options["reset_ids"], "reset_ids")
-        if not found.size:
-            raise ValueError("reset_ids is empty: one environment must begin at least")
-        return found
+    def _begins(self, options: dict[str, Any] | None, envs: ArrayLike | None) -> Array:
+        """Mask of the environments that `reset` begins."""
+        if envs is None:
+            return _mask(options, self.num_envs)
+        if options:
+            raise ValueError(f"options has {sorted(options)} and envs is given too: give one of them")
+        return _mask_of(envs, self.num_envs)
 
     def _episodes(self, over: Array) -> dict[str, Any]:
         """Statistics of the episodes that are over."""
@@ -328,15 +331,21 @@ def _seeds(seed: int | Sequence[int | None] | None, num_envs: int) -> list[int |
     return seeds
 
 
-def _of_indices(ids: Array, num_envs: int) -> Array:
-    """Indices as a mask, (num_envs,)."""
+def _mask_of(envs: ArrayLike | None, num_envs: int) -> Array:
+    """Selected environments as a mask, (num_envs,)."""
     mask = np.zeros(num_envs, dtype=bool)
-    mask[ids] = True
+    mask[selected(envs, num_envs)] = True
     return mask
+
+
+def _are_indices(envs: ArrayLike | None) -> bool:
+    return envs is not None and np.asarray(envs).dtype != np.bool_
 
 
 def _scattered(seeds: list[int | None], ids: Array, num_envs: int) -> list[int | None]:
     """Seeds of some environments as those of all, of which the others have none."""
+    if len(seeds) != len(ids):
+        raise ValueError(f"there are {len(seeds)} seeds, must be {len(ids)}: one for each environment of envs")
     every: list[int | None] = [None] * num_envs
     for k, seed in zip(ids.tolist(), seeds, strict=True):
         every[k] = seed
@@ -346,7 +355,7 @@ def _scattered(seeds: list[int | None], ids: Array, num_envs: int) -> list[int |
 def _mask(options: dict[str, Any] | None, num_envs: int) -> Array:
     """Environments that `reset` begins."""
     if unknown := set(options or {}) - {"reset_mask"}:
-        raise ValueError(f"unknown options {sorted(unknown)}, there are: 'reset_mask' and 'reset_ids'")
+        raise ValueError(f"unknown options {sorted(unknown)}, there is: 'reset_mask'; reset(envs=...) takes indices")
     if options is None or "reset_mask" not in options:
         return np.ones(num_envs, dtype=bool)
     mask = options["reset_mask"]

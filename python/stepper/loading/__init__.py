@@ -1,9 +1,8 @@
 """Models from what others wrote: files, text, compiled models."""
 
 from stepper.loading.findings import ModelWarning
-from stepper.loading.heights import HeightField
 from stepper.loading.load import compile_source, is_saved, load
 from stepper.loading.mjcf import describe
 from stepper.loading.origins import Origin, origin_of, remember
 
-__all__ = ["HeightField", "ModelWarning", "Origin", "compile_source", "describe", "is_saved", "load", "origin_of", "remember"]
+__all__ = ["ModelWarning", "Origin", "compile_source", "describe", "is_saved", "load", "origin_of", "remember"]

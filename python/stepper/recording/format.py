@@ -31,7 +31,7 @@ Arrays = dict[str, np.ndarray[Any, Any]]
 Header = dict[str, Any]
 
 FORMAT = 6
-"""6: fields have the names of the attributes of `Stepper`."""
+"""6: names are those of the attributes and arguments of `Stepper`."""
 HEADER, MODEL = "run.json", "model.stepper"
 KINDS = ("start", "step", "reset", "set_state", "applied", "randomize")
 """What a row can be. "applied" stands before a step whose forces, mocap poses or equalities are other than those of the step before."""

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from stepper._stepper import selected
 from stepper.loading import origin_of
 from stepper.recording.failures import Failures
 from stepper.recording.format import COMPARED, FIELDS, FORMAT, KINDS, MODEL, digest_of, write_header
@@ -83,13 +84,16 @@ class Recorder:
             arguments = {"state": _state_bytes(self._sim)}
         self._add("set_state", **arguments)
 
-    def randomize(self, sim: Stepper, *, mask: Any = None, fields: dict[str, Any] | None = None) -> None:
+    def randomize(self, sim: Stepper, *, envs: Any = None, fields: dict[str, Any] | None = None) -> None:
         """Called by the stepper after `randomize`. Of the fields, the rows of the environments that changed are kept."""
-        chosen = np.full(sim.num_envs or 1, True) if mask is None else np.asarray(mask)
+        chosen, order = np.zeros(sim.num_envs or 1, dtype=bool), selected(envs, sim.num_envs or 1)
+        chosen[order] = True
         rows = {name: values for name, values in (fields or {}).items() if values is not None}
+        if envs is not None and np.asarray(envs).dtype != np.bool_:  # A row for each index.
+            rows = {name: values if name == "actuators" else _of_all(values, order, len(chosen)) for name, values in rows.items()}
         # The model's own numbers again: a name alone, or no name at all.
         shared = [name for name in fields or {} if name not in rows]
-        self._add("randomize", mask=chosen, shared=np.array(shared, "U"), **_parameters(rows, chosen))
+        self._add("randomize", envs=chosen, shared=np.array(shared, "U"), **_parameters(rows, chosen))
 
     def close(self) -> None:
         """Writes what is left and says in run.json that the recording is complete. The stepper goes on unrecorded."""
@@ -180,6 +184,13 @@ def _parameters(fields: dict[str, Any], chosen: np.ndarray[Any, Any]) -> dict[st
     if "actuators" in fields:
         kept["actuators"] = np.array(json.dumps(fields["actuators"].chosen(chosen).to_dict()))
     return kept
+
+
+def _of_all(values: Any, order: list[int], num_envs: int) -> np.ndarray[Any, Any]:
+    """Rows of all environments from those of some, zero for the others."""
+    full = np.zeros((num_envs, *np.shape(values)[1:]))
+    full[order] = values
+    return full
 
 
 def _state_bytes(sim: Stepper) -> np.ndarray[Any, Any]:

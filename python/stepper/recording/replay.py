@@ -165,7 +165,7 @@ def apply_parameters(sim: Stepper, arrays: Arrays) -> None:
     """Assigns the fields of a row of the recording; its rows are those of the environments that changed."""
     rows = {name.removeprefix("theta/"): values for name, values in arrays.items() if name.startswith("theta/")}
     n = sim.num_envs or 1
-    mask = arrays.get("mask", np.full(n, True))
+    mask = arrays.get("envs", np.full(n, True))
     drawn: dict[str, np.ndarray[Any, Any] | ActuatorModel | None] = {str(name): None for name in arrays.get("shared", ())}
     for name, values in rows.items():
         shape = np.shape(getattr(sim.model, name))
@@ -174,7 +174,7 @@ def apply_parameters(sim: Stepper, arrays: Arrays) -> None:
         drawn[name] = full if sim.num_envs is not None else full[0]
     if "actuators" in arrays:
         drawn["actuators"] = ActuatorModel.from_dict(json.loads(str(arrays["actuators"]))).spread(mask)
-    if drawn or "mask" in arrays:
+    if drawn or "envs" in arrays:
         sim.randomize(mask, **drawn)
 
 

@@ -1,8 +1,10 @@
-"""Sensors: what they make of the truth, devices that one can buy, and readings that are added to a model."""
+"""Sensors: their errors, devices with data sheets, sensors that are added to a model, and height fields."""
 
+from stepper.sensors import devices
+from stepper.sensors.heights import HeightField
 from stepper.sensors.model import SensorModel
 from stepper.sensors.readings import Combination, RayFan, SensorSpec
 from stepper.sensors.transfer import Transfer
 from stepper.sensors.view import FieldOfView
 
-__all__ = ["Combination", "FieldOfView", "RayFan", "SensorModel", "SensorSpec", "Transfer"]
+__all__ = ["Combination", "FieldOfView", "HeightField", "RayFan", "SensorModel", "SensorSpec", "Transfer", "devices"]

@@ -50,7 +50,7 @@ class SensorModel:
         """Reads a TOML (.toml) or JSON (.json) file.
 
         A table `sensors` has a table for every name or pattern, a table `default` may be beside it. Their entries are the attributes of
-        `Transfer`; an entry `device` begins with one of `stepper.devices`, e.g. device = "mpu6050_gyro".
+        `Transfer`; an entry `device` begins with one of `stepper.sensors.devices`, e.g. device = "mpu6050_gyro".
 
         Raises:
             ValueError: An unknown entry or device, named with the file.

@@ -51,9 +51,9 @@ class SensorSpec:
     """Sensor by MuJoCo's word for its type, for `Model.with_sensors`: what a line of MJCF's `<sensor>` would add.
 
         model.with_sensors({
-            "hand": stepper.SensorSpec(type="framepos", site="grasp", reference_body="base"),
-            "spin": stepper.SensorSpec(type="gyro", site="imu"),
-            "knee": stepper.SensorSpec(type="jointpos", joint="knee"),
+            "hand": stepper.sensors.SensorSpec(type="framepos", site="grasp", reference_body="base"),
+            "spin": stepper.sensors.SensorSpec(type="gyro", site="imu"),
+            "knee": stepper.sensors.SensorSpec(type="jointpos", joint="knee"),
         })
 
     One of what it is of is named; scenes' sensors (clock, e_potential, e_kinetic) are of nothing.
@@ -113,7 +113,7 @@ def describe(model: Model, sensors: Mapping[str, RayFan | Combination | SensorSp
         ValueError: A name that nothing has, or directions that are none, with the sensor's name.
     """
     if not isinstance(sensors, Mapping):
-        raise TypeError(f"sensors is {sensors!r}, must be a mapping of names to stepper.SensorSpec, RayFan and Combination")
+        raise TypeError(f"sensors is {sensors!r}, must be a mapping of names to stepper.sensors.SensorSpec, RayFan and Combination")
     names = list(model.sensor_names)
     found = []
     for name, sensor in sensors.items():
@@ -127,7 +127,7 @@ def describe(model: Model, sensors: Mapping[str, RayFan | Combination | SensorSp
         elif isinstance(sensor, SensorSpec):
             kind = _kind(model, sensor, place)
         else:
-            raise TypeError(f"{place} is {sensor!r}, must be a stepper.SensorSpec, RayFan or Combination")
+            raise TypeError(f"{place} is {sensor!r}, must be a stepper.sensors.SensorSpec, RayFan or Combination")
         found.append({"name": name, "kind": kind, "noise": 0.0, "cutoff": 0.0, "delay": 0.0, "interval": 0.0})
         names.append(name)
     return found

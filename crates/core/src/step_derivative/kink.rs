@@ -1,4 +1,4 @@
-//! Flags of what switches near a step, as Python's `stepper.Kink` has them.
+//! Flags of what switches near a step, as Python's `stepper.derivatives.Kink` has them.
 
 /// Contacts begin or cease to push.
 pub(crate) const CONTACT: u32 = 1;

@@ -123,7 +123,7 @@ impl Stepper {
 
     /// Torques (3) in N m and forces (3) in N on the bodies of the contacts that the last step left, about the centre of mass of their
     /// tree, world axes: (num_envs, nbody, 6). The world's row is zero, and where no step was made since the state was set all are.
-    /// MuJoCo counts `xfrc_applied` and connect and weld equalities as well; `stepper.bodies.cfrc_ext` adds the first.
+    /// MuJoCo counts `xfrc_applied` and connect and weld equalities as well.
     #[getter]
     fn cfrc_ext<'py>(mut slf: Writing<'_>, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         slf.derived(py, DerivedQuantity::BodyForce)

@@ -67,6 +67,45 @@ impl Stepper {
         slf.py().import("stepper.derivatives")?.call_method("linearize", (slf,), Some(&settings))
     }
 
+    /// Values of a quantity for all its elements, or for some by name or index.
+    ///
+    ///     sim.read("xpos", "torso")  # (num_envs, 3)
+    ///     sim.read("qvel", ["left_knee", "right_knee"])  # (num_envs, 2)
+    ///
+    /// Args:
+    ///     name: An attribute of `Stepper`: "xpos", "qvel", "sensordata".
+    ///     of: A body, site, geom, joint, actuator or sensor, whichever the quantity is of, or several; None is all. One body, site or
+    ///         geom is without its axis: (num_envs, 3). Columns of joints and sensors stand one after the other: (num_envs, n).
+    ///
+    /// Returns:
+    ///     (num_envs, ...) in the stepper's scalar type, the caller's own.
+    ///
+    /// Raises:
+    ///     ValueError: An unknown quantity.
+    ///     KeyError, IndexError: No element of that name or index.
+    #[pyo3(signature = (name, of=None))]
+    fn read<'py>(slf: &Bound<'py, Self>, name: &str, of: Option<Bound<'py, PyAny>>) -> PyResult<Bound<'py, PyAny>> {
+        slf.py().import("stepper._quantities")?.call_method1("read", (slf, name, of))
+    }
+
+    /// Forces on the joints that give the present states these accelerations: M qacc + bias - passive.
+    ///
+    /// This is MuJoCo's `mj_inverse` without constraints. Passive forces are those of springs, dampers, gravity compensation and the
+    /// medium. Forces of actuators and applied forces are not subtracted, nor are those of contacts and other constraints, which
+    /// `qfrc_constraint` has of the last step.
+    ///
+    /// Args:
+    ///     qacc: Accelerations, (num_envs, nv) or (nv,), m/s^2 or rad/s^2.
+    ///
+    /// Returns:
+    ///     (num_envs, nv) in the stepper's scalar type, N or N m.
+    ///
+    /// Raises:
+    ///     ValueError: Accelerations of another shape.
+    fn inverse_dynamics<'py>(slf: &Bound<'py, Self>, qacc: Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
+        slf.py().import("stepper._quantities")?.call_method1("inverse_dynamics", (slf, qacc))
+    }
+
     /// Opens a live view of the environments in the browser, and says where it is.
     ///
     /// Args:

@@ -78,20 +78,17 @@ impl Stepper {
     /// beyond the margin that do not push, has no effect here: what is farther than a step away is not listed.
     ///
     /// Args:
-    ///     env: An environment; None is all of them, one after the other.
+    ///     envs: Which environments, as of `reset`, one after the other.
     ///
     /// Returns:
     ///     A structured array: env, geom (2,), body (2,), pos (3,) in m, normal (3,) from the first geom to the second, distance in m
     ///     from the margin, force (3,) in N on the second geom along normal, t1, t2, torque (3,) in N m on it about the same
     ///     directions, of torsional and rolling friction (condim 4 and 6), and frame (3, 3), whose rows are these directions. The
     ///     second geom's torque acts at pos, and |(force_t / mu_slide, torque_n / mu_spin, torque_t / mu_roll)| <= force_n.
-    #[pyo3(signature = (env=None))]
-    fn contacts<'py>(slf: Reading<'_>, py: Python<'py>, env: Option<Env>) -> PyResult<Bound<'py, PyAny>> {
-        let envs = match env {
-            Some(env) => slf.env(env)?..slf.env(env)? + 1,
-            None => 0..slf.n(),
-        };
-        structured(py, &slf.simulation, envs)
+    #[pyo3(signature = (envs=None))]
+    fn contacts<'py>(slf: Reading<'_>, py: Python<'py>, envs: Option<Bound<'py, PyAny>>) -> PyResult<Bound<'py, PyAny>> {
+        let selection = slf.selection(envs.as_ref())?;
+        structured(py, &slf.simulation, selection.envs)
     }
 
     /// The row that the last call of `step` could not solve.

@@ -41,7 +41,7 @@ impl Stepper {
         }
         slf.simulation.restore_state(&saved).map_err(value_error)?;
         if !randomized.is_empty() {
-            let all: Vec<usize> = (0..slf.n()).collect();
+            let all = slf.selection(None)?;
             slf.assign_parameters(Some(randomized), &all)?;
         }
         for (input, given) in AppliedInput::ALL.into_iter().zip(&applied) {

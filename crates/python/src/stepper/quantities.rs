@@ -42,12 +42,13 @@ impl Stepper {
         Ok(slf.derive(py, &[DerivedQuantity::MassMatrix])?.remove(0))
     }
 
-    /// Mass matrix (nv, nv), bias force (nv,), smooth acceleration (nv,), energies and momenta of an environment, in 64 bits also where
-    /// the stepper's scalar type has 32: the golden trajectories keep the bits of these.
+    /// Mass matrix, bias force, smooth acceleration, energies and momenta of an environment in 64 bits, for the golden trajectories.
+    ///
+    /// They are evaluated in 64 bits also where the stepper's scalar type has 32.
     fn _in_64_bits<'py>(mut slf: Writing<'_>, py: Python<'py>, env: Env) -> PyResult<Vec<Bound<'py, PyAny>>> {
         let env = slf.env(env)?;
         slf.apply(py)?;
-        let mut snapshot = slf.simulation.snapshot(env, &StepInputs::default()).map_err(value_error)?;
+        let snapshot = slf.simulation.snapshot(env, &StepInputs::default()).map_err(value_error)?;
         let (mass, bias, smooth) = (snapshot.mass_matrix(), snapshot.bias_force(), snapshot.smooth_acceleration());
         let ((potential, kinetic), (linear, angular)) = (snapshot.energy(), snapshot.momentum());
         let nv = bias.len();

@@ -9,6 +9,7 @@ use stepper_core::{ActuatorNumbers, Parameter, Precision};
 use crate::array::{array, check_shape_of, read_only_of_environments, readonly, unknown_field};
 use crate::device_models::drives;
 use crate::error::value_error;
+use crate::selection::Selection;
 use crate::stepper::recording::{notify, recorder_of};
 use crate::stepper::{Reading, Stepper, borrow};
 
@@ -18,7 +19,8 @@ const ACTUATORS: &str = "actuators";
 impl Stepper {
     /// Assigns fields, (num_envs, ...) each, and `actuators` to some environments; None is the model's own numbers, and what drives were
     /// made with, and so is every field when none is named.
-    pub(super) fn assign_parameters(&mut self, fields: Option<&Bound<'_, PyDict>>, envs: &[usize]) -> PyResult<()> {
+    pub(super) fn assign_parameters(&mut self, fields: Option<&Bound<'_, PyDict>>, selection: &Selection) -> PyResult<()> {
+        let envs = &selection.ascending()[..];
         let mut given: Vec<(Parameter, Option<Vec<f64>>)> = Vec::new();
         let mut specs = None;
         for (name, value) in fields.into_iter().flatten() {
@@ -35,10 +37,16 @@ impl Stepper {
                 given.push((parameter, None));
                 continue;
             }
-            let numbers = readonly(&value, &name)?;
             let (tail, _) = self.simulation.model().field(&name).expect("a field of the model");
-            check_shape_of(&value, &name, numbers.shape(), &[&self.shape(&tail)])?;
-            given.push((parameter, Some(numbers.as_slice()?.to_vec())));
+            let values = if self.batched || selection.by_index {
+                let full: Vec<usize> = std::iter::once(self.n()).chain(tail).collect();
+                selection.numbers(&value, &name, &full, None)?.as_slice()?.to_vec()
+            } else {
+                let numbers = readonly(&value, &name)?;
+                check_shape_of(&value, &name, numbers.shape(), &[&tail])?;
+                numbers.as_slice()?.to_vec()
+            };
+            given.push((parameter, Some(values)));
         }
         if given.is_empty() && specs.is_none() {
             return self.simulation.reset_parameters(envs).map_err(value_error);
@@ -80,11 +88,11 @@ impl Stepper {
     ///
     /// Contacts of an explicit pair use pair_friction and pair_restitution and ignore those of the geoms. A new geom_friction for a geom
     /// of a pair is therefore an error, unless pair_friction is given too, in this call or an earlier one: new values, or the model's to
-    /// keep these contacts as they are. An earlier call counts for all environments, also for those outside its mask, whose pairs keep the
-    /// model's values. Likewise geom_restitution and pair_restitution.
+    /// keep these contacts as they are. An earlier call counts for all environments, also for those that it did not select, whose pairs
+    /// keep the model's values. Likewise geom_restitution and pair_restitution.
     ///
     /// Args:
-    ///     mask: (num_envs,) bool: the environments that change; None is all. Rows of the others are not read.
+    ///     envs: The environments that change, as of `reset`.
     ///     **fields: Arrays with num_envs in front of the shape that the field has in the model; None gives the model's own numbers
     ///         back, and so do all fields when none is named: gravity (num_envs, 3) m/s^2; body_mass (num_envs, nbody) kg, body_ipos
     ///         (num_envs, nbody, 3) m, the centre of mass, and body_inertia (num_envs, nbody, 3) kg m^2, principal moments, each by
@@ -101,18 +109,22 @@ impl Stepper {
     ///         they stay as they are until `reset`.
     ///
     /// Raises:
+    ///     TypeError, IndexError: As of `reset`.
     ///     ValueError: A wrong shape; both are named. A number that a drive may not have, or a stage or delay that it was not made
     ///         for, with the actuator. Nothing is changed then.
     ///     ModelError: A field that all environments share, numbers that no model may have, that ask for something that the model
     ///         has none of, such as dry friction where it has 0, or that an explicit pair overrides; with field, element and
     ///         environment. Nothing is changed then.
-    #[pyo3(signature = (mask=None, **fields))]
-    fn randomize(slf: &Bound<'_, Self>, mask: Option<Bound<'_, PyAny>>, fields: Option<Bound<'_, PyDict>>) -> PyResult<()> {
+    #[pyo3(signature = (envs=None, **fields))]
+    fn randomize(slf: &Bound<'_, Self>, envs: Option<Bound<'_, PyAny>>, fields: Option<Bound<'_, PyDict>>) -> PyResult<()> {
         let mut this = borrow(slf)?;
-        let envs = this.chosen(mask.as_ref())?;
-        this.assign_parameters(fields.as_ref(), &envs)?;
+        let selection = this.selection(envs.as_ref())?;
+        if selection.envs.is_empty() {
+            return Ok(());
+        }
+        this.assign_parameters(fields.as_ref(), &selection)?;
         let recorder = recorder_of(slf.py(), this);
-        notify(slf, recorder, "randomize", &[("mask", mask), ("fields", fields.map(Bound::into_any))])
+        notify(slf, recorder, "randomize", &[("envs", envs), ("fields", fields.map(Bound::into_any))])
     }
 
     /// What environments have of their own, as `randomize` takes it: arrays by field, and under "actuators" an `ActuatorModel`.

@@ -12,7 +12,8 @@ use crate::array::{check_shape, described, readonly, shape_text};
 use crate::error::value_error;
 use crate::options::unknown;
 use crate::stepper::interruption::watched;
-use crate::stepper::{Stepper, Writing};
+use crate::stepper::taking_over::states_of;
+use crate::stepper::{Stepper, borrow};
 
 /// What is always written down, so that nothing that went wrong is silent.
 const CERTIFICATE: [&str; 2] = ["status", "residual"];
@@ -147,6 +148,8 @@ impl Stepper {
     /// Args:
     ///     ctrl: Controls, (T, num_envs, nu), or (T, nu) for all environments.
     ///     nstep: Steps that each control is held.
+    ///     initial: State that all environments begin with, as of `set_state`: of one environment, of all, or a list with one for each.
+    ///         None is the present one.
     ///     fields: What to write down after every control: "qpos" (T, num_envs, nq), "qvel" (T, num_envs, nv), "act" (T, num_envs,
     ///         na), "sensordata" (T, num_envs, nsensordata). None is what `out` names, and without `out` all but "act".
     ///     out: Arrays to write into, by field: of those shapes, C-contiguous, float64, or float32 with `precision="f32"`.
@@ -161,20 +164,29 @@ impl Stepper {
     ///     TypeError: An array of `out` of the wrong dtype.
     ///     KeyboardInterrupt: As in `step`; `steps` counts those of all controls. Rows of `out` have what followed each control, of
     ///         the last one what followed the steps that were made; the rows beyond are as they were.
-    #[pyo3(signature = (ctrl, nstep=Whole::Number(1), *, fields=None, out=None), text_signature = "($self, ctrl, nstep=1, *, fields=None, out=None)")]
+    #[pyo3(signature = (ctrl, nstep=Whole::Number(1), *, initial=None, fields=None, out=None), text_signature = "($self, ctrl, nstep=1, *, initial=None, fields=None, out=None)")]
     fn rollout<'py>(
-        mut slf: Writing<'_>,
+        slf: &Bound<'py, Self>,
         py: Python<'py>,
         ctrl: Bound<'py, PyAny>,
         nstep: Whole<'_>,
+        initial: Option<Bound<'py, PyAny>>,
         fields: Option<Vec<String>>,
         out: Option<Bound<'py, PyDict>>,
     ) -> PyResult<Bound<'py, PyDict>> {
         let nstep = nstep.from(0, "nstep")? as usize;
+        let mut slf = borrow(slf)?;
         if slf.recorder.is_some() {
             return Err(PyRuntimeError::new_err(
                 "this stepper is recorded, and a rollout is not: call step for every control, or close the recording",
             ));
+        }
+        if let Some(initial) = initial {
+            let Some(states) = states_of(&initial) else {
+                return Err(PyTypeError::new_err(format!("initial is {}, must be a stepper.State or a list of some", described(&initial))));
+            };
+            let all = slf.selection(None)?;
+            slf.take_states(&states, &all)?;
         }
         slf.roll_out(py, &ctrl, nstep, fields, out.as_ref())
     }

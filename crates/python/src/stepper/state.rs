@@ -1,6 +1,6 @@
 //! The state of the environments: read, set, saved and restored.
 
-use numpy::{PyReadonlyArrayDyn, PyUntypedArrayMethods};
+use numpy::PyUntypedArrayMethods;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyBool;
@@ -9,15 +9,17 @@ use stepper_core::{Episode, Field, StateRows};
 use crate::arguments::Env;
 use crate::array::{array, check_shape, read_only, readonly, seeds};
 use crate::error::value_error;
+use crate::selection::{Numbers, Selection};
 use crate::state::State;
 use crate::stepper::recording::{notify, recorder_of};
+use crate::stepper::taking_over::states_of;
 use crate::stepper::{Reading, Stepper, borrow};
 
 /// An array that may have been given.
-type Given<'py> = Option<PyReadonlyArrayDyn<'py, f64>>;
+type Given<'py> = Option<Numbers<'py>>;
 
 fn numbers<'a>(given: &'a Given<'_>) -> PyResult<Option<&'a [f64]>> {
-    Ok(given.as_ref().map(|given| given.as_slice()).transpose()?)
+    given.as_ref().map(Numbers::as_slice).transpose()
 }
 
 impl Stepper {
@@ -33,64 +35,72 @@ impl Stepper {
     }
 
     /// Rows of a field of the state.
-    fn field_rows<'py>(&self, field: Field, given: Option<&Bound<'py, PyAny>>) -> PyResult<Given<'py>> {
-        given.map(|given| self.rows(given, field.name(), field.width(self.simulation.model()))).transpose()
+    fn field_rows<'py>(&self, field: Field, given: Option<&Bound<'py, PyAny>>, selection: &Selection) -> PyResult<Given<'py>> {
+        given.map(|given| self.selected_rows(given, field.name(), field.width(self.simulation.model()), selection)).transpose()
     }
 
-    /// A time for every environment, or one for all, s.
-    fn times<'py>(&self, given: Option<&Bound<'py, PyAny>>) -> PyResult<Given<'py>> {
+    /// A time for every selected environment, or one for all, s.
+    fn times<'py>(&self, given: Option<&Bound<'py, PyAny>>, selection: &Selection) -> PyResult<Given<'py>> {
         let Some(given) = given else { return Ok(None) };
-        let given = readonly(given, "time")?;
-        if given.len() != 1 {
-            check_shape("time", given.shape(), &[&[self.n()], &[]])?;
+        let times = readonly(given, "time")?;
+        if times.len() == 1 {
+            return Ok(Some(Numbers::Given(times)));
         }
-        Ok(Some(given))
+        check_shape("time", times.shape(), &[&[selection.rows(self.n())], &[]])?;
+        Ok(Some(Numbers::Scattered(selection.scattered(times.as_slice()?, self.n()))))
     }
 }
 
 #[pymethods]
 impl Stepper {
-    /// Starts a new episode in all environments, or in those of a boolean mask (num_envs,). Nothing of the old one remains.
+    /// Starts a new episode in all environments, or in those of `envs`. Nothing of the old one remains.
     ///
     /// Forces that are applied end, mocap bodies go back to where the model has them, and controls in force are zero, or the
     /// keyframe's, until `step` takes others. Parameters of `randomize` stay.
     ///
     /// Args:
-    ///     mask: Which environments; None is all.
+    ///     envs: Which environments: a boolean mask (num_envs,), or integer indices (k,), each once; None is all, and none of them does
+    ///         nothing. With a mask, arrays have rows of all environments, and those of the others are not read. With indices, arrays
+    ///         have a row for each index, in their order.
     ///     qpos: Where they start, (num_envs, nq) or (nq,); None is the model's reference. Quaternions are normalised.
     ///     qvel: How fast, (num_envs, nv) or (nv,); None is at rest.
-    ///     seed: A new seed of the errors of sensors, or (num_envs,) one for each environment, of which those that start take
-    ///         theirs; None keeps the old ones.
+    ///     seed: A new seed of the errors of sensors, or (num_envs,) one for each environment; None keeps the old ones.
     ///     keyframe: Name or index of a keyframe to start from: its qpos, qvel, act, ctrl and time.
     ///
     /// Raises:
-    ///     TypeError: A seed that is no whole number.
+    ///     TypeError: A seed or an index that is no whole number.
+    ///     IndexError: No environment of that index.
     ///     ValueError: A wrong shape, a number that is not finite, a quaternion of zeros, a negative seed. Nothing is changed then.
     ///     KeyError: No such keyframe.
-    #[pyo3(signature = (mask=None, *, qpos=None, qvel=None, seed=None, keyframe=None))]
+    #[pyo3(signature = (envs=None, *, qpos=None, qvel=None, seed=None, keyframe=None))]
     fn reset(
         slf: &Bound<'_, Self>,
-        mask: Option<Bound<'_, PyAny>>,
+        envs: Option<Bound<'_, PyAny>>,
         qpos: Option<Bound<'_, PyAny>>,
         qvel: Option<Bound<'_, PyAny>>,
         seed: Option<Bound<'_, PyAny>>,
         keyframe: Option<Bound<'_, PyAny>>,
     ) -> PyResult<()> {
         let mut this = borrow(slf)?;
-        let envs = this.chosen(mask.as_ref())?;
-        let new_seeds = seed.as_ref().map(|seed| seeds(seed, this.n())).transpose()?;
-        let (q, v) = (this.field_rows(Field::Qpos, qpos.as_ref())?, this.field_rows(Field::Qvel, qvel.as_ref())?);
+        let selection = this.selection(envs.as_ref())?;
+        let new_seeds = seed.as_ref().map(|seed| seeds(seed, selection.rows(this.n()))).transpose()?;
+        let new_seeds = new_seeds.map(|seeds| if seeds.len() == 1 { seeds } else { selection.scattered(&seeds, this.n()) });
+        let (q, v) = (this.field_rows(Field::Qpos, qpos.as_ref(), &selection)?, this.field_rows(Field::Qvel, qvel.as_ref(), &selection)?);
+        if selection.envs.is_empty() {
+            return Ok(());
+        }
+        let chosen = selection.ascending();
         let key = keyframe.as_ref().map(|name| this.model.get().find_keyframe(name)).transpose()?;
         let rows = StateRows { qpos: numbers(&q)?, qvel: numbers(&v)?, ..StateRows::default() };
         this.simulation
-            .start_episodes(&envs, &Episode { seed: new_seeds.as_deref(), keyframe: key.as_ref(), rows })
+            .start_episodes(&chosen, &Episode { seed: new_seeds.as_deref(), keyframe: key.as_ref(), rows })
             .map_err(value_error)?;
         if let Some(&[one]) = new_seeds.as_deref() {
             this.seed = one;
         }
-        this.reset_applied(slf.py(), &envs)?;
+        this.reset_applied(slf.py(), &chosen)?;
         let recorder = recorder_of(slf.py(), this);
-        notify(slf, recorder, "reset", &[("mask", mask), ("qpos", qpos), ("qvel", qvel), ("seed", seed), ("keyframe", keyframe)])
+        notify(slf, recorder, "reset", &[("envs", envs), ("qpos", qpos), ("qvel", qvel), ("seed", seed), ("keyframe", keyframe)])
     }
 
     /// Sets configuration, velocity, activations or time; or, given a `State`, everything that survives a step.
@@ -101,11 +111,11 @@ impl Stepper {
     ///
     /// Args:
     ///     qpos: (num_envs, nq) or (nq,). Or what `get_state` returned: of a batch of the same size each environment takes its own
-    ///         part, of a single environment all take the same. Continuing from a `State` repeats the same bits; where a state of one
-    ///         is given to a batch, each environment's sensors draw random numbers of their own from then on.
+    ///         part, of a single environment all take the same. Or a list of states of single environments, one for each of `envs`.
+    ///         Continuing from a `State` repeats the same bits; where a state of one is given to a batch, each environment's sensors
+    ///         draw random numbers of their own from then on.
     ///     qvel: (num_envs, nv) or (nv,).
-    ///     mask: Which environments, (num_envs,) bool; None is all. `set_state(get_state(env=3), mask=...)` copies environment 3 to
-    ///         others.
+    ///     envs: Which environments, as of `reset`. `set_state(get_state(env=3), envs=[5, 6])` copies environment 3 to others.
     ///     act: (num_envs, na) or (na,).
     ///     time: s, (num_envs,) or one for all.
     ///     keep_warmstart: Whether to keep all memory where qpos, qvel or act are set, to correct the state of an environment that
@@ -116,33 +126,40 @@ impl Stepper {
     /// Raises:
     ///     ValueError: A wrong shape, a number that is not finite, a quaternion of zeros, a state of another model. Nothing is
     ///         changed then.
-    #[pyo3(signature = (qpos=None, qvel=None, mask=None, *, act=None, time=None, keep_warmstart=false), text_signature = "($self, qpos=None, qvel=None, mask=None, *, act=None, time=None, keep_warmstart=False)")]
+    #[pyo3(signature = (qpos=None, qvel=None, envs=None, *, act=None, time=None, keep_warmstart=false), text_signature = "($self, qpos=None, qvel=None, envs=None, *, act=None, time=None, keep_warmstart=False)")]
     fn set_state(
         slf: &Bound<'_, Self>,
         qpos: Option<Bound<'_, PyAny>>,
         qvel: Option<Bound<'_, PyAny>>,
-        mask: Option<Bound<'_, PyAny>>,
+        envs: Option<Bound<'_, PyAny>>,
         act: Option<Bound<'_, PyAny>>,
         time: Option<Bound<'_, PyAny>>,
         keep_warmstart: bool,
     ) -> PyResult<()> {
         let mut this = borrow(slf)?;
-        let envs = this.chosen(mask.as_ref())?;
-        if let Some(state) = qpos.as_ref().and_then(|q| q.cast::<State>().ok()) {
+        let selection = this.selection(envs.as_ref())?;
+        if let Some(states) = qpos.as_ref().and_then(states_of) {
             if qvel.is_some() || act.is_some() || time.is_some() || keep_warmstart {
-                return Err(PyValueError::new_err("set_state(state) takes a mask and nothing else: a State has all the rest"));
+                return Err(PyValueError::new_err("set_state(state) takes envs and nothing else: a State has all the rest"));
             }
-            this.simulation.restore_state_in(&state.get().saved, &envs).map_err(value_error)?;
+            if selection.envs.is_empty() {
+                return Ok(());
+            }
+            this.take_states(&states, &selection)?;
             let recorder = recorder_of(slf.py(), this);
             return notify(slf, recorder, "set_state", &[("state", qpos)]);
         }
-        let (q, v) = (this.field_rows(Field::Qpos, qpos.as_ref())?, this.field_rows(Field::Qvel, qvel.as_ref())?);
-        let (a, t) = (this.field_rows(Field::Act, act.as_ref())?, this.times(time.as_ref())?);
+        let q = this.field_rows(Field::Qpos, qpos.as_ref(), &selection)?;
+        let v = this.field_rows(Field::Qvel, qvel.as_ref(), &selection)?;
+        let (a, t) = (this.field_rows(Field::Act, act.as_ref(), &selection)?, this.times(time.as_ref(), &selection)?);
+        if selection.envs.is_empty() {
+            return Ok(());
+        }
         let rows = StateRows { qpos: numbers(&q)?, qvel: numbers(&v)?, act: numbers(&a)?, time: numbers(&t)? };
-        this.simulation.set_rows(&envs, &rows, !keep_warmstart).map_err(value_error)?;
+        this.simulation.set_rows(&selection.ascending(), &rows, !keep_warmstart).map_err(value_error)?;
         let recorder = recorder_of(slf.py(), this);
         let kept = keep_warmstart.then(|| PyBool::new(slf.py(), true).to_owned().into_any());
-        let given = [("mask", mask), ("qpos", qpos), ("qvel", qvel), ("act", act), ("time", time), ("keep_warmstart", kept)];
+        let given = [("envs", envs), ("qpos", qpos), ("qvel", qvel), ("act", act), ("time", time), ("keep_warmstart", kept)];
         notify(slf, recorder, "set_state", &given)
     }
 

@@ -1,12 +1,13 @@
 //! `Stepper.step`.
 
-use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
-use stepper_core::{AppliedInput, StepInputs};
+use pyo3::types::PyDict;
+use stepper_core::{AppliedInput, Precision, StepInputs};
 
 use crate::arguments::Whole;
-use crate::array::with_numbers;
+use crate::array::{array, with_numbers};
 use crate::error::value_error;
+use crate::selection::Selection;
 use crate::stepper::interruption::{Interrupted, watched};
 use crate::stepper::recording::tell_of_step;
 use crate::stepper::{Stepper, borrow};
@@ -43,25 +44,61 @@ impl Stepper {
         py.detach(|| watched(|watch| simulation.step_watched(&inputs, nstep, watch))).map_err(value_error)
     }
 
-    /// Makes steps of the environments of a mask.
+    /// Makes steps of the selected environments.
     #[cold]
     fn step_some(
         &mut self,
         py: Python<'_>,
         ctrl: Option<&Bound<'_, PyAny>>,
         nstep: usize,
-        mask: &Bound<'_, PyAny>,
+        selection: &Selection,
     ) -> PyResult<Option<Interrupted>> {
-        if self.recorder.is_some() {
-            return Err(PyValueError::new_err(
-                "mask: a recording has steps of all environments alone; stepper.states.step(sim, ctrl, mask) is recorded",
-            ));
+        let rows = ctrl.map(|ctrl| self.selected_rows(ctrl, "ctrl", self.simulation.model().nu(), selection)).transpose()?;
+        if selection.envs.is_empty() {
+            return Ok(None);
         }
-        let mask = self.truths(mask)?;
-        let rows = ctrl.map(|ctrl| self.rows(ctrl, "ctrl", self.simulation.model().nu())).transpose()?;
         let ctrl = rows.as_ref().map_or(Ok(&[][..]), |rows| rows.as_slice())?;
-        self.advance(py, StepInputs { ctrl, mask: &mask, ..StepInputs::default() }, nstep)
+        self.advance(py, StepInputs { ctrl, mask: &selection.mask(self.n()), ..StepInputs::default() }, nstep)
     }
+
+    /// Controls of all environments, (num_envs, nu): those of `ctrl` for the selected ones, those in force for the others.
+    fn controls_with(&self, ctrl: Option<&Bound<'_, PyAny>>, selection: &Selection) -> PyResult<Vec<f64>> {
+        let nu = self.simulation.model().nu();
+        let mut controls = self.simulation.ctrl().to_vec();
+        let Some(ctrl) = ctrl else { return Ok(controls) };
+        let rows = self.selected_rows(ctrl, "ctrl", nu, selection)?;
+        let rows = rows.as_slice()?;
+        for &env in &selection.envs {
+            let at = if rows.len() == nu { 0 } else { env * nu };
+            controls[env * nu..(env + 1) * nu].copy_from_slice(&rows[at..at + nu]);
+        }
+        Ok(controls)
+    }
+}
+
+/// Makes recorded steps of the selected environments: all step, and the others get their states back, which the recording repeats.
+#[cold]
+fn step_some_recorded(
+    slf: &Bound<'_, Stepper>,
+    this: PyRefMut<'_, Stepper>,
+    ctrl: Option<&Bound<'_, PyAny>>,
+    nstep: usize,
+    selection: &Selection,
+) -> PyResult<()> {
+    let py = slf.py();
+    let controls = this.controls_with(ctrl, selection)?;
+    if selection.envs.is_empty() {
+        return Ok(());
+    }
+    let others: Vec<bool> = selection.mask(this.n()).iter().map(|chosen| !chosen).collect();
+    let controls = array(py, &this.shape(&[this.simulation.model().nu()]), controls, Precision::F64)?;
+    drop(this);
+    let before = slf.call_method0("get_state")?;
+    let stepped = slf.call_method1("step", (controls, nstep));
+    let envs = PyDict::new(py);
+    envs.set_item("envs", others)?;
+    slf.call_method("set_state", (before,), Some(&envs))?;
+    stepped.map(|_| ())
 }
 
 /// What becomes of a step that a signal has ended: the recorder is told of the steps that were made.
@@ -83,33 +120,40 @@ fn end_early(slf: &Bound<'_, Stepper>, this: PyRefMut<'_, Stepper>, interrupted:
 
 #[pymethods]
 impl Stepper {
-    /// Makes `nstep` steps in every environment, or in those of a boolean mask (num_envs,).
+    /// Makes `nstep` steps in every environment, or in those of `envs`.
     ///
     /// Args:
     ///     ctrl: Controls, (num_envs, nu) or (nu,) for all, held until others are given; None holds those in force (`Stepper.ctrl`),
     ///         as MuJoCo does.
     ///     nstep: Number of steps.
-    ///     mask: Which environments; None is all. The others stay as they are, to the bit, with their controls, sensors and flags, and
-    ///         rows of theirs in `ctrl` are not read. Environments that are worked on together and none of which step cost nothing,
-    ///         unless sensors or actuators have delays: then all step, and the others are put back.
+    ///     envs: Which environments, as of `reset`. The others stay as they are, to the bit, with their controls, sensors and flags.
+    ///         Environments that are worked on together and none of which step cost nothing, unless sensors or actuators have delays or
+    ///         the stepper is recorded: then all step, and the others are put back.
     ///
     /// Raises:
-    ///     ValueError: A wrong shape; the message has both. A mask while the stepper is recorded. A control that is NaN is no error: its
-    ///         environment keeps its state and says NON_FINITE in `status`.
+    ///     ValueError: A wrong shape; the message has both. A control that is NaN is no error: its environment keeps its state and says
+    ///         NON_FINITE in `status`.
+    ///     TypeError, IndexError: As of `reset`.
     ///     KeyboardInterrupt: Ctrl-C in a long call, which looks for signals some twenty times a second. Every environment has then
     ///         made the same number of steps, the exception's `steps`, and all is as a call with that `nstep` leaves it; but mocap
     ///         bodies are where their way has brought them, and a recording in which they were under way replays up to this call
     ///         only. What another signal's handler raises ends the call alike.
-    #[pyo3(signature = (ctrl=None, nstep=Whole::Number(1), *, mask=None), text_signature = "($self, ctrl=None, nstep=1, *, mask=None)")]
-    fn step(slf: &Bound<'_, Self>, ctrl: Option<&Bound<'_, PyAny>>, nstep: Whole<'_>, mask: Option<&Bound<'_, PyAny>>) -> PyResult<()> {
+    #[pyo3(signature = (ctrl=None, nstep=Whole::Number(1), envs=None), text_signature = "($self, ctrl=None, nstep=1, envs=None)")]
+    fn step(slf: &Bound<'_, Self>, ctrl: Option<&Bound<'_, PyAny>>, nstep: Whole<'_>, envs: Option<&Bound<'_, PyAny>>) -> PyResult<()> {
         let mut this = borrow(slf)?;
         let nstep = nstep.from(0, "nstep")? as usize;
-        let interrupted = match mask {
+        let interrupted = match envs {
             None => {
                 this.take_ctrl(ctrl, nstep)?;
                 this.advance(slf.py(), StepInputs::default(), nstep)?
             }
-            Some(mask) => this.step_some(slf.py(), ctrl, nstep, mask)?,
+            Some(_) => {
+                let selection = this.selection(envs)?;
+                if this.recorder.is_some() {
+                    return step_some_recorded(slf, this, ctrl, nstep, &selection);
+                }
+                this.step_some(slf.py(), ctrl, nstep, &selection)?
+            }
         };
         if let Some(interrupted) = interrupted {
             return Err(end_early(slf, this, interrupted, nstep));

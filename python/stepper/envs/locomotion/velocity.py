@@ -275,7 +275,7 @@ class VelocityTask(Task):
         if pushed.any():
             qvel = np.array(sim.qvel, dtype=np.float64)
             qvel[:, :2] += np.einsum("nk,nki->ni", pushed, memory["pushes"])
-            sim.set_state(qvel=qvel, mask=pushed.any(axis=1), keep_warmstart=True)
+            sim.set_state(qvel=qvel, envs=pushed.any(axis=1), keep_warmstart=True)
         memory["before"][:] = memory["last"]
         memory["last"][:] = now.action
         status = np.zeros(len(now.action), dtype=np.uint32)

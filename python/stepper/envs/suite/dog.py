@@ -106,7 +106,7 @@ class Dog(SuiteTask):
         low, high = sim.model.actuator_ctrlrange.T
         act = np.array(sim.act)
         act[mask] = low + (high - low) * draws.uniform(0.0, 1.0, len(low))
-        sim.set_state(act=act, mask=mask)
+        sim.set_state(act=act, envs=mask)
 
 
 @functools.cache

@@ -59,7 +59,7 @@ pub struct PerturbedCopies<'a> {
 /// Kinks between the copies of environments.
 #[derive(Clone, Debug)]
 pub struct Kinks {
-    /// Flags of every column, (environments, columns), as Python's `stepper.Kink` has them.
+    /// Flags of every column, (environments, columns), as Python's `stepper.derivatives.Kink` has them.
     pub causes: Vec<u32>,
     /// Distance to the nearest kink whose distance can be stated, in widths of the difference; infinite where there is none.
     pub distance: Vec<f64>,

@@ -1,0 +1,143 @@
+//! Environments that an argument `envs` selects: a boolean mask, or integer indices.
+
+use numpy::{PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArrayMethods};
+use pyo3::exceptions::{PyIndexError, PyTypeError, PyValueError};
+use pyo3::prelude::*;
+use pyo3::types::{PyBool, PyInt};
+
+use crate::array::{check_shape, check_shape_of, readonly, shape_text};
+
+/// Environments that are selected, in the order of the argument.
+pub(crate) struct Selection {
+    pub(crate) envs: Vec<usize>,
+    /// Whether they were given as indices: rows of other arguments are then those of these environments, in this order.
+    pub(crate) by_index: bool,
+}
+
+impl Selection {
+    /// Environments of `given`, all `n` where it is None.
+    pub(crate) fn of(given: Option<&Bound<'_, PyAny>>, n: usize) -> PyResult<Self> {
+        let Some(given) = given else { return Ok(Self { envs: (0..n).collect(), by_index: false }) };
+        let array = given.py().import("numpy")?.call_method1("asarray", (given,))?;
+        if kind_of(&array)? == "b" {
+            check_shape("envs", &shape_of(&array)?, &[&[n]])?;
+            let mask = array.cast::<PyArrayDyn<bool>>()?.try_readonly()?;
+            let chosen = mask.as_array().iter().enumerate().filter(|(_, chosen)| **chosen).map(|(env, _)| env).collect();
+            return Ok(Self { envs: chosen, by_index: false });
+        }
+        let envs = indices(&array, n, "envs")?;
+        let mut seen = vec![false; n];
+        for &env in &envs {
+            if std::mem::replace(&mut seen[env], true) {
+                return Err(PyValueError::new_err(format!("envs has environment {env} more than once: give each index once")));
+            }
+        }
+        Ok(Self { envs, by_index: true })
+    }
+
+    /// The environments in ascending order.
+    pub(crate) fn ascending(&self) -> Vec<usize> {
+        let mut envs = self.envs.clone();
+        envs.sort_unstable();
+        envs
+    }
+
+    /// Whether each of `n` environments is selected.
+    pub(crate) fn mask(&self, n: usize) -> Vec<bool> {
+        let mut mask = vec![false; n];
+        self.envs.iter().for_each(|&env| mask[env] = true);
+        mask
+    }
+
+    /// Number of rows that arrays for these environments have, of `n` environments.
+    pub(crate) fn rows(&self, n: usize) -> usize {
+        if self.by_index { self.envs.len() } else { n }
+    }
+
+    /// Rows of all `n` environments from those of the selected ones, zero for the others; as they are where there was a mask.
+    pub(crate) fn scattered<T: Copy + Default>(&self, rows: &[T], n: usize) -> Vec<T> {
+        if !self.by_index {
+            return rows.to_vec();
+        }
+        let width = rows.len().checked_div(self.envs.len()).unwrap_or(0);
+        let mut all = vec![T::default(); n * width];
+        for (row, &env) in rows.chunks_exact(width.max(1)).zip(&self.envs) {
+            all[env * width..(env + 1) * width].copy_from_slice(row);
+        }
+        all
+    }
+
+    /// Array of a row (..., tail) for each selected environment, or of one for all without that axis where `shared`.
+    pub(crate) fn numbers<'py>(
+        &self,
+        given: &Bound<'py, PyAny>,
+        name: &str,
+        full: &[usize],
+        shared: Option<&[usize]>,
+    ) -> PyResult<Numbers<'py>> {
+        let numbers = readonly(given, name)?;
+        if !self.by_index {
+            let allowed: Vec<&[usize]> = std::iter::once(full).chain(shared).collect();
+            check_shape_of(given, name, numbers.shape(), &allowed)?;
+            return Ok(Numbers::Given(numbers));
+        }
+        let selected: Vec<usize> = std::iter::once(self.envs.len()).chain(full[1..].iter().copied()).collect();
+        let allowed: Vec<&[usize]> = std::iter::once(&selected[..]).chain(shared).collect();
+        check_shape_of(given, name, numbers.shape(), &allowed)?;
+        if shared == Some(numbers.shape()) {
+            return Ok(Numbers::Given(numbers));
+        }
+        Ok(Numbers::Scattered(self.scattered(numbers.as_slice()?, full[0])))
+    }
+}
+
+/// Numbers for all environments.
+pub(crate) enum Numbers<'py> {
+    Given(PyReadonlyArrayDyn<'py, f64>),
+    Scattered(Vec<f64>),
+}
+
+impl Numbers<'_> {
+    pub(crate) fn as_slice(&self) -> PyResult<&[f64]> {
+        match self {
+            Self::Given(numbers) => Ok(numbers.as_slice()?),
+            Self::Scattered(numbers) => Ok(numbers),
+        }
+    }
+}
+
+/// Indices of environments below `n`; a single number is one index.
+pub(crate) fn indices(array: &Bound<'_, PyAny>, n: usize, name: &str) -> PyResult<Vec<usize>> {
+    let shape = shape_of(array)?;
+    if shape.len() > 1 {
+        return Err(PyValueError::new_err(format!(
+            "{name} has shape {}, must be a mask ({n},) of bool, or indices of environments (k,)",
+            shape_text(&shape)
+        )));
+    }
+    let listed: Vec<Bound<'_, PyAny>> = array.call_method0("ravel")?.call_method0("tolist")?.extract()?;
+    // NumPy holds integers of more than 64 bits as objects.
+    let large = |index: &Bound<'_, PyAny>| index.is_instance_of::<PyInt>() && !index.is_instance_of::<PyBool>();
+    if !listed.is_empty() && !matches!(kind_of(array)?.as_str(), "i" | "u") && !listed.iter().all(large) {
+        return Err(PyTypeError::new_err(format!(
+            "{name} has {}, of type {}: give a mask ({n},) of bool, or indices of environments, which are integers",
+            listed[0].repr()?,
+            array.getattr("dtype")?
+        )));
+    }
+    listed
+        .iter()
+        .map(|index| match index.extract::<usize>() {
+            Ok(env) if env < n => Ok(env),
+            _ => Err(PyIndexError::new_err(format!("{name} has {index}, there are environments 0 to {}", n - 1))),
+        })
+        .collect()
+}
+
+fn kind_of(array: &Bound<'_, PyAny>) -> PyResult<String> {
+    array.getattr("dtype")?.getattr("kind")?.extract()
+}
+
+fn shape_of(array: &Bound<'_, PyAny>) -> PyResult<Vec<usize>> {
+    array.getattr("shape")?.extract()
+}

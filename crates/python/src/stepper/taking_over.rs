@@ -1,0 +1,107 @@
+//! Environments that take over states: of other environments, or of a list.
+
+use std::collections::BTreeMap;
+
+use pyo3::exceptions::PyValueError;
+use pyo3::prelude::*;
+use pyo3::types::{PyList, PyTuple};
+use stepper_core::SavedState;
+
+use crate::error::value_error;
+use crate::selection::{Selection, indices};
+use crate::state::State;
+use crate::stepper::recording::{notify, recorder_of};
+use crate::stepper::{Stepper, borrow};
+
+/// States of an argument.
+pub(super) enum States<'py> {
+    One(Bound<'py, State>),
+    Each(Vec<Bound<'py, State>>),
+}
+
+/// A state, or a list of some; None for any other argument.
+pub(super) fn states_of<'py>(given: &Bound<'py, PyAny>) -> Option<States<'py>> {
+    if let Ok(state) = given.cast::<State>() {
+        return Some(States::One(state.clone()));
+    }
+    let listed: Vec<Bound<'py, PyAny>> = match given.cast::<PyList>() {
+        Ok(list) => list.iter().collect(),
+        Err(_) => given.cast::<PyTuple>().ok()?.iter().collect(),
+    };
+    let states: Vec<_> = listed.iter().map_while(|item| item.cast::<State>().ok().cloned()).collect();
+    (!states.is_empty() && states.len() == listed.len()).then_some(States::Each(states))
+}
+
+impl Stepper {
+    /// Restores states in the selected environments: one in all of them, or each its own. Nothing changes where one cannot be taken.
+    pub(super) fn take_states(&mut self, states: &States<'_>, selection: &Selection) -> PyResult<()> {
+        let states = match states {
+            States::One(state) => {
+                return self.simulation.restore_state_in(&state.get().saved, &selection.ascending()).map_err(value_error);
+            }
+            States::Each(states) => states,
+        };
+        if states.len() != selection.envs.len() {
+            let (found, must) = (states.len(), selection.envs.len());
+            return Err(PyValueError::new_err(format!(
+                "there are {found} states, must be {must}: one for each environment of envs, or a single state for all"
+            )));
+        }
+        let before = self.simulation.save_state();
+        for (k, (state, &env)) in states.iter().zip(&selection.envs).enumerate() {
+            if let Err(error) = self.simulation.restore_state_in(&state.get().saved, &[env]) {
+                self.simulation.restore_state(&before).map_err(value_error)?;
+                return Err(PyValueError::new_err(format!("state {k}, of environment {env}: {error}")));
+            }
+        }
+        Ok(())
+    }
+}
+
+#[pymethods]
+impl Stepper {
+    /// Copies states between environments: environment `envs[k]` takes over the state of environment `sources[k]`, see `get_state`.
+    ///
+    /// All states are read before any is changed. Copies draw random numbers of their own for their sensors from then on.
+    ///
+    /// Args:
+    ///     sources: Indices of the environments whose states are taken, one for each of `envs`, or one for all; an index may repeat.
+    ///     envs: Which environments take them, as of `reset`.
+    ///
+    /// Raises:
+    ///     TypeError: Indices that are no integers.
+    ///     ValueError: Another number of sources than of environments.
+    ///     IndexError: No environment of that index.
+    #[pyo3(signature = (sources, envs=None))]
+    fn copy_state(slf: &Bound<'_, Self>, sources: Bound<'_, PyAny>, envs: Option<Bound<'_, PyAny>>) -> PyResult<()> {
+        let mut this = borrow(slf)?;
+        let targets = this.selection(envs.as_ref())?.envs;
+        let from = slf.py().import("numpy")?.call_method1("asarray", (&sources,))?;
+        let single = from.getattr("ndim")?.extract::<usize>()? == 0;
+        let mut from = indices(&from, this.n(), "sources")?;
+        if single {
+            from = vec![from[0]; targets.len()];
+        }
+        if from.len() != targets.len() {
+            let (found, must) = (from.len(), targets.len());
+            return Err(PyValueError::new_err(format!(
+                "sources has {found} environments, must have {must}: one for each environment of envs, or one for all"
+            )));
+        }
+        let mut moved: BTreeMap<usize, Vec<usize>> = BTreeMap::new();
+        for (&source, &target) in from.iter().zip(&targets).filter(|(source, target)| source != target) {
+            moved.entry(source).or_default().push(target);
+        }
+        if moved.is_empty() {
+            return Ok(());
+        }
+        let states: Vec<(SavedState, Vec<usize>)> =
+            moved.into_iter().map(|(source, targets)| (this.simulation.save_state_of(source), targets)).collect();
+        for (state, mut targets) in states {
+            targets.sort_unstable();
+            this.simulation.restore_state_in(&state, &targets).map_err(value_error)?;
+        }
+        let recorder = recorder_of(slf.py(), this);
+        notify(slf, recorder, "set_state", &[("state", Some(sources))])
+    }
+}

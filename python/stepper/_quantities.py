@@ -1,0 +1,169 @@
+"""Quantities of a stepper that are computed in Python, for the methods `Stepper.read`, `inverse_dynamics` and `rays`."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from stepper._hints import near_or_all
+from stepper._stepper import Model, Stepper
+
+Array = NDArray[Any]
+Key = str | int
+
+_BODIES = ("xpos", "xquat", "body_linvel", "body_angvel", "subtree_com", "xipos", "cinert", "cvel", "cfrc_ext", "body_contact_force")
+_DOFS = ("qvel", "qacc", "qacc_smooth", "qfrc_bias", "qfrc_actuator", "qfrc_constraint", "qfrc_applied")
+KINDS: dict[str, str] = {
+    **dict.fromkeys((*_BODIES, "xfrc_applied"), "body"),
+    **dict.fromkeys(("site_xpos", "site_xquat"), "site"),
+    **dict.fromkeys(("geom_xpos", "geom_xquat"), "geom"),
+    **dict.fromkeys(("actuator_force", "ctrl", "actuator_saturation"), "actuator"),
+    **dict.fromkeys(("sensordata", "sensordata_ideal"), "sensor"),
+    **dict.fromkeys(("qpos", *_DOFS), "joint"),
+}
+"""Kinds of elements that quantities belong to: a row each of a body, site, geom or actuator; columns of a joint or sensor."""
+
+
+def read(sim: Stepper, name: str, of: Key | Sequence[Key] | None = None) -> Array:
+    """Values of a quantity for all its elements, or for some: see `Stepper.read`."""
+    if name not in KINDS:
+        raise ValueError(f"there is no quantity {name!r}{near_or_all(name, sorted(KINDS))}")
+    values = np.asarray(getattr(sim, name))
+    if of is not None:
+        axis = 0 if sim.num_envs is None else 1
+        values = np.take(values, _places(sim.model, KINDS[name], name, of), axis=axis)
+    found: Array = np.array(values)
+    return found
+
+
+def inverse_dynamics(sim: Stepper, qacc: ArrayLike) -> Array:
+    """Forces on the joints that would accelerate the present states so: see `Stepper.inverse_dynamics`."""
+    shape = () if sim.num_envs is None else (sim.num_envs,)
+    wanted = np.asarray(qacc, dtype=np.float64)
+    if wanted.shape not in ((sim.model.nv,), (*shape, sim.model.nv)):
+        raise ValueError(f"qacc has shape {wanted.shape}, must be {(*shape, sim.model.nv)} or ({sim.model.nv},)")
+    # Accelerations without constraints contain bias and passive forces, and the forces of actuators and applied forces, added below.
+    free = sim.qacc_smooth
+    excess = np.broadcast_to(wanted, (*shape, sim.model.nv)) - free
+    forces = np.einsum("...ij,...j->...i", sim.mass_matrix(), excess)
+    forces += np.asarray(sim.qfrc_actuator)
+    forces += np.asarray(sim.qfrc_applied)
+    forces += _of_applied(sim)
+    found: Array = forces.astype(free.dtype, copy=False)
+    return found
+
+
+def around_body(sim: Stepper, points: ArrayLike, directions: ArrayLike, body: Key, axes: str) -> tuple[Array, Array]:
+    """Points and directions in the world of rays that belong to a body: see `Stepper.rays`.
+
+    Raises:
+        ValueError: Unknown axes, or arrays of another shape.
+    """
+    if axes not in ("body", "heading", "world"):
+        raise ValueError(f"axes is {axes!r}, must be 'body', 'heading' or 'world'")
+    which = sim.model.body(body).id
+    places, ways = _of_rays(sim, points, "points"), _of_rays(sim, directions, "directions")
+    if axes != "world":
+        quat = np.asarray(sim.xquat, dtype=np.float64)[..., which, :]
+        turn = _about_vertical(headings(quat)) if axes == "heading" else quat
+        places, ways = _rotated(turn, places), _rotated(turn, ways)
+    return places + np.asarray(sim.xpos, dtype=np.float64)[..., which, None, :], ways
+
+
+def _of_applied(sim: Stepper) -> Array:
+    """Forces on the joints of `xfrc_applied`, (num_envs, nv)."""
+    applied = np.asarray(sim.xfrc_applied, dtype=np.float64)
+    total = np.zeros(np.shape(sim.qvel))
+    for body in np.flatnonzero(np.any(applied != 0, axis=tuple(a for a in range(applied.ndim) if a != applied.ndim - 2))):
+        force, torque = applied[..., body, :3], applied[..., body, 3:]
+        arm = np.asarray(sim.xipos)[..., body, :] - np.asarray(sim.xpos)[..., body, :]
+        wrench = np.concatenate([force, torque + np.cross(arm, force)], axis=-1)
+        total += np.einsum("...ij,...i->...j", np.asarray(sim.jacobian(body=int(body))), wrench)
+    return total
+
+
+def _of_rays(sim: Stepper, given: ArrayLike, name: str) -> Array:
+    """Three numbers of each ray, of all environments or of each."""
+    rows = np.asarray(given, dtype=np.float64)
+    shape = () if sim.num_envs is None else (sim.num_envs,)
+    if rows.ndim < 2 or rows.shape[-1] != 3 or rows.shape[:-2] not in ((), shape):
+        raise ValueError(f"{name} has shape {rows.shape}, must be {(*shape, 'n', 3)} or ('n', 3)")
+    return rows
+
+
+def _about_vertical(angle: Array) -> Array:
+    """Unit quaternions (..., 4) of turns about the world's z axis by angles (...), rad."""
+    half = 0.5 * angle
+    return np.stack([np.cos(half), 0.0 * half, 0.0 * half, np.sin(half)], axis=-1)
+
+
+def _rotated(quat: Array, vectors: Array) -> Array:
+    """Vectors (..., n, 3) turned by unit quaternions (..., 4)."""
+    w, u = quat[..., None, :1], quat[..., None, 1:]
+    across = 2.0 * np.cross(u, vectors)
+    turned: Array = vectors + w * across + np.cross(u, across)
+    return turned
+
+
+def _places(model: Model, kind: str, name: str, of: Key | Sequence[Key]) -> Any:
+    """Indices along the axis of the elements."""
+    several = not isinstance(of, str | int | np.integer)
+    keys: Sequence[Any] = of if several else [of]  # type: ignore[assignment]
+    if kind in ("body", "site", "geom"):
+        found = [int(getattr(model, kind)(key).id) for key in keys]
+        return found if several else found[0]
+    columns: list[int] = []
+    for key in keys:
+        if kind == "joint":
+            joint = model.joint(key)
+            first, count = (joint.qposadr, joint.nq) if name == "qpos" else (joint.dofadr, joint.nv)
+        elif kind == "sensor":
+            sensor = model.sensor(key)
+            first, count = sensor.adr, sensor.dim
+        else:
+            first, count = model.actuator(key).id, 1
+        columns += range(first, first + count)
+    return columns
+
+
+def room(shape: tuple[int, ...], dtype: Any, out: Array | None) -> Array:
+    """An array of a shape and scalar type: `out` if it is given, or a new one.
+
+    Raises:
+        ValueError: An `out` of another shape or scalar type.
+    """
+    if out is None:
+        return np.empty(shape, dtype)
+    if out.shape != shape or out.dtype != dtype:
+        raise ValueError(f"out has shape {out.shape} and type {out.dtype}, must have {shape} and {dtype}")
+    return out
+
+
+def written(values: Array, out: Array | None) -> Array:
+    """A copy of an array, in `out` if it is given.
+
+    Raises:
+        ValueError: An `out` of another shape or scalar type.
+    """
+    found = room(values.shape, values.dtype, out)
+    found[...] = values
+    return found
+
+
+def given_out(values: Array, out: Array | None) -> Array:
+    """An array that is the caller's already; a copy of it in `out` if that is given.
+
+    Raises:
+        ValueError: An `out` of another shape or scalar type.
+    """
+    return values if out is None else written(values, out)
+
+
+def headings(quat: Array) -> Array:
+    """Angles (...) about the world's z axis to where the x axis of unit quaternions (w, x, y, z), (..., 4), points, rad."""
+    w, x, y, z = np.moveaxis(quat, -1, 0)
+    angles: Array = np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
+    return angles

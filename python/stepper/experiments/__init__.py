@@ -1,1 +1,0 @@
-"""Experiments: stepper beside other engines, speed and error together."""

@@ -1,0 +1,58 @@
+"""Studies of models: error against cost, settings for an error budget, sweeps, reports, rankings, and comparisons of contact laws.
+
+    stepper.lab.chart("tray.toml")  # error against cost of many settings
+    stepper.lab.report("tray.toml")  # a sweep of every parameter, with the causes of failures
+
+`study` has what a user writes, with sweep, rank and report; `accuracy` has chart and tune; `comparison` compares both laws of contact;
+`engine_chart` and `demo` run stepper and other engines. docs/studies.md explains them.
+"""
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from stepper.lab.accuracy.account import Account, account
+    from stepper.lab.accuracy.chart import Chart, chart
+    from stepper.lab.accuracy.tune import Tuning, tune
+    from stepper.lab.comparison import Comparison, compare
+    from stepper.lab.study import Outcome, Parameter, Policy, Recorded, Study, World
+    from stepper.lab.study.ranking import Ranking, rank
+    from stepper.lab.study.report import Report, report, sweep
+
+__all__ = [
+    "Account",
+    "Chart",
+    "Comparison",
+    "Outcome",
+    "Parameter",
+    "Policy",
+    "Ranking",
+    "Recorded",
+    "Report",
+    "Study",
+    "Tuning",
+    "World",
+    "account",
+    "chart",
+    "compare",
+    "rank",
+    "report",
+    "sweep",
+    "tune",
+]
+
+_FOLDERS = {
+    **dict.fromkeys(("Account", "Chart", "Tuning", "account", "chart", "tune"), "accuracy"),
+    **dict.fromkeys(("Comparison", "compare"), "comparison"),
+}
+"""Folders of names that are not in `study`. A folder is imported when one of its names is first used."""
+
+
+def __getattr__(name: str) -> Any:
+    if name in __all__:
+        return getattr(importlib.import_module(f"{__name__}.{_FOLDERS.get(name, 'study')}"), name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

@@ -1,0 +1,111 @@
+"""Ways to step that a chart compares and a tuning chooses from: settings of stepper, MuJoCo and rapier, at several time steps."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from stepper._options import Options
+from stepper.lab.study import rapier
+from stepper.lab.study.batches import steps_of
+from stepper.lab.study.report import no_peer
+from stepper.lab.study.study import Study
+
+
+@dataclass(frozen=True)
+class Line:
+    """Settings at several time steps: a line of a chart.
+
+    Attributes:
+        engine: "stepper", "MuJoCo" or "rapier".
+        name: The settings in a few words.
+        settings: As of `world_of`, without the time step.
+        law: Of contact: "hard", "mujoco" or "rapier".
+    """
+
+    engine: str
+    name: str
+    settings: dict[str, Any]
+    law: str
+
+    @property
+    def label(self) -> str:
+        """Engine and name."""
+        return f"{self.engine}: {self.name}"
+
+
+_FAST = {"integrator": "euler", "stabilization": "baumgarte", "tolerance": 1e-3}
+_HARD: tuple[tuple[str, dict[str, Any]], ...] = (
+    ("midpoint", {"integrator": "midpoint"}),
+    ("midpoint, f32", {"integrator": "midpoint", "precision": "f32"}),
+    ("midpoint, tolerance 1e-3", {"integrator": "midpoint", "tolerance": 1e-3}),
+    ("euler", {"integrator": "euler"}),
+    ("euler, f32", {"integrator": "euler", "precision": "f32"}),
+    ("euler, baumgarte, tolerance 1e-3", _FAST),
+    ("euler, baumgarte, tolerance 1e-3, f32", _FAST | {"precision": "f32"}),
+    ("implicit", {"integrator": "implicit"}),
+    ("rk4", {"integrator": "rk4"}),
+)
+_MORE: tuple[tuple[str, dict[str, Any]], ...] = (
+    ("midpoint, pgs", {"integrator": "midpoint", "solver": "pgs"}),
+    ("midpoint, newton", {"integrator": "midpoint", "solver": "newton"}),
+    ("midpoint, 10 iterations", {"integrator": "midpoint", "iterations": 10}),
+)
+_PEER: tuple[tuple[str, dict[str, Any]], ...] = (
+    ("its file's settings", {}),
+    ("implicitfast, elliptic, Newton", {"integrator": "implicitfast", "cone": "elliptic", "solver": "newton"}),
+    (
+        "implicitfast, elliptic, impratio 10, noslip 10",
+        {"integrator": "implicitfast", "cone": "elliptic", "solver": "newton", "impratio": 10.0, "noslip_iterations": 10},
+    ),
+)
+_RAPIER: tuple[tuple[str, dict[str, Any]], ...] = (("its defaults", {}), ("20 iterations", {"iterations": 20}))
+
+
+def hard_lines(*, more: bool = False) -> list[Line]:
+    """Settings of stepper with hard contact; `more` has solvers and iterations too."""
+    return [Line("stepper", name, {"contact": "hard"} | given, "hard") for name, given in _HARD + (_MORE if more else ())]
+
+
+def lines(study: Study, *, quick: bool) -> list[Line]:
+    """All lines of a chart of a study: hard contact, MuJoCo's law, and MuJoCo and rapier where they can run the study."""
+    model, _ = study.loaded
+    asked = Options.from_model(model).integrator if model.requested else None
+    law = {"contact": "mujoco", "integrator": asked}
+    found = hard_lines(more=not quick)
+    found += [Line("stepper", f"MuJoCo's law, {asked or 'euler'}", law, "mujoco")]
+    found += [Line("stepper", f"MuJoCo's law, {asked or 'euler'}, f32", law | {"precision": "f32"}, "mujoco")]
+    if no_peer(study) is None:
+        found += [Line("MuJoCo", name, {"engine": "mujoco"} | given, "mujoco") for name, given in _PEER]
+    if no_rapier(study) is None:
+        found += [Line("rapier", name, {"engine": "rapier"} | given, "rapier") for name, given in _RAPIER]
+    return found
+
+
+def no_rapier(study: Study) -> str | None:
+    """Why rapier cannot run a study; None where it can."""
+    if reason := rapier.not_installed():
+        return reason
+    if reason := no_peer(study):
+        return f"MuJoCo reads models for it, and {reason}" if "not installed" in reason else reason
+    return rapier.lacks(study.loaded[1], study.loaded[0])
+
+
+def timesteps(study: Study, *, coarser: int = 3, finer: int = 3) -> list[float]:
+    """Time steps about the study's own, each about twice the one before, that divide the time of a control; s, ascending."""
+    own = steps_of(study, study.options.timestep or float(study.loaded[0].timestep))
+    counts = {max(1, round(own * 2.0**k)) for k in range(-coarser, finer + 1)}
+    return sorted(study.hold / count for count in counts)
+
+
+def pareto(costs: Sequence[float], errors: Sequence[float]) -> list[int]:
+    """Indices of what nothing is both cheaper and more accurate than, by cost."""
+    front: list[int] = []
+    best = math.inf
+    for k in sorted(range(len(costs)), key=lambda k: (costs[k], errors[k])):
+        if errors[k] < best:
+            front.append(k)
+            best = errors[k]
+    return front

@@ -1,0 +1,198 @@
+"""Error against cost on the user's own model, with errors split into what the solver, the time step and the model make of them.
+
+Beside the errors of single motions, which mean something as far as motions can be known, are those that mean something later: invariants,
+and distributions of outcomes.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stepper.lab.accuracy.budget import QUICK, Budget
+from stepper.lab.accuracy.candidates import lines, no_rapier, timesteps
+from stepper.lab.accuracy.costs import costs
+from stepper.lab.accuracy.distributions import shifts
+from stepper.lab.accuracy.dots import Dot
+from stepper.lab.accuracy.invariants import Invariants
+from stepper.lab.accuracy.measure import COSTS, INVARIANTS, REFERENCE, TARGET, Ground, Point, measure, reference
+from stepper.lab.accuracy.reference import Reference, check_moves
+from stepper.lab.accuracy.tables import Found, write
+from stepper.lab.accuracy.traces import Distance, quantity
+from stepper.lab.progress import Tick
+from stepper.lab.study.document import Document
+from stepper.lab.study.report import no_peer
+from stepper.lab.study.study import Study
+from stepper.shared.machine import one_core
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Chart:
+    """What a chart shows.
+
+    Attributes:
+        study: What was run.
+        distance: What errors are.
+        reference: What is right.
+        dots: By line, then time step.
+        skipped: What could not be run, with the reason.
+        document: In words.
+        files: What was written.
+    """
+
+    study: Study
+    distance: Distance
+    reference: Reference
+    dots: tuple[Dot, ...]
+    skipped: tuple[str, ...]
+    document: Document
+    files: tuple[Path, ...]
+
+    def __str__(self) -> str:
+        return self.document.markdown()
+
+
+def chart(
+    source: Any,
+    out: str | os.PathLike[str] = "out",
+    *,
+    horizon: str | float | None = None,
+    unit: str = "m",
+    episodes: int = 8,
+    quick: bool = False,
+    budget: str | float | None = None,
+    tick: Tick | None = None,
+) -> Chart:
+    """Error against cost for time steps, integrators, solvers, precisions, laws of contact, MuJoCo and rapier, on a model of one's own.
+
+    The reference is the study's closed form (`Study.exact`), or converged by halving the time step
+    (`stepper.lab.accuracy.reference`). Sensors are ideal. Of a study over Ray, settings are run as tasks, and costs are measured
+    here.
+
+    Args:
+        source: A study or the file of one; or a model as of `stepper.load`, which gets random controls.
+        out: The folder that has a folder for every study.
+        horizon: Time up to which errors count: "0.5 s", "500 ms", or a number of seconds, as of `tune`; None is as far as the median
+            episode is known to 0.1 mm (1 mrad).
+        unit: "m" for the largest distance of a body, geom or site, "rad" for the largest angle of a body.
+        episodes: How many, medians of which count.
+        quick: Fewer settings, time steps and repeats.
+        budget: Time that all of it may take by the clock: "60 s", or a number of seconds. What is not done by then is stopped, and the row
+            says so. None is two minutes of a quick chart, and else all that it takes.
+        tick: Progress.
+
+    Returns:
+        Points, and what was written: OUT/NAME/chart.html, .md, .png, .csv, .npz.
+
+    Raises:
+        ValueError: A model without joints, a horizon that is not within the episodes, a budget in which nothing is known of what is right.
+    """
+    seconds = (QUICK if quick else math.inf) if budget is None else quantity(budget, name="budget", units=("s",))[0]
+    clock = Budget.from_seconds(seconds)
+    study = replace(check_moves(Study.from_model(source)), threads=1)
+    if unit not in TARGET:
+        raise ValueError(f'unit is {unit!r}, must be "m" or "rad"')
+    asked = None if horizon is None else quantity(horizon, name="horizon", units=("s",))[0]
+    if asked is not None and not study.hold <= asked <= study.seconds * (1 + 1e-9):
+        raise ValueError(f"horizon is {asked:g} s, must be between a control, {study.hold:g} s, and an episode, {study.seconds:g} s")
+    told: Tick = tick or (lambda _what, _done: None)
+    numbers, most = range(episodes), 4 if quick else 7
+    stage = clock.stage(REFERENCE)
+    distance, right = reference(study, numbers, asked, unit, most, stage=stage, tick=lambda done: told("reference", done))
+    ground = Ground(study, numbers, distance, right, most, clock)
+    steps = timesteps(study, coarser=2 if quick else 3, finer=1 if quick else 3)
+    points, skipped, laws = measure(ground, lines(study, quick=quick), steps, told)
+    peers = (("MuJoCo", no_peer(study)), ("rapier", no_rapier(study)))
+    skipped = [f"{name}: {reason}" for name, reason in peers if reason] + skipped
+    invariants = Invariants(study)
+    dots = _dots(ground, points, invariants, quick=quick, told=told)
+    folder = Path(out) / study.name
+    folder.mkdir(parents=True, exist_ok=True)
+    found = Found(ground, points, dots, tuple(skipped), laws, invariants)
+    document, files = write(found, folder)
+    return Chart(study, distance, right, dots, tuple(skipped), document, tuple(files))
+
+
+def _dots(ground: Ground, points: Sequence[Point], invariants: Invariants, *, quick: bool, told: Tick) -> tuple[Dot, ...]:
+    study, limit = ground.study, ground.budget.stage(INVARIANTS)
+    nothing, kept = np.full(len(ground.episodes), np.nan), [dict[str, Array]() for _ in points]
+    usual = study.options.timestep or float(study.loaded[0].timestep)
+    # The study's own time step first: where the clock ends it, all settings have that before some have more.
+    late: set[int] = set()
+    for done, k in enumerate(sorted(range(len(points)), key=lambda k: abs(math.log(points[k].timestep / usual)))):
+        trace = points[k].trace
+        if limit.limited and not limit.left and trace is not None and invariants.kinds:
+            late.add(k)
+        errors = {} if trace is None or k in late else invariants.measure(trace)
+        kept[k] = {kind.label: errors.get(kind, nothing) for kind in invariants.kinds}
+        told("invariants", (done + 1) / len(points))
+    # What is not finite has no place in a picture of costs, and steps that are not solved take as long as steps may.
+    timed = [k for k, point in enumerate(points) if math.isfinite(float(np.median(point.errors["total"])))]
+    with one_core():
+        spent = costs(
+            study,
+            [points[k].line.settings | {"timestep": points[k].timestep} for k in timed],
+            [trace for k in timed if (trace := points[k].trace) is not None],
+            repeats=3 if quick else 7,
+            seconds=0.004 if quick else 0.02,
+            tick=lambda done: told("costs", done),
+            stage=ground.budget.stage(COSTS),
+        )
+    by_point = dict(zip(timed, spent, strict=True))
+    more = {k: ("invariants: the budget was spent before",) for k in late}
+    points = [replace(point, notes=point.notes + more.get(k, ())) for k, point in enumerate(points)]
+    return tuple(_dot(ground, point, by_point.get(k), kept[k]) for k, point in enumerate(points))
+
+
+def _dot(ground: Ground, point: Point, cost: tuple[float, float] | None, kept: dict[str, Array]) -> Dot:
+    study, trace, nan = ground.study, point.trace, math.nan
+    outcome = study.decisive or next(iter(study.all_outcomes), None)
+    values = np.full(1, nan) if outcome is None or trace is None or trace.stopped else trace.outcomes[outcome.name]
+    whole = outcome is not None and outcome.success is not None and trace is not None and not trace.stopped
+    middle = {name: float(np.median(own)) for name, own in point.errors.items()}
+    notes = list(point.notes)
+    alone, batch = cost or (nan, nan)
+    if cost and not (math.isfinite(alone) and math.isfinite(batch)):
+        which = (
+            "costs" if not (math.isfinite(alone) or math.isfinite(batch)) else "costs in a batch" if math.isfinite(alone) else "costs alone"
+        )
+        notes.append(f"{which}: the budget was spent before")
+    return Dot(
+        engine=point.line.engine,
+        setting=point.line.name,
+        timestep=point.timestep,
+        error=middle["total"],
+        least=float(point.errors["total"].min()),
+        most=float(point.errors["total"].max()),
+        solver=middle["solver"],
+        step=middle["step"],
+        model=middle["model"],
+        alone=alone,
+        batch=batch,
+        depth=nan if trace is None else float(trace.depth.max()),
+        residual=nan if trace is None else float(trace.residual.max()),
+        outcome=_mean(values),
+        share=float(outcome.succeeds(values).mean()) if whole and outcome is not None else nan,
+        invariants={name: _largest(own) for name, own in kept.items()},
+        shifts=() if trace is None else tuple(shifts(study, trace, ground.right.trace)),
+        notes=tuple(notes),
+    )
+
+
+def _mean(values: Array) -> float:
+    finite = values[np.isfinite(values)]
+    return float(finite.mean()) if len(finite) else math.nan
+
+
+def _largest(values: Array) -> float:
+    finite = values[np.isfinite(values)]
+    return float(finite.max()) if len(finite) else math.nan

@@ -1,0 +1,94 @@
+"""What is right by a study's closed form, in place of runs that are converged."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stepper.lab.accuracy.budget import Stage
+from stepper.lab.accuracy.reference import Reference, converge
+from stepper.lab.accuracy.traces import Distance, Seen, Trace
+from stepper.lab.study import drives
+from stepper.lab.study.batches import begin, world_of
+from stepper.lab.study.points import USUAL
+from stepper.lab.study.study import Study
+from stepper.lab.study.worlds import StepperWorld
+
+Array = NDArray[np.float64]
+_BEGINS = 1e-9
+"""m, rad and those over s by which a closed form may begin elsewhere than the episodes."""
+
+
+def right_of(
+    study: Study,
+    episodes: Sequence[int],
+    distance: Distance,
+    *,
+    target: float,
+    most: int = 7,
+    law: dict[str, Any] | None = None,
+    stage: Stage | None = None,
+    tick: Callable[[float], None] | None = None,
+) -> Reference:
+    """What is right: by the study's closed form where it has one, else by runs that are converged (`converge`)."""
+    if study.exact is None:
+        return converge(study, episodes, distance, target=target, most=most, law=law, stage=stage, tick=tick)
+    trace = closed_form(study, episodes)
+    if tick:
+        tick(1.0)
+    count = len(episodes)
+    return Reference(
+        runs=(trace,),
+        second=(),
+        target=target,
+        uncertainty=np.zeros(count),
+        orders=np.full(count, np.nan),
+        extrapolates=np.ones(count, np.bool_),
+        methods=np.full(count, np.nan),
+        known=np.full(count, trace.reached),
+        exact=drives.name_of(study.exact) or "a function",
+    )
+
+
+def closed_form(study: Study, episodes: Sequence[int]) -> Trace:
+    """Episodes as the study's closed form has them, after every control, with what its outcomes make of them.
+
+    Raises:
+        ValueError: It gives other shapes than it must, numbers that are not finite, or begins elsewhere than the episodes.
+    """
+    assert study.exact is not None
+    world = world_of(study, USUAL, [study.nominal] * len(episodes), sensors=None)
+    assert isinstance(world, StepperWorld)
+    begin(study, world, episodes)
+    name = drives.name_of(study.exact)
+    times: Array = study.hold * np.arange(study.controls + 1, dtype=np.float64)
+    found = study.exact(world, times)
+    if not isinstance(found, tuple | list) or len(found) != 2:
+        raise ValueError(f"{study.name}: exact, {name}, gives {type(found).__name__}, must give two arrays, qpos and qvel")
+    start = (world.qpos.copy(), world.qvel.copy())
+    rows = []
+    for what, given, own in zip(("qpos", "qvel"), found, start, strict=True):
+        made, shape = np.asarray(given, float), (len(times), *own.shape)
+        if made.shape != shape:
+            raise ValueError(f"{study.name}: exact, {name}, gives {what} of shape {made.shape}, must be (T, num_envs, n{what[0]}): {shape}")
+        if not np.isfinite(made).all():
+            raise ValueError(f"{study.name}: exact, {name}, gives {what} that is not finite")
+        if (apart := float(np.abs(made[0] - own).max(initial=0.0))) > _BEGINS:
+            raise ValueError(
+                f"{study.name}: exact, {name}, begins {apart:.2g} away from where the episodes do, in {what}: at time 0 it must give the "
+                "world's own qpos and qvel, noise included"
+            )
+        rows.append(made)
+    seen = Seen(study, world)
+    seen.look(world)
+    for k, time in enumerate(times[1:], start=1):
+        world.sim.reset(qpos=rows[0][k], qvel=rows[1][k])
+        world.time = float(time)
+        seen.look(world)
+    # No run can be told to take too long beside what took no steps.
+    return replace(seen.trace(world, study.controls, math.inf), settings={"exact": name}, timestep=math.nan)

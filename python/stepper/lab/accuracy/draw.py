@@ -1,0 +1,214 @@
+"""Pictures of a chart: error against cost in two panels, alone and in a batch, and where errors come from; invariants and outcomes."""
+
+from __future__ import annotations
+
+import math
+import textwrap
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from stepper.lab.accuracy.candidates import pareto
+from stepper.lab.accuracy.costs import BATCH
+from stepper.lab.accuracy.reference import Reference
+from stepper.lab.accuracy.traces import Distance
+from stepper.lab.study.study import Study
+from stepper.shared.machine import require
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from stepper.lab.accuracy.dots import Dot
+
+MARKERS = ("o", "s", "^", "D", "v", "P", "X", "*", "<", ">")
+_OURS = ("#0b3c8c", "#2ca02c", "#17becf", "#8c564b", "#e377c2", "#7f7f7f", "#bcbd22", "#00695c")
+_LAW = ("#6a1b9a", "#ab47bc")
+_THEIRS = ("#d62728", "#ff7f0e", "#b8860b")
+_RAPIER = ("#000000", "#9e9e9e")
+_SINGLE = ", f32"
+_FLOOR = 1e-12
+_ACROSS = 3
+"""Panels of invariants and outcomes in a row of the picture."""
+
+
+def draw(study: Study, distance: Distance, right: Reference, dots: Sequence[Dot], *, path: Path, note: str) -> Path:
+    """Draws a chart.
+
+    Raises:
+        MissingPackageError: matplotlib is not installed.
+    """
+    figures = require("matplotlib.figure", "to draw a chart")
+    figure = figures.Figure(figsize=(13, 11.5), dpi=120, layout="constrained")
+    grid = figure.add_gridspec(2, 2, height_ratios=(1.25, 1.0))
+    labels = list(dict.fromkeys(dot.label for dot in dots))
+    colours = _colours(labels)
+    markers = dict(zip(sorted({dot.timestep for dot in dots}), MARKERS, strict=False))
+    panels = [figure.add_subplot(grid[0, 0]), figure.add_subplot(grid[0, 1])]
+    for panel, cost, title in zip(panels, ("alone", "batch"), ("one environment alone", f"{BATCH} environments in a batch"), strict=True):
+        _panel(panel, dots, cost, colours, markers)
+        low = float(np.median(right.uncertainty))
+        low = low if math.isfinite(low) else _FLOOR
+        panel.axhspan(_FLOOR, max(low, 2 * _FLOOR), color="#888888", alpha=0.15, linewidth=0)
+        panel.set_title(title, fontsize=11)
+        panel.set_xlabel("us of one core for a simulated second of one environment (down and left is better)")
+        panel.set_ylabel(f"error up to {distance.horizon:.3g} s, {distance.unit} (median)")
+        finite = [dot.error for dot in dots if math.isfinite(dot.error) and dot.error > 0]
+        if finite:
+            panel.set_ylim(max(_FLOOR, 0.3 * min([*finite, max(low, _FLOOR)])), 3 * max(finite))
+    _legends(figure, panels, markers)
+    _split(figure.add_subplot(grid[1, :]), study, dots, labels, colours)
+    title = "\n".join(textwrap.wrap(f"{study.name}. Reference: {right.words}", 150))
+    figure.suptitle(f"{title}\n{note}", fontsize=9)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    figure.savefig(path)
+    return path
+
+
+def draw_later(study: Study, dots: Sequence[Dot], *, path: Path) -> Path | None:
+    """Draws what means something where motions are chaotic: invariants, and outcomes beside those of the converged runs.
+
+    Returns:
+        The file; None where there is nothing of that.
+    """
+    # An invariant that all keep to the last digit needs no panel.
+    kept = [name for name in dots[0].invariants if any(dot.invariants[name] > 0 for dot in dots)] if dots else []
+    told = [shift.name for shift in next((dot.shifts for dot in dots if dot.shifts), ())]
+    told = [name for name in told if any(shift.name == name and math.isfinite(shift.value) for dot in dots for shift in dot.shifts)]
+    if not kept and not told:
+        return None
+    figures = require("matplotlib.figure", "to draw a chart")
+    rows = [kept[k : k + _ACROSS] for k in range(0, len(kept), _ACROSS)]
+    figure = figures.Figure(figsize=(13, 1.5 + 3.4 * len(rows) + 4.2 * len(told)), dpi=120, layout="constrained")
+    grid = figure.add_gridspec(len(rows) + len(told), _ACROSS, height_ratios=[1.0] * len(rows) + [1.25] * len(told))
+    colours = _colours(list(dict.fromkeys(dot.label for dot in dots)))
+    for k, name in enumerate(kept):
+        _kept(figure.add_subplot(grid[k // _ACROSS, k % _ACROSS]), name, dots, colours)
+    for k, name in enumerate(told):
+        _shifted(figure.add_subplot(grid[len(rows) + k, :]), name, study, dots, colours)
+    lines = require("matplotlib.lines", "to draw a chart")
+    handles = [lines.Line2D([], [], color=colour, linestyle=_line(label), label=label) for label, colour in colours.items()]
+    figure.legend(handles=handles, fontsize=8, loc="outside lower center", ncols=4, frameon=False, handlelength=3.5)
+    figure.savefig(path)
+    return path
+
+
+def _colours(labels: Sequence[str]) -> dict[str, str]:
+    """A colour for each kind of settings; those that differ in precision alone have the same one, and another line."""
+    found: dict[str, str] = {}
+    counts = {"ours": 0, "law": 0, "theirs": 0, "rapier": 0}
+    for label in labels:
+        same = label.removesuffix(_SINGLE)
+        if same not in found:
+            kind = "theirs" if label.startswith("MuJoCo:") else "law" if "MuJoCo's law" in label else "ours"
+            kind = "rapier" if label.startswith("rapier:") else kind
+            palette = {"ours": _OURS, "law": _LAW, "theirs": _THEIRS, "rapier": _RAPIER}[kind]
+            found[same] = palette[counts[kind] % len(palette)]
+            counts[kind] += 1
+        found[label] = found[same]
+    return {label: found[label] for label in labels}
+
+
+def _line(label: str) -> str:
+    return "--" if label.startswith("MuJoCo:") else "-." if label.startswith("rapier:") else ":" if label.endswith(_SINGLE) else "-"
+
+
+def _panel(panel: Axes, dots: Sequence[Dot], cost: str, colours: dict[str, str], markers: dict[float, str]) -> None:
+    good = [dot for dot in dots if math.isfinite(dot.error) and math.isfinite(getattr(dot, cost))]
+    for label, colour in colours.items():
+        own = [dot for dot in good if dot.label == label]
+        x, y = [getattr(dot, cost) for dot in own], [max(dot.error, _FLOOR) for dot in own]
+        panel.plot(x, y, _line(label), color=colour, linewidth=1.4, label=label if own else f"{label} (no point)")
+    # One artist for each time step: a figure of some hundred takes seconds.
+    for timestep, marker in markers.items():
+        some = [dot for dot in good if dot.timestep == timestep]
+        x, y = [getattr(dot, cost) for dot in some], [max(dot.error, _FLOOR) for dot in some]
+        shades = [colours[dot.label] for dot in some]
+        panel.scatter(x, y, 30, shades, marker=marker, edgecolors="white", linewidths=0.5, zorder=3)
+    best = [good[k] for k in pareto([getattr(dot, cost) for dot in good], [dot.error for dot in good])]
+    x, y = [getattr(dot, cost) for dot in best], [max(dot.error, _FLOOR) for dot in best]
+    panel.plot(x, y, color="#ffcc00", linewidth=6, alpha=0.45, zorder=0, label="Pareto front", drawstyle="steps-post")
+    _scale(panel, "xy", there=bool(good))
+    panel.grid(visible=True, color="#dddddd")
+    panel.set_axisbelow(True)
+
+
+def _scale(panel: Axes, axes: str, *, there: bool) -> None:
+    """Logarithmic axes, which need numbers; where there are none the panel says so."""
+    if not there:
+        panel.text(0.5, 0.5, "nothing was measured: see the notes of the rows", transform=panel.transAxes, ha="center", fontsize=11)
+        return
+    if "x" in axes:
+        panel.set_xscale("log")
+    if "y" in axes:
+        panel.set_yscale("log")
+
+
+def _legends(figure: Figure, panels: Sequence[Axes], markers: dict[float, str]) -> None:
+    lines = require("matplotlib.lines", "to draw a chart")
+    marks = [
+        lines.Line2D([], [], marker=mark, color="#444444", linestyle="none", label=f"{dt * 1e3:.4g} ms") for dt, mark in markers.items()
+    ]
+    panels[1].legend(handles=marks, title="time step", fontsize=8, loc="best")
+    handles, labels = panels[0].get_legend_handles_labels()
+    # Long enough that dots and dashes are seen.
+    figure.legend(handles, labels, fontsize=8, loc="outside lower center", ncols=3, frameon=False, handlelength=3.5)
+
+
+def _split(panel: Axes, study: Study, dots: Sequence[Dot], labels: Sequence[str], colours: dict[str, str]) -> None:
+    """Bars of the parts of the error at the study's own time step."""
+    own = study.options.timestep or float(study.loaded[0].timestep)
+    chosen = [min((dot for dot in dots if dot.label == label), key=lambda dot: abs(dot.timestep - own)) for label in labels]
+    place, there = np.arange(len(chosen)), False
+    parts = (("solver", "solver and rounding", "#1f77d0"), ("step", "time step", "#2ca02c"), ("model", "model: softness, cone", "#d62728"))
+    for k, (name, label, colour) in enumerate(parts):
+        values = [getattr(dot, name) for dot in chosen]
+        shown = [v if math.isfinite(v) and v > _FLOOR else np.nan for v in values]
+        panel.bar(place + 0.25 * (k - 1), shown, 0.24, color=colour, label=label)
+        there = there or bool(np.isfinite(shown).any())
+    _scale(panel, "y", there=there)
+    panel.set_xticks(place, [dot.label for dot in chosen], rotation=25, ha="right", fontsize=8)
+    panel.set_ylabel("median error by its source")
+    panel.set_title(f"where errors come from, at the time step of {own * 1e3:g} ms", fontsize=11)
+    panel.legend(fontsize=8)
+    panel.grid(visible=True, axis="y", color="#dddddd")
+    panel.set_axisbelow(True)
+
+
+def _kept(panel: Axes, name: str, dots: Sequence[Dot], colours: dict[str, str]) -> None:
+    """Errors of an invariant over time steps."""
+    for label, colour in colours.items():
+        own = [dot for dot in dots if dot.label == label and math.isfinite(dot.invariants[name])]
+        x, y = [1e3 * dot.timestep for dot in own], [max(dot.invariants[name], _FLOOR) for dot in own]
+        panel.plot(x, y, _line(label), marker=".", color=colour, linewidth=1.2)
+    _scale(panel, "xy", there=True)
+    steps = sorted({1e3 * dot.timestep for dot in dots})
+    panel.set_xticks(steps, [f"{step:.3g}" for step in steps])
+    panel.minorticks_off()
+    panel.set_xlabel("time step, ms", fontsize=8)
+    panel.set_title(f"{name}, largest", fontsize=10)
+    panel.tick_params(labelsize=8)
+    panel.grid(visible=True, color="#dddddd")
+    panel.set_axisbelow(True)
+
+
+def _shifted(panel: Axes, name: str, study: Study, dots: Sequence[Dot], colours: dict[str, str]) -> None:
+    """Differences of an outcome from the converged runs with their intervals, at the study's own time step."""
+    own = study.options.timestep or float(study.loaded[0].timestep)
+    labels = list(colours)
+    for k, label in enumerate(labels):
+        dot = min((dot for dot in dots if dot.label == label), key=lambda dot: abs(dot.timestep - own))
+        for shift in dot.shifts:
+            if shift.name == name and math.isfinite(shift.value):
+                low, high = (shift.low, shift.high) if math.isfinite(shift.low) else (shift.value, shift.value)
+                panel.plot([low, high], [k, k], "-", color=colours[label], linewidth=1.6)
+                panel.plot([shift.value], [k], "o", color=colours[label], markersize=4)
+    panel.axvline(0.0, color="#444444", linewidth=0.8)
+    panel.set_yticks(range(len(labels)), labels, fontsize=8)
+    panel.invert_yaxis()
+    panel.set_title(f"{name}, less that of the converged runs, with 95 %, at the time step of {own * 1e3:g} ms", fontsize=10)
+    panel.tick_params(axis="x", labelsize=8)
+    panel.grid(visible=True, axis="x", color="#dddddd")
+    panel.set_axisbelow(True)

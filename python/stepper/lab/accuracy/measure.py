@@ -1,0 +1,228 @@
+"""Points of a chart: what settings did at a time step, how wrong that was, and where the error comes from, as far as there is time.
+
+First all settings are run, then the laws of contact are converged, then the runs are solved again with nothing left for the solver. What
+the clock stops has its reason beside it, and what was found before it stays.
+"""
+
+from __future__ import annotations
+
+import functools
+import json
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stepper.lab.accuracy.budget import Budget, Stage
+from stepper.lab.accuracy.candidates import Line
+from stepper.lab.accuracy.closed_form import right_of
+from stepper.lab.accuracy.reference import TIGHT, Reference, converge, patience
+from stepper.lab.accuracy.traces import Distance, Trace, run
+from stepper.lab.study.over_ray import each
+from stepper.lab.study.study import Study
+
+Array = NDArray[np.float64]
+TARGET = {"m": 1e-4, "rad": 1e-3}
+"""Uncertainty to which a reference is converged, and up to which time it is known where no horizon is given."""
+REFERENCE, RUNS, LAWS, SOURCES, INVARIANTS, COSTS = 0.3, 0.55, 0.65, 0.71, 0.77, 1.0
+"""Shares of a budget after which the reference, the runs, the laws, the sources of errors, invariants and costs have to be done."""
+
+
+_SLOWER, _LEAST = 10.0, 10.0
+"""How many times as long as the reference's finest run a run may take, and seconds that it may take in any case: what takes longer has
+blown up, as a rule, and has no place on a chart."""
+
+
+@dataclass(frozen=True)
+class Ground:
+    """What all points of a chart are measured against."""
+
+    study: Study
+    episodes: Sequence[int]
+    distance: Distance
+    right: Reference
+    most: int
+    budget: Budget = field(default_factory=lambda: Budget.from_seconds(math.inf))
+
+
+@dataclass(frozen=True)
+class Point:
+    """What settings did at a time step.
+
+    Attributes:
+        line: The settings.
+        timestep: s.
+        trace: The run; None where there was no time for it.
+        errors: By name: "total", "solver", "step", "model", (episodes,); NaN where the clock stopped what they need.
+        notes: What has to be said of it.
+    """
+
+    line: Line
+    timestep: float
+    trace: Trace | None
+    errors: dict[str, Array]
+    notes: tuple[str, ...] = ()
+
+
+def reference(
+    study: Study,
+    episodes: Sequence[int],
+    horizon: float | None,
+    unit: str,
+    most: int,
+    *,
+    stage: Stage | None = None,
+    tick: Callable[[float], None] | None = None,
+) -> tuple[Distance, Reference]:
+    """What is right, and how far: up to a horizon, or as far as it is known, and no farther than there was time for.
+
+    A closed form is known to the end.
+    """
+    law = {"contact": "mujoco"} if study.options.contact == "mujoco" else None
+    distance = Distance(unit, horizon or study.seconds)
+    right = right_of(study, episodes, distance, target=TARGET[unit], most=most, law=law, stage=stage, tick=tick)
+    reached = min(trace.reached for trace in (*right.runs, *right.second))
+    if horizon is None or horizon > reached * (1 + 1e-9):
+        known = float(np.median(right.known)) if horizon is None else reached
+        distance = Distance(unit, min(max(study.hold, known), reached))
+        right = right.judged(distance)
+    return distance, right
+
+
+def measure(
+    ground: Ground, all_lines: Sequence[Line], steps: Sequence[float], tick: Callable[[str, float], None]
+) -> tuple[list[Point], list[str], dict[str, Reference]]:
+    """Runs all lines at all time steps.
+
+    Returns:
+        Points; what could not be run at all; and the converged runs of the laws of contact, by a line's label.
+    """
+    study = ground.study
+    made: dict[int, list[tuple[Trace | None, str]] | str] = {}
+    for number, own in each(study, list(enumerate(all_lines)), functools.partial(_runs, ground, steps, len(all_lines))):
+        made[number] = own
+        tick("runs", len(made) / len(all_lines))
+    could = {number: own for number, own in sorted(made.items()) if not isinstance(own, str)}
+    skipped = [f"{all_lines[number].label}: {own}" for number, own in sorted(made.items()) if isinstance(own, str)]
+    laws = _laws(ground, [all_lines[number] for number in could], lambda done: tick("laws of contact", done))
+    wanted = {_solved_key(all_lines[n], dt): (all_lines[n], dt) for n in could for dt in steps if all_lines[n].engine == "stepper"}
+    solved: dict[str, tuple[Trace | None, str]] = {}
+    jobs = [(*own, 1.0 / (len(wanted) - k)) for k, own in enumerate(wanted.values())]
+    for number, last in each(study, jobs, functools.partial(_solved, ground)):
+        solved[list(wanted)[number]] = last
+        tick("sources of errors", len(solved) / len(wanted))
+    points = []
+    for number, row in could.items():
+        line = all_lines[number]
+        for dt, (trace, note) in zip(steps, row, strict=True):
+            tight = solved[_solved_key(line, dt)] if line.engine == "stepper" else (trace, note)
+            points.append(_point(ground, (line, dt), (trace, note), tight, laws[_law(line)]))
+    return points, skipped, {line.label: found for line in reversed(all_lines) if isinstance(found := laws.get(_law(line)), Reference)}
+
+
+def _laws(ground: Ground, lines: Sequence[Line], tick: Callable[[float], None]) -> dict[str, Reference | str]:
+    """Converged runs of the laws of contact of lines, or why there is none."""
+    laws: dict[str, Reference | str] = {ground.study.options.contact: ground.right}
+    first = {_law(line): line for line in reversed(lines) if _law(line) not in laws}
+    jobs = [(line, 1.0 / (len(first) - k)) for k, line in enumerate(reversed(first.values()))]
+    for done, (number, law) in enumerate(each(ground.study, jobs, functools.partial(_converged, ground))):
+        laws[_law(jobs[number][0])] = law
+        tick((done + 1) / len(jobs))
+    return laws
+
+
+def _law(line: Line) -> str:
+    """What lines share that have one converged run."""
+    return line.law if line.engine == "stepper" else json.dumps(line.settings, sort_keys=True)
+
+
+def _solved_key(line: Line, dt: float) -> str:
+    """What lines share that are one run when nothing is left for the solver."""
+    return json.dumps({name: own for name, own in line.settings.items() if name not in TIGHT} | {"timestep": dt}, sort_keys=True)
+
+
+def _runs(ground: Ground, steps: Sequence[float], count: int, study: Study, own: tuple[int, Line]) -> list[tuple[Trace | None, str]] | str:
+    """One of so many lines at all time steps, each with what has to be said of it; or why it could not be run."""
+    (number, line), stage = own, ground.budget.stage(RUNS)
+    made: dict[float, tuple[Trace | None, str]] = {}
+    left = (count - number) * len(steps)
+    try:
+        # Long time steps first, which take the least time: the others have what they leave.
+        for k, dt in enumerate(sorted(steps, reverse=True)):
+            made[dt] = _run(ground, stage.one(1.0 / (left - k)), line.settings | {"timestep": dt}, study)
+        return [made[dt] for dt in steps]
+    except ValueError as error:
+        return " ".join(str(error).split())[:300]
+
+
+def _solved(ground: Ground, study: Study, own: tuple[Line, float, float]) -> tuple[Trace | None, str]:
+    """A line at a time step with nothing left for the solver, up to the horizon, with a share of the time that is left."""
+    line, dt, share = own
+    return _run(
+        ground, ground.budget.stage(SOURCES).one(share), line.settings | TIGHT | {"timestep": dt}, study, until=ground.distance.horizon
+    )
+
+
+def _run(ground: Ground, stage: Stage, settings: dict[str, Any], study: Study, until: float = math.inf) -> tuple[Trace | None, str]:
+    if stage.limited and not stage.left:
+        return None, f"the budget of {ground.budget.seconds:g} s was spent before"
+    patient = patience(study, ground.right.trace, settings["timestep"], slower=_SLOWER, least=_LEAST)
+    trace = run(study, ground.episodes, until=until, stage=stage.within(patient), **settings)
+    if trace.stopped:
+        whole = min(until, study.seconds)
+        why = "" if stage.limited and not stage.left else f": it takes more than {_SLOWER:g} times as long as the converged run"
+        return trace, f"stopped after {trace.spent:.1f} s at {trace.reached:.3g} of {whole:.3g} s{why}"
+    return trace, ""
+
+
+def _converged(ground: Ground, study: Study, own: tuple[Line, float]) -> Reference | str:
+    """The converged run of a line's law, with a share of the time that is left, or why there is none."""
+    line, share = own
+    # Hard contact is converged by one rule for all lines; MuJoCo's law by that of the line, as the study's own may be of hard contact.
+    law = None if line.law == "hard" else {name: own for name, own in line.settings.items() if name != "precision"}
+    distance, stage = ground.distance, ground.budget.stage(LAWS)
+    if stage.limited and not stage.left:
+        return f"the budget of {ground.budget.seconds:g} s was spent before"
+    most = min(ground.most, 5)
+    try:
+        return converge(
+            study,
+            ground.episodes,
+            distance,
+            target=TARGET[distance.unit],
+            most=most,
+            law=law,
+            until=distance.horizon,
+            stage=stage.one(share),
+        )
+    except ValueError as error:
+        return " ".join(str(error).split())[:300]
+
+
+def _point(
+    ground: Ground, at: tuple[Line, float], own: tuple[Trace | None, str], tight: tuple[Trace | None, str], law: Reference | str
+) -> Point:
+    nothing, (line, dt) = np.full(len(ground.episodes), np.nan), at
+    trace, note = own
+    notes = [note] if trace is not None or not note else [f"not run: {note}"]
+    if trace is not None and (lost := int((~trace.finite).sum())):
+        notes.append(f"not finite in {lost} of {len(trace.finite)} episodes")
+    if tight[0] is not trace and tight[1]:
+        notes.append(f"source of the error: {tight[1]}")
+    if isinstance(law, str):
+        notes.append(f"its law of contact is not converged: {law}")
+
+    def apart(one: Trace | None, other: Trace | None) -> Array:
+        return nothing if one is None or other is None else ground.distance(one, other)
+
+    converged = None if isinstance(law, str) else law.trace
+    errors = {
+        "total": apart(trace, ground.right.trace),
+        "solver": apart(trace, tight[0]) if line.engine == "stepper" else nothing,
+        "step": apart(tight[0], converged),
+        "model": apart(converged, ground.right.trace),
+    }
+    return Point(line, dt, trace, errors, tuple(note for note in notes if note))

@@ -1,0 +1,172 @@
+"""What a chart says and writes: its document, its table, and the numbers of every episode."""
+
+from __future__ import annotations
+
+import csv
+import json
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from stepper.lab.accuracy.costs import BATCH
+from stepper.lab.accuracy.distributions import names
+from stepper.lab.accuracy.dots import Dot, front
+from stepper.lab.accuracy.invariants import Invariants
+from stepper.lab.accuracy.measure import TARGET, Ground, Point
+from stepper.lab.accuracy.reference import Reference
+from stepper.lab.study.document import Document, Section, counted
+from stepper.shared.machine import package_version, provenance
+
+
+@dataclass(frozen=True)
+class Found:
+    """All that a chart has found.
+
+    Attributes:
+        ground: What points are measured against.
+        points: What every settings did at every time step.
+        dots: The same in numbers.
+        skipped: What could not be run, with the reason.
+        laws: Converged runs of the laws of contact, by a label.
+        invariants: What the scene keeps.
+    """
+
+    ground: Ground
+    points: Sequence[Point]
+    dots: Sequence[Dot]
+    skipped: Sequence[str]
+    laws: Mapping[str, Reference]
+    invariants: Invariants
+
+
+def write(found: Found, folder: Path) -> tuple[Document, list[Path]]:
+    """Writes chart.png, .csv, .npz, .html and .md, and chart_later.png of invariants and outcomes."""
+    from stepper.lab.accuracy.draw import draw, draw_later  # noqa: PLC0415  (matplotlib is optional, and slow to import)
+
+    ground, came_from = found.ground, provenance()
+    study, distance, right = ground.study, ground.distance, ground.right
+    note = f"{came_from['cpu']}, one core, {came_from['utc']}"
+    picture = draw(study, distance, right, found.dots, path=folder / "chart.png", note=note)
+    later = draw_later(study, found.dots, path=folder / "chart_later.png")
+    table = folder / "chart.csv"
+    if rapier := package_version("rapier3d"):
+        came_from["rapier3d"] = rapier
+    with table.open("w", newline="", encoding="utf-8") as file:
+        told = {"reference": right.words, "horizon_s": distance.horizon, "unit": distance.unit, "budget_s": ground.budget.seconds}
+        for key, value in {**told, **study.in_force, **came_from}.items():
+            file.write(f"# {key}: {value if isinstance(value, str) else json.dumps(value, default=str)}\n")
+        writer = csv.DictWriter(file, list(dict.fromkeys(name for dot in found.dots for name in dot.row)))
+        writer.writeheader()
+        writer.writerows(dot.row for dot in found.dots)
+    document = Document(f"Error against cost: {study.name}", _sections(found, picture, later))
+    return document, [picture, *([later] if later else []), table, _episodes(found, folder / "chart.npz"), *document.save(folder, "chart")]
+
+
+def _episodes(found: Found, path: Path) -> Path:
+    """Errors and outcomes of every episode: (points, episodes) each, with "label" and "timestep" of the points."""
+    nothing = np.full(len(found.ground.episodes), np.nan)
+    kept: dict[str, Any] = {
+        "label": np.array([dot.label for dot in found.dots]),
+        "timestep": np.array([dot.timestep for dot in found.dots]),
+        "episode": np.array(list(found.ground.episodes)),
+    }
+    for name in ("total", "solver", "step", "model"):
+        kept[f"error_{name}"] = np.array([point.errors[name] for point in found.points])
+    for outcome in found.ground.study.all_outcomes:
+        kept[f"outcome_{outcome.name}"] = np.array(
+            [nothing if point.trace is None else point.trace.outcomes[outcome.name] for point in found.points]
+        )
+        kept[f"reference_{outcome.name}"] = found.ground.right.trace.outcomes[outcome.name]
+    np.savez_compressed(path, **kept)
+    return path
+
+
+def _sections(found: Found, picture: Path, later: Path | None) -> list[Section]:
+    dots, ground = found.dots, found.ground
+    best = set(map(id, [*front(dots, "alone"), *front(dots, "batch")]))
+    study, unit = ground.study, ground.distance.unit
+    head = ("", "settings", "time step, ms", f"error, {unit}", "solver", "step", "model", "alone, us", "batch, us", "depth, mm")
+    outcome = study.decisive or next(iter(study.all_outcomes), None)
+    more = ("residual, m/s", *(() if outcome is None else (f"mean {outcome.name}", "successes")), "notes")
+
+    def row(dot: Dot) -> list[Any]:
+        numbers = (dot.error, dot.solver, dot.step, dot.model, dot.alone, dot.batch, 1e3 * dot.depth, dot.residual)
+        outcomes = () if outcome is None else (dot.outcome, dot.share)
+        return ["*" if id(dot) in best else "", dot.label, 1e3 * dot.timestep, *numbers, *outcomes, "; ".join(dot.notes)]
+
+    fronts = [dot for dot in dots if id(dot) in best]
+    return [
+        Section("What it shows", _words(found), picture=picture),
+        Section(
+            "Pareto fronts", ["Nothing else is cheaper, alone or in a batch, and more accurate."], (*head, *more), list(map(row, fronts))
+        ),
+        Section("All points", [], (*head, *more), list(map(row, dots))),
+        _kept(found, later),
+        _distributions(found),
+    ]
+
+
+def _words(found: Found) -> list[str]:
+    ground = found.ground
+    right, unit, horizon = ground.right, ground.distance.unit, ground.distance.horizon
+    what = "largest distance of a body, geom or site" if unit == "m" else "largest angle of a body"
+    laws = [f"{label} {np.median(law.uncertainty):.1e}" for label, law in found.laws.items() if law is not right]
+    stopped = sum(bool(dot.notes) for dot in found.dots)
+    words = [
+        f"Errors are the {what} from the reference up to {horizon:.3g} s, in {unit}, medians over "
+        f"{counted(len(right.uncertainty), 'episode')}. Reference: {right.words}."
+        + (
+            ""
+            if right.exact
+            else f" Up to {np.median(right.known):.3g} s (median; {right.known.min():.3g} s at least) its last two runs are one to "
+            f"{TARGET[unit]:g} {unit}; later no single motion is right, and invariants and outcomes are what can be compared."
+        ),
+        f"Costs are processor time of one core: microseconds for a simulated second of one environment, alone and of {BATCH} in a "
+        "batch, with recorded controls. MuJoCo and rapier step one environment after the other in both.",
+        "solver: what the solver left and rounding, from the same run solved to 1e-9 m/s in 64 bits. step: that run from the "
+        "converged one of its law of contact. model: that one from the reference (softness, friction cone): hard contact is what is "
+        "right here, unless the study's options have MuJoCo's law."
+        + (f" Uncertainty of the converged runs, {unit} (median): {'; '.join(laws)}." if laws else ""),
+    ]
+    if math.isfinite(ground.budget.seconds):
+        words.append(
+            f"All of it had {ground.budget.seconds:g} s by the clock. "
+            + (f"{stopped} of {len(found.dots)} rows have a note on what was stopped or not finite." if stopped else "Nothing was stopped.")
+        )
+    return [*words, *(f"Not run: {reason}." for reason in found.skipped)]
+
+
+def _kept(found: Found, picture: Path | None) -> Section:
+    kinds, left = [kind.label for kind in found.invariants.kinds], found.invariants.left_out
+    words = [
+        "What a right motion keeps however chaotic it is: largest errors of all episodes, after every control and to their end, computed "
+        "from positions and velocities in the same way for all engines. docs/studies.md has the definitions."
+        if kinds
+        else "The scene has none."
+    ]
+    words += [f"Left out: {reason}." for reason in left]
+    rows = [[dot.label, 1e3 * dot.timestep, *dot.invariants.values(), "; ".join(dot.notes)] for dot in found.dots] if kinds else []
+    return Section("Invariants", words, ("settings", "time step, ms", *kinds, "notes"), rows, picture)
+
+
+def _distributions(found: Found) -> Section:
+    study, right = found.ground.study, found.ground.right
+    title = "Distributions of outcomes"
+    if not study.all_outcomes:
+        return Section(title, ["Left out: the study has no outcome. Give it one, and chances can be compared where motions cannot."])
+    if right.trace.stopped:
+        return Section(title, [f"Left out: the clock stopped the converged runs at {right.trace.reached:.3g} of {study.seconds:g} s."])
+    count = counted(len(right.uncertainty), "episode")
+    words = [
+        f"By how much a mean, or the share of successes, differs from that of the converged runs, over {count}, with the interval that has "
+        "the difference with 95 %: Student's of pairs, and Newcombe's of two shares. Where it has 0, these episodes do not tell settings "
+        "from the reference; --episodes makes it narrower."
+    ]
+    rows = [
+        [dot.label, 1e3 * dot.timestep, *(shift.words for shift in dot.shifts), "; ".join(dot.notes)] for dot in found.dots if dot.shifts
+    ]
+    return Section(title, words, ("settings", "time step, ms", *names(study), "notes"), rows)

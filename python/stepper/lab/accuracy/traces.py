@@ -1,0 +1,277 @@
+"""Runs of a study's episodes with some settings: where every body is after every control, and how far two runs are apart.
+
+A run has an end that a clock may set: what it saw until then is a trace of its own, shorter than the others. An episode is over for good
+where its state is not finite: what engines do with it then (stepper holds the last finite state, MuJoCo starts anew) is no motion.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import functools
+import math
+import re
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stepper.lab.accuracy.budget import Stage
+from stepper.lab.study.batches import running, world_of
+from stepper.lab.study.outcomes import Watch
+from stepper.lab.study.over_ray import each
+from stepper.lab.study.points import USUAL
+from stepper.lab.study.study import Study
+from stepper.lab.study.worlds import StepperWorld, World
+
+Array = NDArray[np.float64]
+
+_UNITS = {"m": ("m", 1.0), "cm": ("m", 1e-2), "mm": ("m", 1e-3), "um": ("m", 1e-6), "rad": ("rad", 1.0), "mrad": ("rad", 1e-3)}
+_UNITS |= {"deg": ("rad", np.pi / 180), "s": ("s", 1.0), "ms": ("s", 1e-3)}
+
+
+@dataclass(frozen=True)
+class Trace:
+    """Episodes of one run.
+
+    Attributes:
+        time: After every control, s: (T,). Fewer controls than the study has, where the run was stopped.
+        points: Positions of bodies, geoms and sites, (T, episodes, nbody + ngeom + nsite, 3) in m; NaN from where an episode is not finite.
+        xquat: Orientations of the bodies, (T, episodes, nbody, 4).
+        ctrl: Controls, (T, episodes, nu); NaN where those in force were held.
+        applied: Forces and torques on the bodies, (T, episodes, nbody, 6).
+        qpos: Where episodes start, (episodes, nq).
+        qvel: How fast, (episodes, nv).
+        path: Configurations over time, (T, episodes, nq), and velocities, (T, episodes, nv); NaN as points.
+        finite: Whether an episode was finite to the end of the run: (episodes,).
+        outcomes: By name, (episodes,); NaN where the run was stopped, and of what is not finite.
+        depth: Deepest overlap, m: (episodes,).
+        residual: Largest one, m/s; NaN in MuJoCo: (episodes,).
+        settings: In force.
+        timestep: s.
+        spent: Seconds that it took.
+        stopped: Whether the clock stopped it.
+    """
+
+    time: Array
+    points: Array
+    xquat: Array
+    ctrl: Array
+    applied: Array
+    qpos: Array
+    qvel: Array
+    path: tuple[Array, Array]
+    finite: NDArray[np.bool_]
+    outcomes: dict[str, Array]
+    depth: Array
+    residual: Array
+    settings: dict[str, Any]
+    timestep: float
+    spent: float
+    stopped: bool
+
+    @property
+    def reached(self) -> float:
+        """Simulated time that the run got to, s."""
+        return float(self.time[-1]) if len(self.time) else 0.0
+
+
+def run(
+    study: Study,
+    episodes: Sequence[int],
+    setting: str = USUAL,
+    *,
+    until: float = math.inf,
+    stage: Stage | None = None,
+    tick: Callable[[float], None] | None = None,
+    **changed: Any,
+) -> Trace:
+    """Runs episodes of the nominal point with ideal sensors, whose errors would depend on the time step.
+
+    Args:
+        study: The study.
+        episodes: Their numbers.
+        setting: Name of the settings.
+        until: Simulated time after which nothing more is asked for, s; outcomes are NaN where that is before the end of an episode.
+        stage: When it has to stop; None is never. It stops between steps, in MuJoCo and rapier between controls.
+        tick: Called with the fraction done after every control.
+        **changed: As of `world_of`.
+    """
+    begun, stage = time.time(), stage or Stage()
+    world = world_of(study, setting, [study.nominal] * len(episodes), **(changed | {"sensors": None}))
+    seen = Seen(study, world)
+    by_step = stage.limited and world.engine == "stepper"
+    enough = max(1, min(study.controls, math.ceil(until / study.hold - 1e-9))) if math.isfinite(until) else study.controls
+    for looks in running(study, world, episodes, by_step=by_step):
+        if looks:
+            seen.look(world)
+            if tick:
+                tick(len(seen.rows) / enough)
+            if len(seen.rows) >= enough < study.controls or not seen.finite.any():
+                break
+        if stage.limited and not stage.left:
+            break
+    return seen.trace(world, enough, time.time() - begun)
+
+
+class Seen:
+    """What a run has seen so far."""
+
+    def __init__(self, study: Study, world: World):
+        self._study, self._nu = study, world.model.nu
+        self.rows: list[tuple[float, tuple[Array, ...], Array, Array]] = []
+        self.finite: NDArray[np.bool_] = np.ones(world.num_envs, np.bool_)
+        self._start: tuple[Array, Array] | None = None
+        self._watch: Watch | None = None
+
+    def look(self, now: World) -> None:
+        """Takes in the start, and then what follows every control."""
+        if self._watch is None or self._start is None:
+            self._start, self._watch = (now.qpos.copy(), now.qvel.copy()), Watch(tuple(self._study.all_outcomes), now)
+            return
+        self._watch.look(now)
+        held = np.full((now.num_envs, self._nu), np.nan)
+        if now.last_ctrl is not None:
+            held[:] = now.last_ctrl
+        shown = (_points(now), now.xquat.copy(), now.qpos.copy(), now.qvel.copy())
+        sound = np.isfinite(shown[2]).all(axis=1) & np.isfinite(shown[3]).all(axis=1)
+        self.finite &= sound & ~now.diverged
+        lost = ~self.finite
+        for array in shown:
+            array[lost] = np.nan
+        self.rows.append((now.time, shown, held, np.array(now.xfrc_applied, float)))
+        if lost.any() and isinstance(now, StepperWorld):
+            # A state that is not finite, and one that is about to be, take as many iterations as there may be, step after step.
+            now.sim.reset(lost, qpos=self._start[0], qvel=self._start[1])
+
+    def trace(self, world: World, controls: int, spent: float) -> Trace:
+        """All of it; what is not finite to the end, or not seen to the end, has no outcome."""
+        assert self._start is not None
+        assert self._watch is not None
+        told, model, count = world.certificate(), world.model, len(self.rows)
+        shapes = ((model.nbody + model.ngeom + model.nsite, 3), (model.nbody, 4), (model.nq,), (model.nv,))
+        over = [np.array([row[1][k] for row in self.rows], float).reshape(count, world.num_envs, *shape) for k, shape in enumerate(shapes)]
+        lost = ~self.finite if count == self._study.controls else np.ones(world.num_envs, np.bool_)
+        return Trace(
+            time=np.array([row[0] for row in self.rows]),
+            points=over[0],
+            xquat=over[1],
+            ctrl=np.array([row[2] for row in self.rows]).reshape(count, world.num_envs, self._nu),
+            applied=np.array([row[3] for row in self.rows]).reshape(count, world.num_envs, model.nbody, 6),
+            qpos=self._start[0],
+            qvel=self._start[1],
+            path=(over[2], over[3]),
+            finite=self.finite,
+            outcomes={name: np.where(lost, np.nan, value) for name, value in self._watch.values(world).items()},
+            depth=told["max_penetration"],
+            residual=told["residual"],
+            settings=world.settings(),
+            timestep=world.timestep,
+            spent=spent,
+            stopped=bool(count < controls and self.finite.any()),
+        )
+
+
+def runs(
+    study: Study,
+    episodes: Sequence[int],
+    settings: Sequence[Mapping[str, Any]],
+    patience: Sequence[float],
+    tick: Callable[[float], None] | None = None,
+) -> list[Trace]:
+    """Runs of the same episodes with several settings, over Ray where the study says so.
+
+    Args:
+        study: The study.
+        episodes: Their numbers.
+        settings: As of `world_of`, of every run.
+        patience: Seconds after which each is stopped.
+        tick: Called with the fraction done.
+    """
+    made: dict[int, Trace] = {}
+    for number, trace in each(study, list(zip(settings, patience, strict=True)), functools.partial(_one, episodes)):
+        made[number] = trace
+        if tick:
+            tick(len(made) / len(settings))
+    return [made[number] for number in range(len(settings))]
+
+
+def _one(episodes: Sequence[int], study: Study, own: tuple[Mapping[str, Any], float]) -> Trace:
+    settings, patience = own
+    return run(study, episodes, stage=Stage().within(patience), **settings)
+
+
+def _points(now: World) -> Array:
+    # Origins of bodies alone would not see a link that turns about its own: geoms and sites are farther out.
+    return np.concatenate([now.xpos, now.geom_xpos, now.site_xpos], axis=1)
+
+
+@dataclass(frozen=True)
+class Distance:
+    """How far two runs are apart: the largest distance of a body, geom or site, in m, or angle of a body, in rad, up to a horizon.
+
+    Attributes:
+        unit: "m" or "rad".
+        horizon: s.
+    """
+
+    unit: str
+    horizon: float
+
+    def over_time(self, one: Trace, other: Trace) -> Array:
+        """Largest so far, after every control that both have seen: (T, episodes); infinite where a run is not finite."""
+        seen = min(len(one.time), len(other.time))
+        if self.unit == "m":
+            apart = np.linalg.norm(one.points[:seen] - other.points[:seen], axis=3)
+        else:
+            # By the vector part of the difference: 1 - cos loses half of the digits.
+            product = _between(one.xquat[:seen], other.xquat[:seen])
+            apart = 2.0 * np.arctan2(np.linalg.norm(product[..., 1:], axis=3), np.abs(product[..., 0]))
+        far: Array = np.where(np.isfinite(apart), apart, np.inf).max(axis=2)
+        return np.maximum.accumulate(far, axis=0)
+
+    def __call__(self, one: Trace, other: Trace) -> Array:
+        """Largest up to the horizon, (episodes,); NaN where the clock stopped a run before it, and infinite where that was not finite."""
+        short, long = sorted((one, other), key=lambda trace: len(trace.time))
+        last = max(1, int(np.searchsorted(long.time, self.horizon * (1 + 1e-9), side="right")))
+        far = self.over_time(one, other)
+        if last <= len(far):
+            at: Array = far[last - 1]
+            return at
+        return np.where(short.finite, np.nan, np.inf)
+
+
+def _between(a: Array, b: Array) -> Array:
+    """conj(a) b of unit quaternions (w, x, y, z)."""
+    w, v = a[..., :1], -a[..., 1:]
+    x, u = b[..., :1], b[..., 1:]
+    return np.concatenate([w * x - (v * u).sum(axis=-1, keepdims=True), w * u + x * v + np.cross(v, u)], axis=-1)
+
+
+def quantity(given: str | float, *, name: str, units: Sequence[str]) -> tuple[float, str]:
+    """A number with its unit, e.g. "1 mm": (1e-3, "m"). A plain number is of the base unit, where there is one alone.
+
+    Args:
+        given: The words, or the number.
+        name: What errors call it.
+        units: Base units that it may have: of "m", "rad", "s".
+
+    Raises:
+        ValueError: It is none.
+    """
+    known = [unit for unit, (base, _) in _UNITS.items() if base in units]
+    if isinstance(given, int | float | np.number) and not isinstance(given, bool) and len(units) == 1:
+        if 0 < given < np.inf:
+            return float(given), units[0]
+    elif isinstance(given, str):
+        found = re.fullmatch(r"\s*([0-9.eE+-]+)\s*([a-z]+)\s*", given)
+        with contextlib.suppress(ValueError):
+            if found and found[2] in known and 0 < float(found[1]) < np.inf:
+                base, factor = _UNITS[found[2]]
+                return float(found[1]) * factor, base
+    raise ValueError(
+        f'{name} is {given!r}, must be a number above 0 with a unit, such as "1 {known[-1]}"; units are: {", ".join(known)}'
+        + (f"; without a unit a number is in {units[0]}" if len(units) == 1 else "")
+    )

@@ -1,0 +1,548 @@
+"""The cheapest settings that keep an error budget, proved on episodes that had no part in the choice; and what the scene does not need."""
+
+from __future__ import annotations
+
+import functools
+import hashlib
+import json
+import math
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, fields, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stepper._options import Options
+from stepper._stepper import Model
+from stepper.lab.accuracy.budget import Stage
+from stepper.lab.accuracy.candidates import hard_lines, timesteps
+from stepper.lab.accuracy.closed_form import right_of
+from stepper.lab.accuracy.costs import costs
+from stepper.lab.accuracy.needs import Bench, Spare, spares
+from stepper.lab.accuracy.reference import Reference, check_moves, patience
+from stepper.lab.accuracy.traces import Distance, Trace, quantity, run, runs
+from stepper.lab.progress import Tick
+from stepper.lab.study.batches import steps_of
+from stepper.lab.study.document import Document, Section, counted
+from stepper.lab.study.intervals import least_share, trials_for
+from stepper.lab.study.over_ray import each
+from stepper.lab.study.study import Study
+from stepper.shared.machine import one_core, provenance
+
+Array = NDArray[np.float64]
+_KNOWN = 0.1
+"""Share of the budget to which the reference is converged."""
+_BETTER = 0.8
+"""Error of the next candidate at the most, over that of one that failed on held-out episodes."""
+
+_BETWEEN = 3
+"""Rounds in which time steps are tried between the longest that keeps the budget and the next one."""
+_NEAR = 1.25
+"""Ratio of costs up to which candidates are timed again beside the cheapest."""
+OWN = "the study's own"
+"""Name of a study's own settings among candidates."""
+_PART = 16
+"""Held-out episodes that are stepped together, here or as a task of Ray."""
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """Settings that were tried.
+
+    Attributes:
+        settings: As of `Study.settings`, with the time step.
+        name: In a few words.
+        error: Largest of the episodes that it was chosen by, the reference's uncertainty included; infinite where one diverged, or where
+            the run was stopped, as it took far longer than what is right.
+        alone: Microseconds of one core for a simulated second of one environment, stepped alone; NaN where the error is above the budget.
+        batch: The same in a batch.
+        stopped: Whether the run was stopped.
+    """
+
+    settings: dict[str, Any]
+    name: str
+    error: float
+    alone: float
+    batch: float
+    stopped: bool = False
+
+
+@dataclass(frozen=True)
+class Trial:
+    """A candidate on episodes that had no part in its choice.
+
+    Attributes:
+        candidate: Which.
+        episodes: How many that differ from one another and from all before them; others prove nothing.
+        held: In how many the error, with the reference's uncertainty, is within the budget.
+        unknown: In how many the reference itself is not known to half the budget; they do not count as held.
+        worst: Largest error.
+        share: Share of episodes that hold with the confidence.
+        confidence: Of that: of the first trial half the doubt that is allowed, of each further one half of what is left.
+    """
+
+    candidate: Candidate
+    episodes: int
+    held: int
+    unknown: int
+    worst: float
+    share: float
+    confidence: float
+
+
+@dataclass(frozen=True)
+class Tuning:
+    """What was found.
+
+    Attributes:
+        study: What was tuned.
+        budget: Allowed error, in the unit of the distance.
+        distance: What errors are.
+        chosen: The cheapest settings that keep the budget and were proved; None where none do.
+        options: What to give to `stepper.Stepper`; None likewise.
+        precision: Likewise.
+        usual: What the study has by itself.
+        candidates: All, the study's own among them, those within the budget first, by cost.
+        trials: Of the candidates that were chosen, in their order.
+        spare: What the scene does not need.
+        smaller: The model without it; None where nothing was taken out.
+        document: In words.
+        files: What was written.
+    """
+
+    study: Study
+    budget: float
+    distance: Distance
+    chosen: Candidate | None
+    options: Options | None
+    precision: str | None
+    usual: Candidate
+    candidates: tuple[Candidate, ...]
+    trials: tuple[Trial, ...]
+    spare: tuple[Spare, ...]
+    smaller: Any
+    document: Document
+    files: tuple[Path, ...]
+
+    def __str__(self) -> str:
+        return self.document.markdown()
+
+
+def tune(
+    source: Any,
+    out: str | os.PathLike[str] = "out",
+    *,
+    error: str,
+    horizon: str | float,
+    coverage: float = 0.9,
+    confidence: float = 0.95,
+    episodes: int = 12,
+    alone: bool = False,
+    reduce: bool = True,
+    tick: Tick | None = None,
+) -> Tuning:
+    """The cheapest settings of hard contact that keep an error budget, and what the scene does not need.
+
+    Settings are chosen by some episodes and proved by others, which had no part in the choice: with the confidence, at least the share
+    `coverage` of episodes is within the budget. Errors are those of time step, solver and precision, from the study's closed form
+    (`Study.exact`) or a reference of the same law of contact that is converged to a tenth of the budget. Of a study over Ray, candidates,
+    held-out episodes and smaller models are run as tasks; the first reference and all costs are of this process.
+
+    Args:
+        source: A study or the file of one; or a model as of `stepper.load`, which gets random controls.
+        out: The folder that has a folder for every study.
+        error: The budget with its unit: "1 mm", "0.5 deg".
+        horizon: Time up to which it holds: "1 s", "500 ms", or a number of seconds.
+        coverage: Share of episodes that must hold.
+        confidence: Of that.
+        episodes: By which settings are chosen.
+        alone: Whether the cost of one environment alone counts, not that of a batch.
+        reduce: Whether to look for what the scene does not need.
+        tick: Progress.
+
+    Returns:
+        What was found. OUT/NAME has tune.html, tune.md, tune.json, and smaller.stepper where something could be taken out.
+
+    Raises:
+        ValueError: A budget or horizon that is none, a model without joints, a study of MuJoCo's law, or one whose episodes repeat one
+            another, so that held-out ones prove nothing.
+    """
+    budget, unit = quantity(error, name="error", units=("m", "rad"))
+    seconds, _ = quantity(horizon, name="horizon", units=("s",))
+    for name, share in (("coverage", coverage), ("confidence", confidence)):
+        if not 0 < share < 1:
+            raise ValueError(f"{name} is {share}, must be between 0 and 1")
+    study = Study.from_model(source)
+    if study.options.contact != "hard":
+        raise ValueError('the study has contact="mujoco", whose settings are those of its file; tuning chooses among those of hard contact')
+    study = replace(check_moves(study), threads=1, seconds=max(study.hold, math.ceil(round(seconds / study.hold, 9)) * study.hold))
+    told: Tick = tick or (lambda _what, _done: None)
+    distance = Distance(unit, seconds)
+    enough = trials_for(coverage, 1 - (1 - confidence) / 2)
+    if (count := len(_fresh(study, range(episodes, episodes + enough), {}))) < enough:
+        raise ValueError(
+            f"{study.name}: {count} of {enough} held-out episodes differ from one another and from those that choose, all of which must "
+            f"for a coverage of {coverage} with the confidence {confidence}; give it qpos_noise, qvel_noise, a start or a drive that is "
+            "random, more recorded episodes, or ask for less"
+        )
+    right = right_of(study, range(episodes), distance, target=_KNOWN * budget, tick=lambda done: told("reference", done))
+    usual, candidates = _candidates(study, range(episodes), distance, right, budget, alone=alone, told=told)
+    candidates.sort(key=lambda own: (not own.error <= budget, own.alone if alone else own.batch))
+    trials: list[Trial] = []
+    chosen = None
+    first = episodes
+    bound = budget
+    exhausted = False
+    for candidate in candidates:
+        if not candidate.error <= bound:
+            continue
+        doubt = (1 - confidence) / 2.0 ** (len(trials) + 1)
+        count = trials_for(coverage, 1 - doubt)
+        held_out = _fresh(study, range(first, first + count), candidate.settings)
+        if len(held_out) < count:
+            exhausted = True
+            break
+        trials.append(_trial(study, candidate, held_out, distance, budget, confidence=1 - doubt))
+        first += count
+        told("held-out episodes", len(trials) / (len(trials) + 1))
+        if trials[-1].share >= coverage:
+            chosen = candidate
+            break
+        # What is no better by the episodes that chose would fail on others too.
+        bound = _BETTER * candidate.error
+    told("held-out episodes", 1.0)
+    # Of what diverges nobody can say what it needs.
+    seen = chosen or (usual if math.isfinite(usual.error) else min(candidates, key=lambda own: own.error))
+    spare, smaller = _not_needed(study, range(episodes), seen, distance, budget=budget, told=told) if reduce else ([], None)
+    options, precision = _options(study, chosen)
+    document = Document(f"Tuning of {study.name}")
+    found = Tuning(
+        *(study, budget, distance, chosen, options, precision, usual, tuple(candidates), tuple(trials), tuple(spare), smaller, document, ())
+    )
+    document.sections += _sections(found, right, coverage=coverage, confidence=confidence, alone=alone, exhausted=exhausted)
+    return replace(found, files=tuple(_save(found, Path(out) / study.name)))
+
+
+@dataclass
+class _Tried:
+    """Settings of a line at a number of steps to a control, and what came of them."""
+
+    name: str
+    line: dict[str, Any]
+    steps: int
+    settings: dict[str, Any]
+    trace: Trace
+    error: float
+    cost: tuple[float, float] = (math.nan, math.nan)
+
+
+def _lines(study: Study) -> list[tuple[str, dict[str, Any]]]:
+    """The study's own settings first, also in the other precision, then those of a chart, without what is the same twice."""
+    other = "f32" if study.precision == "f64" else "f64"
+    named: list[tuple[str, dict[str, Any]]] = [(OWN, {}), (f"{OWN}, {other}", {"precision": other})]
+    # A line that says nothing of its precision is of 64 bits, whatever the study's is.
+    named += [(line.name, {"precision": "f64"} | line.settings) for line in hard_lines()]
+    kept: dict[str, tuple[str, dict[str, Any]]] = {}
+    for name, given in named:
+        rest = {key: value for key, value in given.items() if key != "precision"}
+        options = asdict(replace(study.options, **rest))
+        in_force = options | {"integrator": options["integrator"] or "midpoint", "precision": given.get("precision", study.precision)}
+        kept.setdefault(json.dumps(in_force, sort_keys=True, default=str), (name, given))
+    return list(kept.values())
+
+
+def _candidates(
+    study: Study, episodes: Sequence[int], distance: Distance, right: Reference, budget: float, *, alone: bool, told: Tick
+) -> tuple[Candidate, list[Candidate]]:
+    """The study's own settings, and all that were tried, those among them, with their errors and costs.
+
+    First every line at time steps about the study's own, each twice the one before; then, of lines that might be cheaper than the cheapest,
+    at time steps between the longest that keeps the budget and the next one.
+    """
+    by = 0 if alone else 1
+    timestep = study.options.timestep or float(study.loaded[0].timestep)
+    own = steps_of(study, timestep)
+    counts = sorted({own, *(steps_of(study, dt) for dt in timesteps(study, coarser=4, finer=4))})
+    lines = _lines(study)
+    tick = functools.partial(told, "candidates")
+
+    def tried(wanted: Sequence[tuple[str, dict[str, Any], int]], done: tuple[float, float]) -> list[_Tried]:
+        # The study's own time step as it is written, not as a quotient.
+        settings = [line | {"timestep": timestep if steps == own else study.hold / steps} for _, line, steps in wanted]
+        patient = [patience(study, right.trace, own["timestep"]) for own in settings]
+        traces = runs(study, episodes, settings, patient, tick=lambda part: tick(done[0] + (done[1] - done[0]) * part))
+        errors = [math.inf if trace.stopped else float((distance(trace, right.trace) + right.uncertainty).max()) for trace in traces]
+        return [
+            _Tried(name, line, steps, given, trace, error)
+            for (name, line, steps), given, trace, error in zip(wanted, settings, traces, errors, strict=True)
+        ]
+
+    def time(some: Sequence[_Tried], repeats: int, done: tuple[float, float]) -> None:
+        with one_core():
+            spent = costs(
+                study,
+                [one.settings for one in some],
+                [one.trace for one in some],
+                repeats=repeats,
+                seconds=0.004,
+                tick=lambda part: told("costs", done[0] + (done[1] - done[0]) * part),
+            )
+        for one, cost in zip(some, spent, strict=True):
+            one.cost = cost
+
+    found = tried([(name, line, steps) for name, line in lines for steps in counts], (0.0, 0.8))
+    usual = next(one for one in found if one.name == OWN and one.steps == own)
+    # What does not keep the budget may cost what it wants.
+    keep = [one for one in found if one.error <= budget]
+    # Steps of what diverged take as long as steps may, and cost nothing that anybody would pay.
+    first = [usual] if math.isfinite(usual.error) else []
+    time([*first, *(one for one in keep if one is not usual)], 3, (0.0, 0.5))
+    between: list[_Tried] = []
+    for _ in range(_BETWEEN if keep else 0):
+        best = min(one.cost[by] for one in keep if one not in between)
+        wanted = []
+        for name, line in lines:
+            of_line = [one for one in found if one.name == name]
+            longest = min((one for one in of_line if one.error <= budget), key=lambda one: one.steps, default=None)
+            if longest is None:
+                continue
+            failed = max((one.steps for one in of_line if one.steps < longest.steps), default=longest.steps)
+            middle = (failed + longest.steps) // 2
+            timed = min((one for one in of_line if math.isfinite(one.cost[by])), key=lambda one: one.steps)
+            # A step costs the same, or more where it is longer.
+            if failed < middle < longest.steps and timed.cost[by] * (failed + 1) / timed.steps < best:
+                wanted.append((name, line, middle))
+        made = tried(wanted, (0.8, 1.0))
+        found += made
+        between += [one for one in made if one.error <= budget]
+        keep += [one for one in made if one.error <= budget]
+        if not wanted:
+            break
+    tick(1.0)
+    if keep:
+        near = _NEAR * min(one.cost[by] for one in keep if math.isfinite(one.cost[by]))
+        # Again, side by side: an order that decides should not be that of two different moments.
+        time([*first, *between, *(one for one in keep if one is not usual and one.cost[by] <= near)], 7, (0.5, 1.0))
+    told("costs", 1.0)
+    candidates = {id(one): Candidate(one.settings, one.name, one.error, *one.cost, stopped=one.trace.stopped) for one in found}
+    return candidates[id(usual)], list(candidates.values())
+
+
+def _not_needed(
+    study: Study, episodes: Sequence[int], seen: Candidate, distance: Distance, *, budget: float, told: Tick
+) -> tuple[list[Spare], Model | None]:
+    """What the scene does not need with some settings, and the smaller model; nothing where an episode diverges with them."""
+    found: tuple[list[Spare], Model | None] = ([], None)
+    if math.isfinite(seen.error):
+        bench = Bench(study, episodes, seen.settings, distance, run(study, episodes, **seen.settings))
+        found = spares(bench, budget, lambda done: told("what is not needed", done))
+    told("what is not needed", 1.0)
+    return found
+
+
+def _fresh(study: Study, episodes: range, settings: Mapping[str, Any]) -> list[int]:
+    """Episodes whose motion and controls are those of none before, from episode 0 on."""
+    trace = run(study, range(episodes.stop), **settings)
+    seen: set[bytes] = set()
+    found = []
+    for e in range(episodes.stop):
+        own = (trace.qpos[e], trace.qvel[e], trace.ctrl[:, e], trace.applied[:, e], trace.points[:, e], trace.xquat[:, e])
+        told = hashlib.sha256(b"".join(np.ascontiguousarray(part).tobytes() for part in own)).digest()
+        if told not in seen and e >= episodes.start:
+            found.append(e)
+        seen.add(told)
+    return found
+
+
+def _trial(study: Study, candidate: Candidate, episodes: Sequence[int], distance: Distance, budget: float, *, confidence: float) -> Trial:
+    parts = [episodes[k : k + _PART] for k in range(0, len(episodes), _PART)]
+    apart, unsure = np.empty(len(episodes)), np.empty(len(episodes))
+    for number, (own, doubt) in each(study, parts, functools.partial(_held_out, candidate, distance, budget)):
+        place = slice(_PART * number, _PART * (number + 1))
+        apart[place], unsure[place] = own, doubt
+    unknown = unsure > 0.5 * budget
+    held = int(np.count_nonzero((apart + unsure <= budget) & ~unknown))
+    share = least_share(held, len(episodes), confidence)
+    return Trial(candidate, len(episodes), held, int(unknown.sum()), float(apart.max()), share, confidence)
+
+
+def _held_out(candidate: Candidate, distance: Distance, budget: float, study: Study, episodes: Sequence[int]) -> tuple[Array, Array]:
+    """Errors of episodes, and how far what is right is unknown."""
+    right = right_of(study, episodes, distance, target=_KNOWN * budget)
+    stage = Stage().within(patience(study, right.trace, candidate.settings["timestep"]))
+    trace = run(study, episodes, stage=stage, **candidate.settings)
+    return np.full(len(episodes), np.inf) if trace.stopped else distance(trace, right.trace), right.uncertainty
+
+
+def _options(study: Study, chosen: Candidate | None) -> tuple[Options | None, str | None]:
+    if chosen is None:
+        return None, None
+    given = dict(chosen.settings)
+    precision = given.pop("precision", study.precision)
+    return replace(study.options, **given), precision
+
+
+def words_of(options: Options, precision: str | None) -> str:
+    """Options as code, without what is as by default."""
+    usual = Options()
+    own = {f.name: getattr(options, f.name) for f in fields(Options) if getattr(options, f.name) != getattr(usual, f.name)}
+    told = ", ".join(f"{name}={value!r}" for name, value in own.items())
+    return f"stepper.Options({told})" + ("" if precision == "f64" else f', precision="{precision}"')
+
+
+def _sections(found: Tuning, right: Reference, *, coverage: float, confidence: float, alone: bool, exhausted: bool) -> list[Section]:
+    unit, cost = found.distance.unit, "alone" if alone else "batch"
+    words = [f"Budget: {found.budget:g} {unit} up to {found.distance.horizon:g} s. Reference: {right.words}."]
+    if found.chosen is not None and found.options is not None:
+        trial = found.trials[-1]
+        words += [
+            f"`{words_of(found.options, found.precision)}`",
+            f"It takes {getattr(found.chosen, cost):.4g} us of one core for a simulated second of one environment. {_beside(found, cost)}",
+            _cheaper(found),
+            f"{trial.held} of {trial.episodes} held-out episodes are within the budget: with {trial.confidence:.1%} confidence at least "
+            f"{trial.share:.1%} of episodes are ({coverage:.0%} were asked for, with {confidence:.0%} over all trials). The largest "
+            f"error is {trial.worst:.2g} {unit}.",
+        ]
+    else:
+        best = min(found.candidates, key=lambda own: own.error)
+        words.append(
+            f"No settings are proved to keep the budget. The least error is {best.error:.2g} {unit}, of {best.name} at "
+            f"{1e3 * best.settings['timestep']:g} ms, the reference's uncertainty of {right.uncertainty.max():.2g} {unit} included. All "
+            f"episodes are known to {right.target:.2g} {unit} up to {right.known.min():.3g} s, half of them up to "
+            f"{np.median(right.known):.3g} s: a shorter horizon, or a larger error."
+            f" {_usual_error(found.usual, unit)}"
+        )
+    if exhausted:
+        words.append(
+            "The study has too few different episodes to try the next candidate: give it qpos_noise, qvel_noise, a start or a drive "
+            "that is random, or more recorded episodes."
+        )
+    trials = [
+        [t.candidate.name, 1e3 * t.candidate.settings["timestep"], t.held, t.episodes, t.unknown, t.worst, t.share, t.confidence]
+        for t in found.trials
+    ]
+    heads = ("settings", "time step, ms", "held", "episodes", "reference unknown", f"largest error, {unit}", "share at least", "confidence")
+    kept = [own for own in found.candidates if own.error <= found.budget]
+    stopped = sum(own.stopped for own in found.candidates)
+    rows = [[own.name, 1e3 * own.settings["timestep"], own.error, own.alone, own.batch] for own in kept[:20]]
+    spare = [[own.what, own.why, own.error, own.saved, own.least, _taken(own, found.budget)] for own in found.spare]
+    return [
+        Section("Result", words),
+        Section(
+            "Proof",
+            ["Episodes that had no part in the choice; each trial has its own."] if trials else ["No candidate to prove."],
+            heads,
+            trials,
+        ),
+        Section(
+            "Candidates within the budget",
+            [
+                f"{len(kept)} of {len(found.candidates)}, the cheapest first; errors are the largest of the episodes that chose."
+                + (f" {counted(stopped, 'run')} took far longer than what is right and had to be stopped." if stopped else "")
+            ],
+            ("settings", "time step, ms", f"error, {unit}", "alone, us", "batch, us"),
+            rows,
+        ),
+        Section(
+            "What the scene does not need",
+            [
+                "Of the episodes that chose. What changes no body by more than the budget, and saves time in seven rounds of eight and "
+                f"more, is taken out{'; smaller.stepper is the model without it' if found.smaller is not None else ''}."
+            ]
+            if spare
+            else ["Nothing was looked for, or everything is used."],
+            ("what", "why", f"change, {unit}", "time saved, share", "at least", "taken out"),
+            spare,
+        ),
+    ]
+
+
+def _beside(found: Tuning, cost: str) -> str:
+    """What the chosen settings cost beside the study's own, and whether those keep the budget."""
+    assert found.chosen is not None
+    unit, usual = found.distance.unit, found.usual
+    if found.chosen is usual:
+        return "These are the study's own settings."
+    if not math.isfinite(usual.error):
+        return f"{_usual_error(usual, unit)} They miss the budget, and what they cost was not measured."
+    ratio = getattr(found.chosen, cost) / getattr(usual, cost)
+    spent = f"{ratio:.2f} times what the study's own settings cost ({getattr(usual, cost):.4g} us)"
+    if usual.error > found.budget:
+        return (
+            f"That is {spent}, which miss the budget by {usual.error - found.budget:.2g} {unit}: their error is {usual.error:.2g} {unit}."
+        )
+    if ratio > 1:
+        return (
+            f"That is {spent}, which keep the budget in the episodes that chose ({usual.error:.2g} {unit}), and are not proved by others."
+        )
+    return (
+        f"The study's own settings take {getattr(usual, cost):.4g}, {1 / ratio:.2f} times as much, and keep the budget too: their error "
+        f"is {usual.error:.2g} {unit}."
+    )
+
+
+def _usual_error(usual: Candidate, unit: str) -> str:
+    if usual.stopped:
+        return "With the study's own settings, episodes were stopped: they took far longer than what is right, as motions that blew up do."
+    if not math.isfinite(usual.error):
+        return "With the study's own settings, an episode diverges."
+    return f"The study's own settings have an error of {usual.error:.2g} {unit}."
+
+
+def _cheaper(found: Tuning) -> str:
+    """Why nothing cheaper was chosen."""
+    assert found.chosen is not None
+    kept = [own for own in found.candidates if own.error <= found.budget]
+    before = kept.index(found.chosen)
+    tried = len(found.trials) - 1
+    told = f"{len(kept)} of {counted(len(found.candidates), 'candidate')} keep the budget in the episodes that chose"
+    if not before:
+        return f"{told}, and none of them is cheaper."
+    # The others have an error that is no better than that of one which failed.
+    left = "" if tried == before else f"; {before - tried} more were not tried, whose errors are no better than of one that failed"
+    return f"{told}. {before} of them are cheaper and not proved: {tried} failed on held-out episodes{left}."
+
+
+def _taken(own: Spare, budget: float) -> str:
+    """Whether something is taken out, or why not."""
+    if own.taken:
+        return f"yes: {own.setting}" if own.setting else "yes"
+    if math.isnan(own.saved):
+        return "no"
+    if own.error > budget:
+        return "no: it changes too much"
+    return f"no: it is a setting, {own.setting}" if own.setting and own.least > 0 else "no: it saves nothing"
+
+
+def _save(found: Tuning, folder: Path) -> list[Path]:
+    folder.mkdir(parents=True, exist_ok=True)
+    files = found.document.save(folder, "tune")
+    told = {
+        "budget": found.budget,
+        "unit": found.distance.unit,
+        "horizon": found.distance.horizon,
+        "settings": found.chosen.settings if found.chosen else None,
+        "usual": vars(found.usual),
+        "candidates": [vars(own) for own in found.candidates],
+        "trials": [vars(own) | {"candidate": vars(own.candidate)} for own in found.trials],
+        "in_force": found.study.in_force,
+        "provenance": provenance(),
+    }
+    files.append(folder / "tune.json")
+    files[-1].write_text(json.dumps(_plain(told), indent=2, default=str, allow_nan=False) + "\n", encoding="utf-8")
+    if found.smaller is not None:
+        files.append(folder / "smaller.stepper")
+        found.smaller.save(files[-1])
+    return files
+
+
+def _plain(value: Any) -> Any:
+    """The same with null for numbers that are not finite, which JSON does not have."""
+    if isinstance(value, dict):
+        return {name: _plain(own) for name, own in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(own) for own in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value

@@ -1,0 +1,167 @@
+"""`stepper.lab.compare`: the same episodes under hard contact, under MuJoCo's law and in MuJoCo, and what differs."""
+
+from __future__ import annotations
+
+import importlib.util
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from stepper._options import Options
+from stepper._stepper import Model, Stepper
+from stepper.lab.comparison.draw import draw
+from stepper.lab.comparison.trial import Array, Course, Drive, Engine, Ours, Slip, Theirs, run
+from stepper.loading import load
+from stepper.shared.files import existing
+from stepper.shared.machine import require
+
+ONSET = 1e-3
+"""rad or m by which configurations differ where motions have parted."""
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Courses of the engines, hard contact first.
+
+    Attributes:
+        courses: What every engine did.
+        rewarded: Whether a reward was given.
+    """
+
+    courses: tuple[Course, ...]
+    rewarded: bool
+
+    def figures(self) -> dict[str, dict[str, float]]:
+        """Figures by engine and name; every name says its unit. Means are over environments."""
+        return {course.name: self._figures(course) for course in self.courses}
+
+    def _figures(self, course: Course) -> dict[str, float]:
+        apart = np.abs(course.qpos - self.courses[0].qpos).max(axis=2) > ONSET
+        parted = np.where(apart.any(axis=0), (apart.argmax(axis=0) + 1) * course.timestep, np.inf)
+        first = np.where((course.pairs > 0).any(axis=0), ((course.pairs > 0).argmax(axis=0) + 1) * course.timestep, np.inf)
+        out = {
+            "deepest overlap, mm": 1e3 * float(course.depth.max()),
+            "mean deepest overlap, mm": 1e3 * float(course.depth.mean()),
+            "farthest beyond a limit, rad or m": float(course.overshoot.max()),
+            "energy at the end, J": float(course.energy[-1].mean()),
+            "peak force of a contact, N": float(course.force.max()),
+            "impulse of contacts, N s": float(course.impulse.sum(axis=0).mean()),
+            "way that surfaces slide, m": float(course.slip.sum(axis=0).mean()),
+            "first touch, s": float(np.median(first)),
+            "touches that begin": float(course.begins.sum(axis=0).mean()),
+            "touching, share of time": float((course.pairs > 0).mean()),
+            f"apart from hard contact by {ONSET:g} after, s": float(np.median(parted)),
+        }
+        return out | ({"return": float(course.reward.sum(axis=0).mean())} if self.rewarded else {})
+
+    def table(self) -> str:
+        """The figures as a Markdown table."""
+        figures = self.figures()
+        names = list(figures)
+        lines = ["| | " + " | ".join(names) + " |", "|" + "---|" * (len(names) + 1)]
+        for key in figures[names[0]]:
+            cells = (figures[name][key] for name in names)
+            lines.append(f"| {key} | " + " | ".join("-" if np.isnan(x) else "never" if np.isinf(x) else f"{x:.3g}" for x in cells) + " |")
+        return "\n".join(lines)
+
+    def draw(self, path: str | Path) -> Path:
+        """Writes a picture of overlap, force, energy and way from hard contact over time.
+
+        Raises:
+            MissingPackageError: matplotlib is not installed.
+        """
+        return draw(self.courses, Path(path))
+
+    def __str__(self) -> str:
+        return self.table()
+
+
+def compare(
+    source: Any,
+    drive: Drive | None = None,
+    *,
+    seconds: float = 2.0,
+    num_envs: int = 8,
+    options: Options | None = None,
+    start: tuple[Array, Array] | None = None,
+    hold: float = 0.02,
+    reward: Callable[..., Any] | None = None,
+    seed: int = 0,
+) -> Comparison:
+    """Runs the same episodes under hard contact, under MuJoCo's law and, where it is installed, in MuJoCo itself.
+
+    Args:
+        source: As of `load`. Of a `Model`, or where MuJoCo is not installed, MuJoCo has no part and nobody measures how surfaces slide.
+        drive: Controls (steps, nu) or (steps, num_envs, nu), of which the last are held, or a policy: a function of configurations
+            (num_envs, nq) and velocities (num_envs, nv) that returns controls (num_envs, nu) or (nu,). None draws controls at random.
+        seconds: Length of an episode, s.
+        num_envs: Episodes.
+        options: Settings of both laws; their `contact` is not read, and MuJoCo's law has the integrator that the source asks for.
+        start: Configurations (num_envs, nq) and velocities (num_envs, nv); None puts a little noise on the reference.
+        hold: Time for which a random control is held, s.
+        reward: A function of (qpos, qvel) before the step, controls (num_envs, nu) and (qpos, qvel) after it that returns (num_envs,).
+        seed: Of what is random.
+
+    Returns:
+        What differs: `print` shows it, `Comparison.draw` makes a picture.
+
+    Raises:
+        ValueError: For lengths that are not positive, or a start of another shape.
+    """
+    for name, value in (("seconds", seconds), ("num_envs", num_envs), ("hold", hold)):
+        if not value > 0:
+            raise ValueError(f"{name} is {value}, must be above 0")
+    model, compiled = _load(source)
+    hard = replace(options or Options(), contact="hard")
+    if hard.integrator in ("implicitfast", "discrete"):
+        hard = replace(hard, integrator=None)
+    law = replace(options or Options(), contact="mujoco", integrator=None)
+    timestep = float(Stepper(model, options=hard).timestep)
+    rng = np.random.default_rng(seed)
+    qpos, qvel = _start(model, num_envs, rng) if start is None else (np.asarray(x, float) for x in start)
+    if qpos.shape != (num_envs, model.nq) or qvel.shape != (num_envs, model.nv):
+        raise ValueError(f"start has shapes {qpos.shape} and {qvel.shape}, must be ({num_envs}, {model.nq}) and ({num_envs}, {model.nv})")
+    steps = max(1, round(seconds / timestep))
+    if drive is None:
+        drive = _random(model, num_envs, steps, max(1, round(hold / timestep)), rng)
+    slip = Slip(compiled) if compiled is not None else None
+    engines: list[Engine] = [Ours("hard", model, hard, qpos, qvel), Ours("MuJoCo's law", model, law, qpos, qvel)]
+    if compiled is not None:
+        engines.append(Theirs(compiled, timestep, qpos, qvel))
+    return Comparison(tuple(run(engine, drive, steps, timestep, slip=slip, reward=reward) for engine in engines), reward is not None)
+
+
+def _load(source: Any) -> tuple[Model, Any]:
+    """The model, and MuJoCo's where there is one."""
+    if isinstance(source, Model):
+        return source, None
+    if importlib.util.find_spec("mujoco") is None:
+        return load(source, strict=False), None
+    mujoco = require("mujoco", "to compare with it")
+    text = str(source)
+    if isinstance(source, mujoco.MjModel):
+        compiled = source
+    elif text.lstrip().startswith("<"):
+        compiled = mujoco.MjModel.from_xml_string(text)
+    elif text.endswith((".xml", ".mjcf", ".urdf")):
+        compiled = mujoco.MjModel.from_xml_path(str(existing(text, "model")))
+    else:
+        return load(source, strict=False), None
+    return load(compiled, strict=False), compiled
+
+
+def _start(model: Model, num_envs: int, rng: np.random.Generator) -> tuple[Array, Array]:
+    """The reference, with different small velocities: so that episodes differ, and nothing overlaps that did not."""
+    qpos = np.tile(np.asarray(model.qpos0, float), (num_envs, 1))
+    return qpos, rng.normal(0.0, 0.01, (num_envs, model.nv))
+
+
+def _random(model: Model, num_envs: int, steps: int, hold: int, rng: np.random.Generator) -> Array:
+    bounds = np.asarray(model.actuator_ctrlrange, float).reshape(model.nu, 2)
+    low, high = np.where(np.isfinite(bounds), bounds, [-1.0, 1.0]).T
+    drawn = rng.uniform(low, high, (steps // hold + 1, num_envs, model.nu))
+    controls: Array = np.repeat(drawn, hold, axis=0)[:steps]
+    return controls

@@ -1,0 +1,134 @@
+"""The picture and the table of a sweep."""
+
+from __future__ import annotations
+
+import csv
+import json
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from stepper.lab.engine_chart.run import Row
+from stepper.lab.engine_chart.scenes import Scene
+from stepper.shared.machine import require
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+    from matplotlib.lines import Line2D
+
+MARKERS = ("o", "s", "^", "D", "v", "P", "X", "*", "<", ">", "h", "p")
+COLOURS = {
+    "stepper": ["#0b3c8c", "#1f77d0", "#17a2b8", "#2ca02c", "#7a3fb5"],
+    "MuJoCo": ["#d62728", "#ff7f0e", "#b8860b", "#8c564b", "#e377c2"],
+}
+OTHERS = ["#333333", "#666666", "#999999"]
+LEAST_ERROR = 1e-16
+
+
+def write_csv(path: Path, scene: Scene, rows: Sequence[Row], provenance: Mapping[str, object]) -> None:
+    """Writes the rows, under comment lines that say what they are and where they come from.
+
+    Args:
+        path: The file.
+        scene: The scene.
+        rows: Its points.
+        provenance: Command, machine and versions.
+    """
+    notes = {"title": scene.title, "error": scene.error_label, "reference": scene.reference, "duration_s": scene.duration}
+    head = {"scene", "engine", "setting"}
+    with path.open("w", newline="", encoding="utf-8") as file:
+        for key, value in {**notes, **provenance}.items():
+            file.write(f"# {key}: {value if isinstance(value, str) else json.dumps(value)}\n")
+        file.write("# dt in s; cost in microseconds of one core per simulated second of one environment; step in microseconds\n")
+        writer = csv.writer(file)
+        writer.writerow(asdict(rows[0]) if rows else head)
+        writer.writerows([v if isinstance(v, str) else f"{v:.6g}" for v in asdict(row).values()] for row in rows)
+
+
+def _lines(rows: Sequence[Row]) -> dict[tuple[str, str], list[Row]]:
+    lines: dict[tuple[str, str], list[Row]] = {}
+    for row in rows:
+        lines.setdefault((row.engine, row.setting), []).append(row)
+    return lines
+
+
+def _colour(engine: str, index: int) -> str:
+    palette = COLOURS.get(engine, OTHERS)
+    return palette[index % len(palette)]
+
+
+def _label(points: Sequence[Row]) -> str:
+    first = points[0]
+    order = "" if math.isnan(first.slope) else f"  (error ~ dt^{round(first.slope, 1) + 0.0:.1f})"
+    lost = sum(not math.isfinite(p.error) for p in points)
+    return f"{first.engine}: {first.setting}{order}" + (f"  [{lost} blew up]" if lost else "")
+
+
+def _plot_lines(axes: Axes, rows: Sequence[Row], markers: Mapping[float, str]) -> None:
+    seen: dict[str, int] = {}
+    for (engine, _), points in _lines(rows).items():
+        colour = _colour(engine, seen.get(engine, 0))
+        seen[engine] = seen.get(engine, 0) + 1
+        good = [p for p in points if math.isfinite(p.error)]
+        cost, error = [p.cost for p in good], [max(p.error, LEAST_ERROR) for p in good]
+        axes.plot(cost, error, "-" if engine == "stepper" else "--", color=colour, linewidth=1.6, label=_label(points))
+        for p, x, y in zip(good, cost, error, strict=True):
+            axes.plot(x, y, markers[p.dt], color=colour, markersize=6, markeredgecolor="white", markeredgewidth=0.5)
+
+
+def _legends(figure: Figure, axes: Axes, markers: Mapping[float, str]) -> None:
+    lines = require("matplotlib.lines", "to draw a chart")
+    by_dt = [lines.Line2D([], [], marker=mark, color="#444444", linestyle="none", label=f"{dt * 1e3:g} ms") for dt, mark in markers.items()]
+    steps = axes.legend(handles=by_dt, title="time step", loc="center left", bbox_to_anchor=(1.01, 0.5), frameon=False)
+    axes.add_artist(steps)
+    handles = _columns(axes.get_lines())
+    figure.legend(
+        handles=handles, loc="upper center", bbox_to_anchor=(0.5, 0.215), ncols=2, frameon=False, fontsize="small", handlelength=3.0
+    )
+
+
+def _columns(lines: Sequence[Line2D]) -> list[Line2D]:
+    """Labelled lines, ours in the left column and the others in the right one, the shorter column filled up with nothing."""
+    blank = require("matplotlib.lines", "to draw a chart").Line2D
+    named = [line for line in lines if not str(line.get_label()).startswith("_")]
+    left = [line for line in named if str(line.get_label()).startswith("stepper")]
+    right = [line for line in named if line not in left]
+    height = max(len(left), len(right))
+    for column in (left, right):
+        column.extend(blank([], [], color="none", label=" ") for _ in range(height - len(column)))
+    return left + right
+
+
+def draw(path: Path, scene: Scene, rows: Sequence[Row], note: str = "") -> None:
+    """Draws error against cost, both logarithmic; down and left is better.
+
+    Args:
+        path: The picture, PNG.
+        scene: The scene.
+        rows: Its points.
+        note: A small line under the title: machine and versions.
+
+    Raises:
+        MissingPackageError: matplotlib is not installed.
+    """
+    figures = require("matplotlib.figure", "to draw a chart")
+    figure = figures.Figure(figsize=(9.0, 6.6), dpi=130)
+    axes = figure.add_axes((0.09, 0.29, 0.75, 0.575))
+    markers = dict(zip(sorted({row.dt for row in rows}), MARKERS, strict=False))
+    _plot_lines(axes, rows, markers)
+    axes.set_xscale("log")
+    axes.set_yscale("log")
+    axes.set_xlabel("microseconds of one core per simulated second of one environment (down and left is better)")
+    axes.set_ylabel(scene.error_label)
+    axes.grid(visible=True, which="major", color="#dddddd")
+    axes.grid(visible=True, which="minor", axis="x", color="#f2f2f2")
+    axes.tick_params(which="minor", axis="y", length=0.0)
+    axes.set_axisbelow(True)
+    figure.text(0.09, 0.955, scene.title, fontsize="large", weight="bold")
+    figure.text(0.09, 0.925, f"right answer: {scene.reference}", fontsize="small", color="#444444")
+    figure.text(0.09, 0.895, note, fontsize="small", color="#444444")
+    _legends(figure, axes, markers)
+    figure.savefig(path)

@@ -1,0 +1,40 @@
+"""Charts of scenes, swept, drawn and written into files."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from stepper._stepper import __version__
+from stepper.lab.engine_chart.draw import draw, write_csv
+from stepper.lab.engine_chart.run import Effort, sweep
+from stepper.lab.engine_chart.scenes import SCENES
+from stepper.lab.progress import Tick
+from stepper.shared.machine import one_core, package_version, provenance, require
+
+
+def charts(names: Sequence[str], out: Path, effort: Effort, tick: Tick) -> list[Path]:
+    """Sweeps scenes and writes `chart-NAME.png` and `chart-NAME.csv`.
+
+    Args:
+        names: Names in `SCENES`.
+        out: The folder, made if it is not there.
+        effort: How long to measure.
+        tick: Progress.
+
+    Returns:
+        The pictures.
+    """
+    require("matplotlib", "to draw a chart")
+    out.mkdir(parents=True, exist_ok=True)
+    pictures = []
+    for name in names:
+        scene = SCENES[name]()
+        with one_core():
+            rows = sweep(scene, effort, lambda done, name=name: tick(f"chart {name}", done))  # type: ignore[misc]
+        came_from = provenance()
+        note = f"{came_from['cpu']}, one core, {came_from['utc']}, stepper {__version__}, MuJoCo {package_version('mujoco-core')}"
+        write_csv(out / f"chart-{name}.csv", scene, rows, came_from)
+        draw(out / f"chart-{name}.png", scene, rows, note)
+        pictures.append(out / f"chart-{name}.png")
+    return pictures

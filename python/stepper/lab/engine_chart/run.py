@@ -1,0 +1,160 @@
+"""The sweep: errors once, times in interleaved repeats, medians."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from statistics import median
+
+import numpy as np
+
+from stepper.lab.engine_chart.engines import Array, Engine, Run
+from stepper.lab.engine_chart.scenes import Scene
+from stepper.lab.timing import Timed
+
+
+@dataclass(frozen=True)
+class Effort:
+    """How long to measure.
+
+    Attributes:
+        repeats: Timed rounds over all cases, interleaved; their median counts.
+        seconds: Least time that one case runs in one round, in s.
+        smallest: Time steps below this are left out, in s.
+    """
+
+    repeats: int = 7
+    seconds: float = 0.02
+    smallest: float = 0.0
+
+    @classmethod
+    def quick(cls) -> Effort:
+        """A rough picture in a few seconds."""
+        return cls(repeats=3, seconds=0.004, smallest=2e-4)
+
+
+@dataclass(frozen=True)
+class Row:
+    """One point of a chart.
+
+    Attributes:
+        scene: Name of the scene.
+        engine: Name of the engine.
+        setting: Its settings.
+        dt: Time step in s.
+        error: In the unit of the scene's `error_label`; not finite if the run blew up.
+        cost: Microseconds of one core per simulated second of one environment.
+        step: Microseconds of one step of one environment.
+        spread: Half the range of the repeats over their median, of `cost`.
+        slope: d log error / d log dt of the whole line, by least squares; NaN when fewer than two errors are usable.
+    """
+
+    scene: str
+    engine: str
+    setting: str
+    dt: float
+    error: float
+    cost: float
+    step: float
+    spread: float
+    slope: float = math.nan
+
+
+@dataclass
+class _Case(Timed):
+    engine: Engine
+    dt: float
+    run: Run
+    qpos: Array
+    qvel: Array
+    nstep: int
+    error: float
+    times: list[float] = field(default_factory=list)
+
+    def once(self) -> float:
+        """Processor seconds of one run from the start; the reset is not timed, nor what other programs take."""
+        self.run.reset(self.qpos, self.qvel)
+        begin = time.process_time()
+        self.run.advance(self.nstep)
+        return time.process_time() - begin
+
+
+def _prepare(scene: Scene, engine: Engine, dt: float) -> _Case:
+    run = engine.start(scene.mjcf, dt)
+    qpos, qvel = scene.start(run, dt)
+    nstep = round(scene.duration / dt)
+    run.reset(qpos, qvel)
+    before = run.qpos
+    run.advance(nstep)
+    end = run.qpos
+    error = scene.error(before, end) if np.all(np.isfinite(end)) else math.inf
+    return _Case(engine, dt, run, qpos, qvel, nstep, error)
+
+
+def _row(scene: Scene, case: _Case) -> Row:
+    middle = median(case.times)
+    micro = 1e6 / case.run.num_envs
+    spread = 0.5 * (max(case.times) - min(case.times)) / middle
+    cost, step = middle * micro / scene.duration, middle * micro / case.nstep
+    return Row(scene.name, case.engine.engine, case.engine.setting, case.dt, case.error, cost, step, spread)
+
+
+def slope(rows: Sequence[Row], floor: float = 1e-11, ceiling: float = 0.3) -> float:
+    """Order of convergence of a line: least squares of log error over log dt.
+
+    Args:
+        rows: Points of one engine and setting.
+        floor: Errors below this are rounding and the reference's own error.
+        ceiling: Errors above this have left the asymptotic range.
+
+    Returns:
+        The slope; NaN with fewer than two usable points.
+    """
+    usable = [(math.log(r.dt), math.log(r.error)) for r in rows if floor < r.error < ceiling]
+    if len(usable) < 2:
+        return math.nan
+    x, y = np.array(usable).T
+    return float(np.polyfit(x, y, 1)[0])
+
+
+def _with_slopes(rows: list[Row]) -> list[Row]:
+    lines: dict[tuple[str, str], list[Row]] = {}
+    for row in rows:
+        lines.setdefault((row.engine, row.setting), []).append(row)
+    slopes = {line: slope(points) for line, points in lines.items()}
+    return [replace(row, slope=slopes[row.engine, row.setting]) for row in rows]
+
+
+def sweep(scene: Scene, effort: Effort | None = None, progress: Callable[[float], None] | None = None) -> list[Row]:
+    """Runs every engine of a scene at every time step.
+
+    Every case is one call that makes all its steps, so Python's share is a microsecond a run. Times are taken in rounds over all cases,
+    so that whatever else the machine does falls on all of them alike. Call it inside `stepper.shared.machine.one_core()`.
+
+    Args:
+        scene: What to run.
+        effort: How long to measure.
+        progress: Called with the fraction done, 0 to 1.
+
+    Returns:
+        One row per engine, setting and time step, in that order.
+    """
+    effort = effort or Effort()
+    steps = [dt for dt in scene.timesteps if dt >= effort.smallest]
+    plan = [(engine, dt) for engine in scene.engines for dt in steps]
+    total, done = len(plan) * (1 + effort.repeats), 0
+    cases = []
+    for engine, dt in plan:
+        cases.append(_prepare(scene, engine, dt))
+        done += 1
+        if progress:
+            progress(done / total)
+    for _ in range(effort.repeats):
+        for case in cases:
+            case.measure(effort.seconds)
+            done += 1
+            if progress:
+                progress(done / total)
+    return _with_slopes([_row(scene, case) for case in cases])

@@ -1,0 +1,176 @@
+"""Scenes whose right answer is known: what is simulated, what is right, how far off a result is.
+
+A new scene is a function that returns a `Scene`, named in `SCENES`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from stepper._options import Options
+from stepper.lab.engine_chart.engines import Array, Engine, MujocoEngine, Run, StepperEngine
+from stepper.shared.machine import require
+
+TIMESTEPS = (1e-4, 2e-4, 5e-4, 1e-3, 2e-3, 5e-3, 1e-2, 2e-2)
+"""Default sweep, s. Each divides every scene's duration."""
+
+GRAVITY = 9.81
+
+
+@dataclass(frozen=True)
+class Scene:
+    """A scene of a chart.
+
+    Attributes:
+        name: On the command line and in file names.
+        title: One line over the picture.
+        mjcf: The model.
+        start: (qpos (nq,), qvel (nv,)) of the run, from a run that has been loaded (which may let it settle) and the time step in s.
+        duration: Simulated time in s.
+        error: From (qpos at the start, qpos at the end), both (nq,), the error in `unit`.
+        error_label: What the error is, for the axis, with its unit.
+        reference: Where the right answer comes from.
+        engines: The lines of the chart.
+        timesteps: The sweep, s.
+    """
+
+    name: str
+    title: str
+    mjcf: str
+    start: Callable[[Run, float], tuple[Array, Array]]
+    duration: float
+    error: Callable[[Array, Array], float]
+    error_label: str
+    reference: str
+    engines: tuple[Engine, ...]
+    timesteps: tuple[float, ...] = TIMESTEPS
+
+
+# A 5-link chain that swings in a plane without damping.
+
+CHAIN_LINKS = 5
+CHAIN_DURATION = 1.0
+CHAIN_RTOL = 1e-12
+
+
+def _chain_mjcf() -> str:
+    link = '<body pos="0 0 {z}"><joint type="hinge" axis="0 1 0"/><geom type="capsule" fromto="0 0 0 0 0 -.2" size=".02" mass=".25"/>'
+    bodies = "".join(link.format(z=1.5 if i == 0 else -0.2) for i in range(CHAIN_LINKS)) + "</body>" * CHAIN_LINKS
+    return f"""<mujoco model="chain"><option gravity="0 0 -{GRAVITY}"/>
+      <default><geom contype="0" conaffinity="0"/></default><worldbody>{bodies}</worldbody></mujoco>"""
+
+
+def chain_state() -> tuple[Array, Array]:
+    """(qpos, qvel) in rad and rad/s, both (5,): the first link stands out sideways, the others lie straight behind it, at rest."""
+    qpos = np.zeros(CHAIN_LINKS)
+    qpos[0] = 0.5 * math.pi
+    return qpos, np.zeros(CHAIN_LINKS)
+
+
+def chain_reference(rtol: float = CHAIN_RTOL) -> Array:
+    """Joint angles of the chain at the end, (5,) in rad.
+
+    q'' = -M(q)^-1 bias(q, q') with both from MuJoCo, integrated by scipy's DOP853. It knows nothing of either engine's stepping.
+    """
+    mujoco = require("mujoco", "for the reference solution of the chain")
+    integrate = require("scipy.integrate", "for the reference solution of the chain")
+    model = mujoco.MjModel.from_xml_string(_chain_mjcf())
+    data = mujoco.MjData(model)
+
+    def rate(_: float, state: Array) -> Array:
+        data.qpos[:], data.qvel[:] = np.split(state, 2)
+        mujoco.mj_forward(model, data)
+        return np.concatenate([data.qvel, data.qacc_smooth])
+
+    solution = integrate.solve_ivp(
+        rate, (0.0, CHAIN_DURATION), np.concatenate(chain_state()), method="DOP853", rtol=rtol, atol=rtol, t_eval=[CHAIN_DURATION]
+    )
+    if not solution.success:
+        raise RuntimeError(f"the reference solution of the chain failed: {solution.message}")
+    return np.asarray(solution.y[:CHAIN_LINKS, -1])
+
+
+def chain() -> Scene:
+    """A chain of 5 hinged links that falls from the horizontal; the error is that of its angles after 1 s."""
+    right = chain_reference()
+    agree = float(np.max(np.abs(right - chain_reference(1e-11))))
+    return Scene(
+        name="chain",
+        title=f"5-link chain, falls from the horizontal, {CHAIN_DURATION:g} s, no damping",
+        mjcf=_chain_mjcf(),
+        start=lambda _run, _dt: chain_state(),
+        duration=CHAIN_DURATION,
+        error=lambda _start, end: float(np.max(np.abs(end - right))),
+        error_label="largest error of a joint angle [rad]",
+        reference=f"DOP853 (scipy), rtol = atol = {CHAIN_RTOL:g}; differs by {agree:.1e} rad from rtol 1e-11",
+        engines=(
+            StepperEngine("euler", Options(integrator="euler")),
+            StepperEngine("midpoint", Options(integrator="midpoint")),
+            StepperEngine("rk4", Options(integrator="rk4")),
+            StepperEngine("rk4, 8 environments in lanes", Options(integrator="rk4"), batch=8),
+            MujocoEngine("Euler"),
+            MujocoEngine("implicitfast", integrator="IMPLICITFAST"),
+            MujocoEngine("RK4", integrator="RK4"),
+        ),
+    )
+
+
+# A box that slides until friction stops it.
+
+BOX_SPEED = 2.0
+BOX_FRICTION = 0.5
+BOX_ANGLE = math.radians(30.0)
+BOX_DURATION = 1.0
+BOX_SETTLE = 1.0
+BOX_HALF = (0.1, 0.1, 0.05)
+
+
+def _box_mjcf() -> str:
+    size = " ".join(map(str, BOX_HALF))
+    return f"""<mujoco model="box"><option gravity="0 0 -{GRAVITY}"/>
+      <default><geom friction="{BOX_FRICTION} 0 0"/></default>
+      <worldbody><geom type="plane" size="5 5 1"/>
+      <body pos="0 0 {BOX_HALF[2]}"><freejoint/><geom type="box" size="{size}" mass="1"/></body></worldbody></mujoco>"""
+
+
+def _box_start(run: Run, dt: float) -> tuple[Array, Array]:
+    """Settles, so that no engine begins by sinking into the floor, then gives the box its speed."""
+    qpos = np.array([0.0, 0.0, BOX_HALF[2], 1.0, 0.0, 0.0, 0.0])
+    run.reset(qpos, np.zeros(6))
+    run.advance(round(BOX_SETTLE / dt))
+    qvel = np.zeros(6)
+    qvel[:2] = BOX_SPEED * math.cos(BOX_ANGLE), BOX_SPEED * math.sin(BOX_ANGLE)
+    return run.qpos, qvel
+
+
+def box() -> Scene:
+    """A box thrown along the floor, 30 degrees off the axes; the error is that of the place where it is after 1 s."""
+    distance = BOX_SPEED**2 / (2.0 * BOX_FRICTION * GRAVITY)
+    right = distance * np.array([math.cos(BOX_ANGLE), math.sin(BOX_ANGLE)])
+    return Scene(
+        name="box",
+        title=f"sliding box, v0 = {BOX_SPEED:g} m/s at 30 degrees to the axes, friction {BOX_FRICTION:g}, {BOX_DURATION:g} s",
+        mjcf=_box_mjcf(),
+        start=_box_start,
+        duration=BOX_DURATION,
+        error=lambda start, end: float(np.linalg.norm(end[:2] - start[:2] - right)),
+        error_label="distance from where the box should be after 1 s [m]",
+        reference=f"v0^2 / (2 mu g) = {distance:.6f} m, straight ahead (closed form)",
+        engines=(
+            StepperEngine("euler", Options(integrator="euler")),
+            StepperEngine("midpoint", Options(integrator="midpoint")),
+            StepperEngine("midpoint, 8 environments in lanes", Options(integrator="midpoint"), batch=8),
+            MujocoEngine("defaults (Euler, pyramidal)"),
+            MujocoEngine("implicitfast, elliptic", "IMPLICITFAST", "ELLIPTIC"),
+            MujocoEngine("implicitfast, elliptic, impratio 100", "IMPLICITFAST", "ELLIPTIC", impratio=100.0),
+            MujocoEngine("implicitfast, elliptic, impratio 10, noslip 10", "IMPLICITFAST", "ELLIPTIC", impratio=10.0, noslip=10),
+        ),
+    )
+
+
+SCENES: dict[str, Callable[[], Scene]] = {"chain": chain, "box": box}
+"""Every scene that `stepper chart` knows, by name."""

@@ -1,0 +1,313 @@
+"""Episodes of a study in lanes: points that share settings are one batch, and every row is kept as soon as it is known.
+
+Which episodes make a batch follows from the points alone, not from what the journal has already: a study that goes on after a kill runs an
+unfinished batch anew as it was, and keeps the rows that it did not have.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stepper.lab.study import drives
+from stepper.lab.study.journal import Journal, Row
+from stepper.lab.study.outcomes import Watch
+from stepper.lab.study.over_ray import each
+from stepper.lab.study.parameters import Theta, actuator_model, model_fields, sensor_model
+from stepper.lab.study.points import Point
+from stepper.lab.study.rapier import RapierWorld
+from stepper.lab.study.worlds import Plan, Thetas, World, make_world, stacked
+from stepper.shared.fields import RANDOMIZED
+
+if TYPE_CHECKING:
+    from stepper.lab.study.study import Study
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class _Batch:
+    """Episodes that are stepped together: (point, episode) of each."""
+
+    setting: str
+    episodes: tuple[tuple[Point, int], ...]
+
+
+def run_points(study: Study, points: Sequence[Point], journal: Journal, tick: Callable[[float], None] | None = None) -> list[Row]:
+    """Runs all episodes of points that the journal does not have.
+
+    Args:
+        study: The study.
+        points: Where it is run.
+        journal: What is known; it is told what becomes known.
+        tick: Called with the fraction done.
+
+    Returns:
+        Rows of all episodes of the points, in their order.
+
+    Raises:
+        ValueError: A time step that does not divide the time of a control, a value that the model cannot have.
+    """
+    keys = {(_name(point), e): study.key(point.theta, point.setting, e) for point in points for e in range(study.episodes)}
+    batches = list(_batches(study, points))
+    missing = {
+        k: [key for point, e in batch.episodes if (key := keys[_name(point), e]) not in journal.rows] for k, batch in enumerate(batches)
+    }
+    left = [k for k, own in missing.items() if own]
+    some = [batches[k] for k in left]
+    if tick and not left:
+        tick(1.0)
+    for done, (number, made) in enumerate(each(study, some, _run)):
+        rows = {keys[_name(point), e]: row for (point, e), row in zip(some[number].episodes, made, strict=True)}
+        journal.append({"key": key} | rows[key] for key in dict.fromkeys(missing[left[number]]))
+        if tick:
+            tick((len(batches) - len(left) + done + 1) / len(batches))
+    # A row is found by what it follows from. Names are the study's, and may be others than when it was written.
+    return [
+        journal.rows[keys[_name(point), e]] | {"setting": point.setting, "theta": dict(point.theta)}
+        for point in points
+        for e in range(study.episodes)
+    ]
+
+
+def _name(point: Point) -> str:
+    return json.dumps([point.setting, sorted(point.theta.items())])
+
+
+def _batches(study: Study, points: Sequence[Point]) -> Iterator[_Batch]:
+    """Points in groups that can be stepped together, cut into batches."""
+    groups: dict[str, list[Point]] = {}
+    noisy = together(study)
+    for point in {_name(point): point for point in points}.values():
+        # Errors of sensors follow from the place in the batch: every point is one batch, uncut, so that an episode has the same ones at
+        # every point, and no other episode has them.
+        key = _name(point) if noisy else group_of(study, point)
+        groups.setdefault(key, []).append(point)
+    for group in groups.values():
+        episodes = [(point, e) for point in group for e in range(study.episodes)]
+        size = len(episodes) if noisy else study.batch
+        for first in range(0, len(episodes), size):
+            yield _Batch(group[0].setting, tuple(episodes[first : first + size]))
+
+
+def together(study: Study) -> bool:
+    """Whether all episodes of a point are one batch: errors of sensors follow from the place in the batch."""
+    return study.sensors is not None or any(p.kind == "sensor" for p in study.parameters.values())
+
+
+def group_of(study: Study, point: Point) -> str:
+    """What points must share to be stepped together."""
+    shared = {name: value for name, value in point.theta.items() if study.parameters[name].kind == "options"}
+    fields = model_fields(study.parameters, study.loaded[0], [point.theta])
+    own = {field: hashlib.sha256(rows.tobytes()).hexdigest() for field, rows in fields.items() if field not in RANDOMIZED}
+    return json.dumps([point.setting, sorted(shared.items()), sorted(own.items())])
+
+
+def world_of(study: Study, setting: str, thetas: Sequence[Theta], **changed: Any) -> World:
+    """Environments at values of parameters, one for each, with settings in force that all of them share.
+
+    Args:
+        study: The study.
+        setting: Name of the settings.
+        thetas: Values of parameters of every environment.
+        **changed: Settings in place of those: as of `Study.settings`, and "sensors"; or of rapier (engine="rapier").
+    """
+    model, compiled = study.loaded
+    ideal = changed.pop("sensors", "given") is None
+    given: dict[str, Any] = {study.parameters[n].leaf: v for n, v in thetas[0].items() if study.parameters[n].kind == "options"}
+    # Settings that are compared fix what they name: a parameter's value has no part in that.
+    given |= study.setting(setting) | changed
+    engine, precision = given.pop("engine", "stepper"), given.pop("precision", study.precision)
+    options = study.options
+    if engine == "stepper":
+        options = replace(options, **given)
+    elif options.timestep is not None:
+        given.setdefault("timestep", options.timestep)
+    plan = Plan(
+        model=model,
+        fields=model_fields(study.parameters, model, thetas),
+        options=options,
+        precision=precision,
+        mujoco=given if engine == "mujoco" else None,
+        compiled=compiled,
+        sensors=None if ideal else sensor_model(study.parameters, study.sensors, model, thetas),
+        actuators=actuator_model(study.parameters, study.actuators, model, thetas),
+        threads=study.threads,
+    )
+    world = RapierWorld(plan, len(thetas), given) if engine == "rapier" else make_world(plan, len(thetas))
+    world.ideal = ideal
+    names = dict.fromkeys(name for theta in thetas for name in theta)
+    unchanged = {name: study.parameters[name].unchanged for name in study.parameters}
+    world.theta = Thetas(
+        {
+            name: stacked([theta.get(name, value) for theta in thetas])
+            for name, value in (unchanged | dict.fromkeys(names.keys() - unchanged.keys())).items()
+            if name in names or value is not None
+        }
+    )
+    return world
+
+
+def begin(study: Study, world: World, episodes: Sequence[int]) -> None:
+    """Starts episodes."""
+    world.episodes = np.array(episodes)
+    qpos, qvel = starts(study, world, episodes)
+    world.start(qpos, qvel, study.keyframe, study.seed)
+
+
+def starts(study: Study, world: World, episodes: Sequence[int]) -> tuple[Array, Array]:
+    """Configurations (num_envs, nq) and velocities (num_envs, nv) that episodes start with."""
+    model, generators = world.model, study.generators(episodes)
+    if study.start is not None:
+        qpos, qvel = (np.array(x, float) for x in study.start(world, generators))
+    elif study.keyframe is not None:
+        key = model.keyframe(study.keyframe)
+        qpos, qvel = np.tile(key.qpos, (world.num_envs, 1)), np.tile(key.qvel, (world.num_envs, 1))
+    else:
+        qpos, qvel = np.tile(np.asarray(model.qpos0, float), (world.num_envs, 1)), np.zeros((world.num_envs, model.nv))
+    if study.qpos_noise:
+        qpos = model.integrate_pos(qpos, study.qpos_noise * np.array([g.standard_normal(model.nv) for g in generators]))
+    if study.qvel_noise:
+        qvel = qvel + study.qvel_noise * np.array([g.standard_normal(model.nv) for g in generators])
+    return qpos, qvel
+
+
+def steps_of(study: Study, timestep: float) -> int:
+    """Steps of a control.
+
+    Raises:
+        ValueError: The time step does not divide the time of a control.
+    """
+    count = round(study.hold / timestep)
+    if count < 1 or abs(count * timestep - study.hold) > 1e-6 * study.hold:
+        near = ", ".join(f"{study.hold / n:g}" for n in (max(1, count - 1), max(1, count), count + 1))
+        raise ValueError(f"the time step, {timestep:g} s, does not divide the time of a control, {study.hold:g} s; choose one of {near}")
+    return count
+
+
+def running(study: Study, world: World, episodes: Sequence[int], *, by_step: bool = False) -> Iterator[bool]:
+    """Runs episodes to their end, piece by piece.
+
+    Args:
+        study: The study.
+        world: Environments, one for each episode.
+        episodes: Their numbers.
+        by_step: Whether a piece is a step; else it is the time of a control.
+
+    Yields:
+        After the start and after every piece, whether outcomes look: at the start and after every control.
+
+    Raises:
+        ValueError: The drive remembers something and has no `begin`.
+    """
+    nstep = steps_of(study, world.timestep)
+    begin(study, world, episodes)
+    drive = study.driven()
+    memory = drives.Memory(drive)
+    if hasattr(drive, "begin"):
+        drive.begin(world)
+    yield True
+    for _ in range(study.controls):
+        world.last_ctrl = ctrl = None if drive is None else drive(world)
+        _check_controls(drive, world, ctrl)
+        if not by_step:
+            world.advance(ctrl, nstep)
+            yield True
+            continue
+        for left in reversed(range(nstep)):
+            world.advance(ctrl, 1)
+            yield left == 0
+    memory.check()
+
+
+def _check_controls(drive: Any, world: World, ctrl: Any) -> None:
+    """Raises ValueError for controls that are not finite of an episode whose state is: they are the drive's, and no engine's."""
+    if ctrl is None or np.isfinite(ctrl).all():
+        return
+    rows = np.broadcast_to(np.asarray(ctrl, float), (world.num_envs, world.model.nu))
+    found = np.argwhere(~np.isfinite(rows) & ~world.diverged[:, None])
+    if len(found):
+        env, actuator = (int(k) for k in found[0])
+        name = world.model.actuator(actuator).name or f"#{actuator}"
+        raise ValueError(
+            f"the drive {drives.name_of(drive)} gives actuator {name!r} the control {rows[env, actuator]} at {world.time:g} s of episode "
+            f"{int(world.episodes[env])}: controls must be finite"
+        )
+
+
+def outcomes_of(watch: Watch, world: World) -> dict[str, Array]:
+    """The value of every outcome at the end of episodes, by name, (num_envs,); NaN, which is no success, of those that diverged."""
+    return {name: np.where(world.diverged, np.nan, value) for name, value in watch.values(world).items()}
+
+
+def drive_through(
+    study: Study, world: World, episodes: Sequence[int], look: Callable[[World], None], each: Callable[[World], None] | None = None
+) -> None:
+    """Runs episodes to their end.
+
+    Args:
+        study: The study.
+        world: Environments, one for each episode.
+        episodes: Their numbers.
+        look: Called at the start and after every control.
+        each: Called after every step.
+    """
+    for number, looks in enumerate(running(study, world, episodes, by_step=each is not None)):
+        if each is not None and number:
+            each(world)
+        if looks:
+            look(world)
+
+
+def run_episodes(study: Study, setting: str, thetas: Sequence[Theta], episodes: Sequence[int], **changed: Any) -> list[Row]:
+    """Outcomes of episodes that are stepped together, one row for each, without keys. Settings as of `world_of`."""
+    return rows_in(world_of(study, setting, thetas, **changed), study, setting, thetas, episodes)
+
+
+def rows_in(world: World, study: Study, setting: str, thetas: Sequence[Theta], episodes: Sequence[int]) -> list[Row]:
+    """As `run_episodes`, in environments that are there."""
+    seen: list[Watch] = []
+
+    def look(now: World) -> None:
+        if seen:
+            seen[0].look(now)
+        else:
+            seen.append(Watch(tuple(study.all_outcomes), now))
+
+    drive_through(study, world, episodes, look)
+    return _rows(study, setting, list(zip(thetas, episodes, strict=True)), world, outcomes_of(seen[0], world))
+
+
+def _run(study: Study, batch: _Batch) -> list[Row]:
+    return run_episodes(study, batch.setting, [point.theta for point, _ in batch.episodes], [e for _, e in batch.episodes])
+
+
+def _rows(study: Study, setting: str, members: Sequence[tuple[Theta, int]], world: World, values: Mapping[str, Array]) -> list[Row]:
+    decisive, certificate, settings = study.decisive, world.certificate(), world.settings()
+    success = None if decisive is None else decisive.succeeds(values[decisive.name])
+    in_force = hashlib.sha256(json.dumps(study.in_force, sort_keys=True, default=str).encode()).hexdigest()[:16]
+    return [
+        {
+            "setting": setting,
+            "theta": dict(theta),
+            "episode": int(episode),
+            "seed": study.seed,
+            "outcomes": {name: float(value[env]) for name, value in values.items()},
+            "success": None if success is None else bool(success[env]),
+            "certificate": {name: number(value[env]) for name, value in certificate.items()},
+            "settings": settings,
+            "in_force": in_force,
+        }
+        for env, (theta, episode) in enumerate(members)
+    ]
+
+
+def number(value: Any) -> int | float:
+    """A plain number of NumPy's."""
+    return int(value) if isinstance(value, np.integer) else float(value)

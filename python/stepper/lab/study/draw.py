@@ -1,0 +1,229 @@
+"""Pictures of a sweep: shares of successes and the outcome over every parameter, and where success ends."""
+
+from __future__ import annotations
+
+import math
+import textwrap
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from stepper.lab.study.document import counted
+from stepper.lab.study.points import USUAL
+from stepper.lab.study.sweep import Level, Sweep, measured
+from stepper.shared.machine import require
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+COLOURS = (
+    *("#0b3c8c", "#1f9e77", "#7a3fb5", "#d62728", "#ff7f0e", "#8c564b", "#17a2b8", "#666666"),
+    *("#e377c2", "#bcbd22", "#000000", "#9ecae1"),
+)
+MARKERS = ("o", "s", "^", "D", "v", "P", "X", "*", "<", ">", "h", "p")
+WIDEST = 1400
+"""Width of a picture at the most, pixels: that of a page."""
+DPI = 130
+_COLUMNS = 3
+_LABEL = 44
+"""Letters of a line of the legend."""
+_ANNOTATED = 5
+"""Settings at the most whose cliffs the panels of a sweep name; more are read in `draw_cliffs`."""
+
+
+def draw(sweep: Sweep, path: Path) -> Path:
+    """Draws a sweep into a PNG file; see `figure_of`.
+
+    Raises:
+        MissingPackageError: matplotlib is not installed.
+    """
+    path.parent.mkdir(parents=True, exist_ok=True)
+    figure_of(sweep).savefig(path)
+    return path
+
+
+def figure_of(sweep: Sweep) -> Any:
+    """Shares of successes with Wilson's intervals, and beneath them means of the outcome with standard errors, over every parameter.
+
+    Every point stands at its value. Values that a bisection tried are points too, without intervals, so that the end of success is as
+    steep as it was found to be.
+
+    Raises:
+        MissingPackageError: matplotlib is not installed.
+    """
+    figures = require("matplotlib.figure", "to draw a sweep")
+    names = [name for name in sweep.study.parameters if any(level.parameter == name for level in sweep.levels)]
+    kinds = (True, False) if sweep.study.decisive else (False,)
+    columns = min(_COLUMNS, max(1, len(names)))
+    lines = max(1, math.ceil(len(names) / columns))
+    labels = [_wrapped(name) for name in (USUAL, *sweep.study.settings)]
+    width = max(7.5, 3.5 * columns)
+    each = _legend_columns(labels, width)
+    beneath = 0.9 + 0.22 * sum(max(label.count("\n") + 1 for label in labels[k : k + each]) for k in range(0, len(labels), each))
+    figure = figures.Figure(figsize=(width, (2.7 if len(kinds) == 1 else 4.6) * lines + beneath), dpi=DPI, layout="constrained")
+    axes = figure.subplots(lines * len(kinds), columns, squeeze=False)
+    for k in range(lines * columns):
+        for part, shares in enumerate(kinds):
+            panel = axes[k // columns * len(kinds) + part, k % columns]
+            if k < len(names):
+                _panel(panel, sweep, names[k], shares=shares)
+            else:
+                panel.set_visible(False)
+    handles, told = axes[0, 0].get_legend_handles_labels()
+    if len(told) > 1:
+        if any(cliff.parameter in names for cliff in sweep.cliffs):
+            handles.append(_line(color="#444444", linestyle=":", linewidth=1))
+            told.append("where success ends")
+        if sweep.study.decisive:
+            handles.append(_line(color="#444444", linestyle="-.", linewidth=1))
+            told.append("limit of success")
+        figure.legend(handles, told, loc="outside lower center", ncols=min(each, len(told)), frameon=False, fontsize=9)
+    title = f"{sweep.study.name}: {measured(sweep.study)}, {counted(sweep.study.episodes, 'episode')} a point"
+    figure.suptitle(textwrap.fill(title, int(11 * width)), fontsize=11)
+    return figure
+
+
+def draw_cliffs(sweep: Sweep, path: Path) -> Path | None:
+    """Draws where success ends with each of the settings into a PNG file; see `cliffs_of`.
+
+    Raises:
+        MissingPackageError: matplotlib is not installed.
+    """
+    figure = cliffs_of(sweep)
+    if figure is None:
+        return None
+    path.parent.mkdir(parents=True, exist_ok=True)
+    figure.savefig(path)
+    return path
+
+
+def cliffs_of(sweep: Sweep) -> Any | None:
+    """Where success ends with each of the settings, a panel for every parameter; None where no parameter has cliffs of two settings.
+
+    Raises:
+        MissingPackageError: matplotlib is not installed.
+    """
+    settings = [USUAL, *sweep.study.settings]
+    own = {name: [cliff for cliff in sweep.cliffs if cliff.parameter == name] for name in sweep.study.parameters}
+    names = [name for name, cliffs in own.items() if len({cliff.setting for cliff in cliffs}) > 1]
+    if not names:
+        return None
+    figures = require("matplotlib.figure", "to draw cliffs")
+    columns, lines = min(_COLUMNS, len(names)), math.ceil(len(names) / _COLUMNS)
+    size = (max(6.0, 2.9 * columns + 1.8), 0.4 + (0.7 + 0.26 * len(settings)) * lines)
+    figure = figures.Figure(figsize=size, dpi=DPI, layout="constrained")
+    axes = figure.subplots(lines, columns, squeeze=False, sharey=True)
+    for k in range(lines * columns):
+        panel = axes.flat[k]
+        if k >= len(names):
+            panel.set_visible(False)
+            continue
+        name = names[k]
+        for cliff in own[name]:
+            row = settings.index(cliff.setting)
+            colour, middle = COLOURS[row % len(COLOURS)], (cliff.low + cliff.high) / 2
+            panel.errorbar([middle], [row], xerr=[(cliff.high - cliff.low) / 2], fmt="o", color=colour, capsize=2, markersize=4)
+            # Above the bracket, which may be longer than the number.
+            panel.annotate(f"{middle:.4g}", (middle, row), xytext=(0, 4), textcoords="offset points", ha="center", fontsize=8, color=colour)
+        panel.margins(x=0.25)
+        panel.set_xlabel(_name(sweep, name))
+        panel.grid(visible=True, axis="x", color="#dddddd")
+        panel.locator_params(axis="x", nbins=5)
+    axes[0, 0].set_yticks(range(len(settings)), [textwrap.shorten(name, 32, placeholder=" ...") for name in settings], fontsize=8)
+    axes[0, 0].set_ylim(len(settings) - 0.5, -0.8)
+    figure.suptitle(textwrap.fill(f"{sweep.study.name}: where success ends", int(11 * size[0])), fontsize=11)
+    return figure
+
+
+def _panel(panel: Axes, sweep: Sweep, name: str, *, shares: bool) -> None:
+    """A panel of a parameter: shares of successes, or the outcome."""
+    study, parameter = sweep.study, sweep.study.parameters[name]
+    settings = [USUAL, *study.settings]
+    words = any(isinstance(value, str) for value in parameter.levels())
+    for number, setting in enumerate(settings):
+        if sweep.levels_of(name, setting):
+            _series(panel, sweep, name, number, shares=shares)
+        for cliff in sweep.cliffs:
+            if (cliff.parameter, cliff.setting) == (name, setting):
+                middle, colour = (cliff.low + cliff.high) / 2, COLOURS[number % len(COLOURS)]
+                panel.axvline(middle, color=colour, linestyle=":", linewidth=1)
+                if shares and len(settings) <= _ANNOTATED:
+                    panel.annotate(
+                        f"{middle:.4g}", (middle, 0.02), xytext=(4, 9 * number), textcoords="offset points", color=colour, fontsize=8,
+                        bbox={"facecolor": "white", "alpha": 0.8, "linewidth": 0, "pad": 0.5},
+                    )  # fmt: skip
+    panel.set_xlabel(_name(sweep, name) + {"set": "", "scale": " (factor)", "add": " (added)"}[parameter.how])
+    if shares:
+        panel.set_ylabel("share of successes")
+        panel.set_ylim(-0.05, 1.05)
+    else:
+        outcome = study.decisive or study.all_outcomes[0]
+        panel.set_ylabel(f"{outcome.name}{', ' + outcome.unit if outcome.unit else ''}")
+        if outcome.threshold is not None:
+            panel.axhline(outcome.threshold, color="#444444", linestyle="-.", linewidth=1)
+    if not words:
+        panel.locator_params(axis="x", nbins=6)
+    panel.grid(visible=True, color="#dddddd")
+    panel.set_axisbelow(True)
+
+
+def _series(panel: Axes, sweep: Sweep, name: str, number: int, *, shares: bool) -> None:
+    """Points of the settings of a number. Markers of later settings are smaller, so that those that lie on one another are all seen."""
+    settings = [USUAL, *sweep.study.settings]
+    setting, colour = settings[number], COLOURS[number % len(COLOURS)]
+    points, levels = sweep.points(name, setting), sweep.levels_of(name, setting)
+    line = panel.plot(
+        _places(points),
+        _bars(points, shares=shares)[0],
+        "-" if number == 0 else "--",
+        color=colour,
+        linewidth=1.2,
+        marker=".",
+        markersize=3,
+    )[0]
+    line.set_gid(f"{name}/{setting}")
+    y, below, above = _bars(levels, shares=shares)
+    panel.errorbar(
+        _places(levels), y, (below, above), fmt=MARKERS[number % len(MARKERS)], color=colour, label=_wrapped(setting), capsize=2,
+        markersize=9 - 5 * number / max(1, len(settings) - 1), markerfacecolor="none", linewidth=1,
+    )  # fmt: skip
+
+
+def _places(levels: Sequence[Level]) -> list[Any]:
+    return [level.value if isinstance(level.value, str) else float(level.value or 0) for level in levels]
+
+
+def _name(sweep: Sweep, name: str) -> str:
+    unit = sweep.study.parameters[name].unit
+    return textwrap.fill(f"{name}{', ' + unit if unit else ''}", 36)
+
+
+def _wrapped(setting: str) -> str:
+    return textwrap.fill(setting, _LABEL)
+
+
+def _legend_columns(labels: Sequence[str], width: float) -> int:
+    """Columns of a legend in a picture of a width in inches: a letter takes 0.08, a marker and the space beside it 0.7."""
+    longest = max(len(line) for label in (*labels, "where success ends") for line in label.split("\n"))
+    return max(1, min(4, int(width / (0.08 * longest + 0.7))))
+
+
+def _line(**look: Any) -> Any:
+    return require("matplotlib.lines", "to draw a sweep").Line2D([], [], **look)
+
+
+def _bars(levels: Sequence[Level], *, shares: bool) -> tuple[list[float], list[float], list[float]]:
+    """Values with what is below and above them."""
+    if shares:
+        y = [level.share for level in levels]
+        if all(level.episodes == 1 for level in levels):
+            # One trial says nothing of a share: its interval is nearly all there is.
+            return y, [0.0] * len(y), [0.0] * len(y)
+        return (
+            y,
+            [a - level.interval[0] for a, level in zip(y, levels, strict=True)],
+            [level.interval[1] - a for a, level in zip(y, levels, strict=True)],
+        )
+    y = [level.mean for level in levels]
+    error = [0.0 if math.isnan(level.spread) else level.spread / math.sqrt(level.episodes - level.diverged) for level in levels]
+    return y, error, error

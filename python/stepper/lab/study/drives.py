@@ -1,0 +1,442 @@
+"""What drives a study: recorded controls, a script, a policy, or controls at random."""
+
+from __future__ import annotations
+
+import contextlib
+import csv
+import functools
+import hashlib
+import importlib
+import importlib.util
+import inspect
+import os
+import sys
+from collections import deque
+from collections.abc import Callable, Collection, Iterable, Mapping
+from pathlib import Path
+from types import CodeType, ModuleType
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stepper.lab.study.policy_files import Network, PolicyFile, is_module, read_policy
+from stepper.lab.study.worlds import World
+
+Array = NDArray[np.float64]
+FILES = "stepper_study_"
+"""How names of modules begin that are files of studies."""
+Drive = Callable[[World], Any]
+"""From a `World`, controls (num_envs, nu) or (nu,), or None, which holds those in force. One with a method `begin(now)` is told of
+starts."""
+
+
+class Recorded:
+    """Controls of a file, one after the other; the last is held.
+
+    Args:
+        path: An .npz with "ctrl": (T, nu), or (T, n, nu) for the episodes 0 to n - 1, after which they repeat. Or a .csv with a line for
+            every control and a column for every actuator, whose first line may have their names, in any order.
+
+    Raises:
+        ValueError: The file has no such numbers.
+    """
+
+    def __init__(self, path: str | os.PathLike[str]):
+        path = Path(path)
+        self.names: list[str] | None = None
+        if path.suffix == ".csv":
+            self.names, self.ctrl = _read_csv(path)
+        else:
+            with np.load(path, allow_pickle=False) as file:
+                if "ctrl" not in file:
+                    raise ValueError(f'{path}: it has {sorted(file)}, must have "ctrl" (T, nu) or (T, n, nu)')
+                self.ctrl = np.asarray(file["ctrl"], float)
+        if self.ctrl.ndim not in (2, 3) or not len(self.ctrl):
+            raise ValueError(f'{path}: "ctrl" has the shape {self.ctrl.shape}, must be (T, nu) or (T, n, nu)')
+        if not np.isfinite(self.ctrl).all():
+            row, *rest = (int(k) for k in np.argwhere(~np.isfinite(self.ctrl))[0])
+            raise ValueError(f"{path}: control {row}, actuator {rest[-1]}: {self.ctrl[row, *rest]} is not finite")
+        self._path, self._row = path, 0
+        self._places: list[int] | None = None
+
+    def begin(self, now: World) -> None:
+        """Goes back to the first row.
+
+        Raises:
+            ValueError: The actuators of the file are not those of the model.
+        """
+        own, known = self.ctrl.shape[-1], [name or f"#{k}" for k, name in enumerate(now.model.actuator_names)]
+        if self.names is not None and sorted(self.names) != sorted(known):
+            missing, more = sorted(set(known) - set(self.names)), sorted(set(self.names) - set(known))
+            raise ValueError(
+                f"{self._path}: its first line names other actuators than the model has: {missing or 'none'} are missing, {more or 'none'} "
+                "are not the model's"
+            )
+        if own != now.model.nu:
+            raise ValueError(f"{self._path}: it has controls of {own} actuators, and the model has {now.model.nu}: {', '.join(known)}")
+        self._places = None if self.names is None else [self.names.index(name) for name in known]
+        self._row = 0
+
+    def __call__(self, now: World) -> Array:
+        """The next row."""
+        row: Array = self.ctrl[min(self._row, len(self.ctrl) - 1)]
+        self._row += 1
+        if self._places is not None:
+            row = row[self._places]
+        return row if row.ndim == 1 else row[now.episodes % len(row)]
+
+
+def _read_csv(path: Path) -> tuple[list[str] | None, Array]:
+    """Names of the actuators, None where the first line has none, and controls (T, nu)."""
+    with path.open(newline="", encoding="utf-8-sig") as file:
+        lines = [(number, row) for number, row in enumerate(csv.reader(file), 1) if row]
+    names = None
+    if lines and not _is_number(lines[0][1][0]):
+        names = [name.strip() for name in lines.pop(0)[1]]
+    width = len(names) if names is not None else len(lines[0][1]) if lines else 0
+    for number, row in lines:
+        if len(row) != width or not all(map(_is_number, row)):
+            raise ValueError(f"{path}, line {number}: it is {','.join(row)!r}, must be {width} numbers, one of each actuator")
+    return names, np.array([[float(value) for value in row] for _, row in lines]).reshape(len(lines), width)
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
+
+
+class Random:
+    """Controls at random within their ranges (without a range: -1 to 1), each episode its own, whatever batch it is in.
+
+    Args:
+        seed: Of what is random.
+        hold: Controls for which one is held.
+    """
+
+    def __init__(self, seed: int, hold: int = 1):
+        self.seed, self.hold, self._count = seed, hold, 0
+        self._streams: list[np.random.Generator] = []
+
+    def begin(self, now: World) -> None:
+        """Begins the streams of the episodes anew."""
+        self._count = 0
+        self._streams = [np.random.default_rng([self.seed, int(e), 1]) for e in now.episodes]
+        bounds = np.asarray(now.model.actuator_ctrlrange, float).reshape(now.model.nu, 2)
+        self._low, self._high = np.where(np.isfinite(bounds), bounds, [-1.0, 1.0]).T
+
+    def __call__(self, _: World) -> Array | None:
+        """New controls, or None while the old ones are held."""
+        self._count += 1
+        if (self._count - 1) % self.hold:
+            return None
+        return np.array([stream.uniform(self._low, self._high) for stream in self._streams])
+
+
+class Policy:
+    """A policy: from observations (num_envs, nsensordata), controls (num_envs, nu).
+
+    Args:
+        act: A function, whose tensors of torch may come back; a module of torch, which gets tensors; or a file that ends in
+            .onnx (ONNX Runtime), .pt, .pth or .ts (TorchScript), or .npz (`stepper.policies`). A network for one
+            observation is asked row by row.
+
+            One that remembers has a method `begin(now)`, called at the start of each batch. Of a module of torch and of a TorchScript, each
+            batch has a copy as it was given, with the buffers of then; the `reset()` of a TorchScript is called.
+
+    Raises:
+        ValueError: A file that holds no policy.
+        MissingPackageError: ONNX Runtime or torch is not installed.
+    """
+
+    def __init__(self, act: Callable[[Array], Any] | str | os.PathLike[str]):
+        if isinstance(act, str | os.PathLike):
+            act = read_policy(act)
+        self.act = Network(act) if is_module(act) else act
+
+    def begin(self, now: World) -> None:
+        """Tells the policy of a start, where it wants to know."""
+        if hasattr(self.act, "begin"):
+            self.act.begin(now)
+
+    def __call__(self, now: World) -> Array:
+        """Controls for what the sensors say."""
+        made = self.act(now.sensordata)
+        controls = np.asarray(made.detach().cpu().numpy() if hasattr(made, "detach") else made, float)
+        if controls.shape not in ((now.num_envs, now.model.nu), (now.model.nu,)):
+            raise ValueError(
+                f"the policy {name_of(self.act)} returned the shape {controls.shape}, must be (num_envs, nu), which is "
+                f"({now.num_envs}, {now.model.nu})"
+            )
+        return controls
+
+
+def find(reference: str, folder: Path) -> Any:
+    """What "module:name" or "file.py:name" stands for; files are found beside the study.
+
+    Raises:
+        ValueError: There is no such module, file or name.
+    """
+    place, _, name = reference.rpartition(":")
+    if not place or not name:
+        raise ValueError(f'{reference!r} must be "module:function" or "file.py:function"')
+    try:
+        module = load_file(folder / place) if place.endswith(".py") else importlib.import_module(place)
+    except (ModuleNotFoundError, FileNotFoundError) as error:
+        raise ValueError(f"{reference!r}: {error}") from error
+    if not hasattr(module, name):
+        raise ValueError(f"{reference!r}: {place} has no {name!r}")
+    return getattr(module, name)
+
+
+def load_file(path: Path) -> ModuleType:
+    """The module of a file, imported once."""
+    path = path.resolve()
+    # Not the bare stem, which another module may have.
+    name = f"{FILES}{path.stem}_{hashlib.sha256(str(path).encode()).hexdigest()[:8]}"
+    if name not in sys.modules:
+        spec = importlib.util.spec_from_file_location(name, path)
+        if spec is None or spec.loader is None or not path.exists():
+            raise FileNotFoundError(f"there is no file {path}; check the name, or give its full path")
+        module = importlib.util.module_from_spec(spec)
+        sys.modules[name] = module
+        try:
+            spec.loader.exec_module(module)
+        except BaseException:
+            del sys.modules[name]
+            raise
+    return sys.modules[name]
+
+
+def digest_of(thing: Any) -> str:
+    """SHA-256 of a drive or measure.
+
+    Of a function: its name, the file that it is in, its defaults, what it holds from around it, and the object that it is a method of; of
+    an object: its class likewise, its `state_dict()` where it has one, and its attributes, and theirs, but for those that begin with an
+    underscore, which are its memory; or its attribute `digest`, where it has one; of numbers, words and arrays: themselves.
+
+    Raises:
+        TypeError: It holds something of which there is no digest; named with the remedy.
+    """
+    found = _Digest()
+    found.take(thing, name_of(thing))
+    return found.hexdigest()
+
+
+class Memory:
+    """What a drive without a method `begin` remembers of a batch, which would go on in the next one.
+
+    Args:
+        drive: The drive, before its batch.
+    """
+
+    def __init__(self, drive: Any):
+        # A policy's begin is that of what acts, where that has one. Networks are copied for each batch.
+        self._drive = drive.act if isinstance(drive, Policy) else drive
+        self._told = hasattr(self._drive, "begin") or isinstance(self._drive, PolicyFile | Network)
+        self._before = {} if self._told else self._held()
+
+    def check(self) -> None:
+        """Raises ValueError where something that had a value has another one after the batch.
+
+        What had none before - nothing, None, or empty - may be a cache, which no row follows from.
+        """
+        if self._told:
+            return
+        now = self._held()
+        changed = [name for name, before in self._before.items() if before is not None and now.get(name, before) != before]
+        if changed:
+            raise ValueError(
+                f"the drive {name_of(self._drive)} has changed {', '.join(changed)} in a batch and has no method begin(now): the next "
+                "batch would go on with it, and rows would depend on the batches. Make it a class with a begin that forgets (one that "
+                "does nothing, if no control follows from it)"
+            )
+
+    def _held(self) -> dict[str, str | None]:
+        """Digests of attributes and of what a function holds from around it; None of what is empty or has no digest."""
+        owner = getattr(self._drive, "__self__", self._drive)
+        held = {} if isinstance(owner, ModuleType) else dict(getattr(owner, "__dict__", {}))
+        names = getattr(getattr(self._drive, "__code__", None), "co_freevars", ())
+        for name, cell in zip(names, getattr(self._drive, "__closure__", None) or (), strict=True):
+            with contextlib.suppress(ValueError):
+                held[name] = cell.cell_contents
+        return {name: _state_of(value) for name, value in held.items()}
+
+
+def _state_of(value: Any) -> str | None:
+    if value is None or (isinstance(value, Collection) and not isinstance(value, np.ndarray) and not len(value)):
+        return None
+    try:
+        return digest_of(value)
+    except TypeError:
+        return None
+
+
+class _Digest:
+    """A SHA-256 of values of any kind. Each part has its type and length in front, so that no two values give the same bytes."""
+
+    def __init__(self) -> None:
+        self._hash = hashlib.sha256()
+        # By address, with the thing itself, which keeps the address its own.
+        self._seen: dict[int, tuple[int, Any]] = {}
+
+    def hexdigest(self) -> str:
+        return self._hash.hexdigest()
+
+    def take(self, value: Any, where: str) -> None:
+        """Adds a value; `where` is what errors call it."""
+        if value is None or isinstance(value, int | float | complex | str | bytes | Path):
+            self._part(type(value).__qualname__, repr(value).encode())
+        elif isinstance(value, np.ndarray | np.generic) and value.dtype.hasobject:
+            self._sequence(f"array {value.shape}", np.ravel(value).tolist(), where)
+        elif isinstance(value, np.ndarray | np.generic):
+            self._part(f"array {value.dtype.descr} {value.shape}", value.tobytes())
+        elif id(value) in self._seen:
+            self._part("seen", str(self._seen[id(value)][0]).encode())
+        else:
+            self._seen[id(value)] = len(self._seen), value
+            self._compound(value, where)
+
+    def _part(self, kind: str, data: bytes) -> None:
+        self._hash.update(f"{len(kind)} {kind} {len(data)} ".encode() + data)
+
+    def _sequence(self, kind: str, values: Collection[Any], where: str) -> None:
+        self._part(kind, str(len(values)).encode())
+        for number, own in enumerate(values):
+            self.take(own, f"{where}[{number}]")
+
+    def _mapping(self, kind: str, values: Mapping[Any, Any], where: str, called: str = "[{!r}]") -> None:
+        self._part(kind, str(len(values)).encode())
+        for name, own in sorted(values.items(), key=lambda item: repr(item[0])):
+            self.take(name, where)
+            self.take(own, where + called.format(name))
+
+    def _compound(self, value: Any, where: str) -> None:
+        kind = type(value).__qualname__
+        if isinstance(value, Mapping):
+            self._mapping(kind, value, where)
+        elif isinstance(value, tuple | list | deque):
+            self._sequence(kind, value, where)
+        elif isinstance(value, set | frozenset):
+            self._sequence(kind, sorted(value, key=repr), where)
+        elif isinstance(value, functools.partial):
+            self.take(value.func, where)
+            self._sequence("arguments", value.args, where)
+            self._mapping("keywords", value.keywords, where)
+        elif isinstance(value, ModuleType):
+            self._part(kind, value.__name__.encode())
+        elif isinstance(value, np.ufunc | np.dtype):
+            self._part(kind, repr(value).encode())
+        elif isinstance(value, np.random.Generator):
+            self.take(value.bit_generator.state, where)
+        elif inspect.isclass(value):
+            self._class(value, where)
+        elif inspect.isroutine(value):
+            self._routine(value, where)
+        else:
+            self._object(value, where)
+
+    def _routine(self, value: Any, where: str) -> None:
+        owner = getattr(value, "__self__", None)
+        if inspect.ismethod(value):
+            self.take(value.__func__, where)
+        else:
+            file = _file_of(value)
+            self._part("function", name_of(value).encode())
+            self._part("module", str(getattr(value, "__module__", None)).encode())
+            self._part("file", b"" if file is None else file.read_bytes())
+            # Functions of a file that have one name: lambdas, and those within functions.
+            if hasattr(value, "__code__") and (file is None or "<" in value.__qualname__):
+                self._part("code", _code(value.__code__))
+            self.take(getattr(value, "__defaults__", None), f"{where}: defaults")
+            self.take(getattr(value, "__kwdefaults__", None), f"{where}: defaults")
+            names = value.__code__.co_freevars if hasattr(value, "__code__") else ()
+            for name, cell in zip(names, getattr(value, "__closure__", None) or (), strict=True):
+                self._part("around it", name.encode())
+                with contextlib.suppress(ValueError):
+                    # Of a name that has no value yet.
+                    self.take(cell.cell_contents, f"{where}: {name}")
+        if not isinstance(owner, ModuleType):
+            self.take(owner, where)
+
+    def _class(self, value: type, where: str) -> None:
+        for base in value.__mro__[:-1]:
+            file = _file_of(base)
+            self._part("class", f"{base.__module__} {base.__qualname__}".encode())
+            self._part("file", b"" if file is None else file.read_bytes())
+            if file is None or "<" in base.__qualname__:
+                for name, own in sorted(vars(base).items()):
+                    if inspect.isfunction(own):
+                        self.take(own, f"{where}.{name}")
+
+    def _object(self, value: Any, where: str) -> None:
+        self.take(type(value), where)
+        told = getattr(value, "digest", None)
+        if isinstance(told, str | bytes):
+            self.take(told, where)
+        elif hasattr(value, "detach"):
+            # A tensor. NumPy has no bfloat16, which float32 has every value of.
+            tensor = value.detach().cpu()
+            self.take(str(tensor.dtype), where)
+            self.take(np.asarray((tensor.float() if "bfloat16" in str(tensor.dtype) else tensor).numpy()), where)
+        elif hasattr(value, "__array__"):
+            self.take(np.asarray(value), where)
+        else:
+            self._attributes(value, where)
+
+    def _attributes(self, value: Any, where: str) -> None:
+        state = getattr(value, "state_dict", None)
+        if state is not None:
+            self.take(dict(state()), f"{where}.state_dict()")
+        slots = [name for base in type(value).__mro__ for name in _names(base.__dict__.get("__slots__", ()))]
+        if state is None and not slots and not hasattr(value, "__dict__"):
+            raise TypeError(
+                f"{where}: a {type(value).__qualname__} has no digest, so that the rows of a study could not be told from those of another "
+                "one; give it, or what holds it, an attribute `digest`, a str that says what it is, or begin its name with an underscore "
+                "if rows do not follow from it"
+            )
+        held = getattr(value, "__dict__", {}) | {name: getattr(value, name) for name in slots if hasattr(value, name)}
+        # The parts of a module of torch: their weights are in the state, what they compute is not.
+        kept = {name: own for name, own in held.items() if not name.startswith("_") or (state is not None and name == "_modules")}
+        self._mapping("attributes", kept, where, ".{}")
+
+
+def _names(slots: str | Iterable[str]) -> list[str]:
+    return [name for name in ([slots] if isinstance(slots, str) else slots) if not name.startswith("_")]
+
+
+def _file_of(thing: Any) -> Path | None:
+    """The file of a function or of the class of an object; None of what was typed in."""
+    owner = thing if inspect.isroutine(thing) or inspect.isclass(thing) else type(thing)
+    try:
+        file = inspect.getsourcefile(owner)
+    except TypeError:
+        return None
+    return Path(file) if file is not None and Path(file).exists() else None
+
+
+def _code(code: CodeType) -> bytes:
+    # The order of a set of words is another in every process.
+    told = (sorted(c, key=repr) if isinstance(c, frozenset) else c for c in code.co_consts)
+    constants = b"".join(_code(c) if isinstance(c, CodeType) else repr(c).encode() + b"\0" for c in told)
+    return b"\0".join([code.co_code, constants, repr(code.co_names).encode()])
+
+
+def name_of(thing: Any) -> str:
+    """A drive or measure in words: the name of its file, and its own."""
+    if isinstance(thing, str) or thing is None:
+        return str(thing or "nothing")
+    if isinstance(thing, Policy):
+        return f"policy {name_of(thing.act)}"
+    if isinstance(thing, PolicyFile):
+        return thing.path.name
+    if isinstance(thing, Network):
+        return name_of(thing.module)
+    if isinstance(thing, functools.partial):
+        return name_of(thing.func)
+    name = getattr(thing, "__qualname__", type(thing).__qualname__)
+    file = _file_of(thing)
+    return name if file is None or type(thing).__module__.startswith("stepper.") else f"{file.name}:{name}"

@@ -1,0 +1,145 @@
+"""Studies from files: TOML, or Python that has a `Study` named `study`.
+
+name = "grasp"
+model = "grasp.xml"                    # beside this file; or "module:function", "file.py:function", or MJCF itself
+drive = "grasp.py:lift"                # a script; or "controls.npz", "controls.csv", "random"; or, in its place,
+                                       # policy = "file.py:function", "walker.onnx", "walker.pt", "walker.npz", which takes observations
+seconds = 1.0
+episodes = 16
+sensors = "sensors.toml"               # as of SensorModel.from_file; or tables; actuators likewise
+
+[options]                              # as of Options
+
+[[outcomes]]
+name = "lifted"
+measure = "body cube z"                # or "file.py:function"
+over = "change"
+success = ">= 0.05"
+
+[parameters.friction]
+target = "geom_friction"
+column = 0
+low = 0.2
+high = 1.0
+source = "rubber on wood, measured"
+
+[settings."5 iterations"]
+iterations = 5
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Iterable
+from dataclasses import fields, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from stepper._hints import near
+from stepper._options import Options
+from stepper.actuators import ActuatorModel
+from stepper.lab.study.drives import Policy, Recorded, find, load_file
+from stepper.lab.study.outcomes import Outcome
+from stepper.lab.study.parameters import Parameter
+from stepper.lab.study.policy_files import ENDINGS, PROGRAM
+from stepper.sensors import SensorModel
+from stepper.shared.tables import read_file
+
+if TYPE_CHECKING:
+    from stepper.lab.study.study import Study
+
+
+def check_keys(given: Iterable[str], known: Collection[str], place: str) -> None:
+    """Raises ValueError for entries of a table that mean nothing, with those that were perhaps meant."""
+    unknown = sorted(set(given) - set(known))
+    if unknown:
+        guesses = "".join(near(name, known) for name in unknown[:1])
+        raise ValueError(f"{place} has unknown entries {unknown}{guesses or ','} it may have: {', '.join(sorted(known))}")
+
+
+def read_study(path: Path, kind: type[Study]) -> Study:
+    """The study of a file; see `Study.from_file`."""
+    if path.suffix == ".py":
+        module = load_file(path)
+        study = getattr(module, "study", None)
+        if not isinstance(study, kind):
+            raise ValueError(f"{path}: it has no stepper.lab.Study named study")
+        # One without a name is called by its file, as in TOML.
+        return replace(study, name=path.stem) if study.name == kind.name else study
+    data = read_file(path)
+    try:
+        return _made(data, path, kind)
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"{path}: {error}") from error
+
+
+def _made(data: dict[str, Any], path: Path, kind: type[Study]) -> Study:
+    folder, given = path.resolve().parent, dict(data)
+    known = {field.name for field in fields(kind)} | {"policy"}
+    check_keys(given, known, "the study")
+    if "model" not in given:
+        raise ValueError("model is missing: the path of an MJCF, URDF or saved model")
+    given.setdefault("name", path.stem)
+    given["model"] = _model(given["model"], folder)
+    if "policy" in given:
+        if "drive" in given:
+            raise ValueError("give drive or policy, not both")
+        given["drive"] = _policy(given.pop("policy"), folder)
+    elif given.get("drive") not in (None, "random"):
+        given["drive"] = _drive(given["drive"], folder)
+    for name in ("start", "exact"):
+        if name in given:
+            given[name] = find(given[name], folder)
+    given["outcomes"] = [_part(Outcome, _measured(table, folder), f"outcome {k + 1}") for k, table in enumerate(given.get("outcomes", []))]
+    given["parameters"] = {name: _part(Parameter, table, f"parameter {name!r}") for name, table in given.get("parameters", {}).items()}
+    if "options" in given:
+        given["options"] = _part(Options, given["options"], "options")
+    for name, model in (("sensors", SensorModel), ("actuators", ActuatorModel)):
+        if name in given:
+            own = given[name]
+            given[name] = model.from_file(folder / own) if isinstance(own, str) else model.from_dict(_tables(own, name), name)
+    return kind(**given)
+
+
+def _tables(own: dict[str, Any], name: str) -> dict[str, Any]:
+    """Tables by name, of which that of "default" is for all others."""
+    return {name: {k: v for k, v in own.items() if k != "default"}} | ({"default": own["default"]} if "default" in own else {})
+
+
+def _model(source: str, folder: Path) -> Any:
+    if "<" in source:
+        return source
+    if ":" in source and not (folder / source).exists():
+        return find(source, folder)
+    return str(folder / source)
+
+
+def _policy(source: str, folder: Path) -> Policy:
+    if source.endswith((*ENDINGS, PROGRAM)):
+        return Policy(folder / source)
+    found = find(source, folder)
+    return Policy(found() if isinstance(found, type) else found)
+
+
+def _drive(source: str, folder: Path) -> Callable[[Any], Any]:
+    if source.endswith((".npz", ".csv")):
+        return Recorded(folder / source)
+    found: Callable[[Any], Any] = find(source, folder)
+    # A class is made anew: a drive with a memory.
+    return found() if isinstance(found, type) else found
+
+
+def _measured(table: dict[str, Any], folder: Path) -> dict[str, Any]:
+    measure = table.get("measure", "")
+    return table | {"measure": find(measure, folder)} if ":" in measure else table
+
+
+def _part(kind: type[Any], table: Any, place: str) -> Any:
+    if not isinstance(table, dict):
+        raise ValueError(f"{place} is {table!r}, must be a table")
+    check_keys(table, {field.name for field in fields(kind)}, place)
+    try:
+        return kind(**table)
+    except TypeError as error:
+        raise ValueError(f"{place}: {str(error).partition(' ')[2] if '__init__' in str(error) else error}") from None
+    except ValueError as error:
+        raise ValueError(f"{place}: {error}") from None

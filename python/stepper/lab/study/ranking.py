@@ -1,0 +1,321 @@
+"""Which parameters decide an outcome, all of them drawn from their ranges at once: Sobol's indices, with intervals.
+
+The total index of a parameter is the share of the outcome's variance that is left when all others are known; its first index is the share
+that it explains alone, and the difference of the two is what it does together with others. Both are estimated by Saltelli's design: two
+matrices of points A and B, and for each parameter A with that parameter's column of B.
+
+A. Saltelli et al., "Variance based sensitivity analysis of model output", Computer Physics Communications 181 (2010) 259-270.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stepper.lab.progress import Tick
+from stepper.lab.study.batches import run_points
+from stepper.lab.study.document import Document, Section, counted
+from stepper.lab.study.intervals import wilson
+from stepper.lab.study.journal import diverged
+from stepper.lab.study.points import USUAL, Point, inapplicable
+from stepper.lab.study.report import in_force, study_of
+from stepper.lab.study.results import Results
+from stepper.lab.study.study import Study
+from stepper.lab.study.sweep import measured
+from stepper.lab.study.table import Table
+from stepper.shared.machine import package_version, require
+
+Array = NDArray[np.float64]
+_THIRDS = 3
+_RESAMPLES = 499
+
+
+@dataclass(frozen=True)
+class Rank:
+    """How much a parameter decides.
+
+    Attributes:
+        parameter: Its name.
+        total: Total index: share of the variance that is left when all others are known.
+        total_interval: About 95 %, by bootstrap over the points: of 64 samples of a success that few points flip, 89 to 93 % hold it.
+        first: First index: share of the variance that it explains alone. Sampling makes it negative where it is small.
+        first_interval: 95 %.
+        thirds: Of the lowest, middle and highest third of its range: share of successes, or mean of an outcome without success.
+        intervals: 95 % of the thirds: Wilson's of shares, else two standard errors.
+    """
+
+    parameter: str
+    total: float
+    total_interval: tuple[float, float]
+    first: float
+    first_interval: tuple[float, float]
+    thirds: tuple[float, ...]
+    intervals: tuple[tuple[float, float], ...]
+
+
+@dataclass(frozen=True)
+class Ranking:
+    """What a ranking found.
+
+    Attributes:
+        study: The study.
+        setting: Name of the settings.
+        ranks: By total index, the largest first.
+        outcome: Mean of the outcome over all independent points: the share of successes where there is one.
+        interval: 95 % of that.
+        table: All episodes.
+        document: In words.
+        files: What was written.
+    """
+
+    study: Study
+    setting: str
+    ranks: tuple[Rank, ...]
+    outcome: float
+    interval: tuple[float, float]
+    table: Table
+    document: Document
+    files: tuple[Path, ...]
+
+    def __str__(self) -> str:
+        return self.document.markdown()
+
+
+def rank(
+    study: Study | str | os.PathLike[str],
+    out: str | os.PathLike[str] = "out",
+    *,
+    samples: int = 64,
+    parameters: Sequence[str] | None = None,
+    setting: str = USUAL,
+    tick: Tick | None = None,
+) -> Ranking:
+    """Draws all parameters of a study from their ranges at once, and ranks them by how much of the outcome each decides.
+
+    The outcome is the success, where the study has one, else the number that is measured; of several episodes at a point, their mean. What
+    was run before is not run again, as in `stepper.lab.sweep`.
+
+    Args:
+        study: A study, or the file of one.
+        out: The folder that has a folder for every study.
+        samples: Points of each of the two matrices, a power of 2. Points in all are samples times (2 + number of parameters).
+        parameters: Names; None is all that have a range.
+        setting: Name of the settings.
+        tick: Progress.
+
+    Returns:
+        What was found. OUT/NAME has rank.html, rank.md, rank.png, rank_table.csv, rank_table.npz.
+
+    Raises:
+        ValueError: No outcome, fewer than two parameters with a range, a parameter that has no part in the settings or makes batches of its
+            own, samples that are no power of 2; or an outcome that is not finite, or the same at every point.
+        MissingPackageError: SciPy is not installed.
+    """
+    study = study_of(study)
+    names = _names(study, parameters, setting)
+    if samples < 2 or samples & (samples - 1):
+        raise ValueError(f"samples is {samples}, must be a power of 2, of 2 and more")
+    # Imported before hours of running, not after.
+    stats = require("scipy.stats", "to rank parameters")
+    first, second, mixed = _design(stats, study, names, samples)
+    points = [_point(study, names, row, setting) for row in np.concatenate([first, second, *mixed])]
+    with Results(study, out) as results:
+        rows = run_points(study, points, results.journal, None if tick is None else lambda done: tick(f"rank {study.name}", done))
+        values = _values(study, rows)
+        n = samples
+        total, first_order, total_ends, first_ends = _indices(stats, study, values, n)
+        independent = values[: 2 * n]
+        ranks = []
+        for k, name in enumerate(names):
+            column = np.concatenate([first[:, k], second[:, k]])
+            thirds, intervals = _thirds(study, independent, column)
+            ends = [(float(low), float(high)) for low, high in (total_ends[k], first_ends[k])]
+            if study.decisive is not None:
+                # Of n pairs that end alike there is nothing to resample: Wilson's bound of the share that does not, as if each went from 0
+                # to 1, is the least upper end. A parameter that changed a pair cannot have less.
+                bound = min(1.0, wilson(0, n)[1] / (2.0 * float(values[: 2 * n].var())))
+                ends = [(0.0, bound)] * 2 if total[k] == 0.0 else [(low, max(high, bound)) for low, high in ends]
+            ranks.append(Rank(name, float(total[k]), ends[0], float(first_order[k]), ends[1], thirds, intervals))
+        ranks.sort(key=lambda entry: -entry.total)
+        document, table = Document(f"Ranking of {study.name}"), Table(rows)
+        ranking = Ranking(study, setting, tuple(ranks), *_average(study, independent), table, document, ())
+        picture = _draw(ranking, results.folder / "rank.png") if package_version("matplotlib") else None
+        document.sections += [*_sections(ranking, samples, picture), *in_force(study, len(table), "rank_table")]
+        files = [*table.save(results.folder, "rank_table"), *document.save(results.folder, "rank"), *([picture] if picture else [])]
+    return Ranking(study, setting, tuple(ranks), ranking.outcome, ranking.interval, table, document, tuple(files))
+
+
+def _names(study: Study, asked: Sequence[str] | None, setting: str) -> list[str]:
+    """Parameters that are ranked."""
+    if not study.all_outcomes:
+        raise ValueError("the study has no outcome, so there is nothing to decide; give it one")
+    study.setting(setting)
+    ranged = [name for name, p in study.parameters.items() if p.low is not None and p.high is not None and p.kind != "options"]
+    names = ranged if asked is None else list(asked)
+    for name in names:
+        if name not in study.parameters:
+            raise ValueError(f"there is no parameter {name!r}, there are: {', '.join(study.parameters) or 'none'}")
+        if name not in ranged:
+            raise ValueError(
+                f"parameter {name!r} has no low and high, or is a setting of the step, which environments of a batch share: sweep it"
+            )
+        if reason := inapplicable(study, setting, study.parameters[name]):
+            raise ValueError(f"parameter {name!r} has no part in the settings {setting!r}: {reason}; name the parameters to rank")
+    if len(names) < 2:
+        raise ValueError(f"{study.name} has {counted(len(names), 'parameter')} with low and high, must have two for a ranking")
+    return names
+
+
+def _design(stats: Any, study: Study, names: Sequence[str], samples: int) -> tuple[Array, Array, list[Array]]:
+    """A and B, (samples, parameters), and for each parameter A with its column of B."""
+    sampler = stats.qmc.Sobol(d=2 * len(names), rng=np.random.default_rng([study.seed, 2]))
+    unit = sampler.random(samples)
+    low, high = (np.array([getattr(study.parameters[name], end) for name in names], float) for end in ("low", "high"))
+    both = low + (high - low) * unit.reshape(samples, 2, len(names))
+    first, second = both[:, 0], both[:, 1]
+    mixed = []
+    for k in range(len(names)):
+        own = first.copy()
+        own[:, k] = second[:, k]
+        mixed.append(own)
+    return first, second, mixed
+
+
+def _indices(stats: Any, study: Study, values: Array, n: int) -> tuple[Array, Array, Array, Array]:
+    """Total and first indices, (parameters,), and the ends of their intervals, (parameters, 2).
+
+    Percentiles over resampled points: the corrected ones of SciPy's own bootstrap are nothing for a parameter that decides nothing.
+    """
+    rows = values.reshape(-1, n)
+
+    def of(some: NDArray[np.int64]) -> tuple[Array, Array]:
+        a, b, *mixed = rows[:, some]
+        if np.ptp([a, b]) == 0.0:
+            # Of a resample in which nothing varies no share is known.
+            return np.full(len(mixed), np.nan), np.full(len(mixed), np.nan)
+        found = stats.sobol_indices(func={"f_A": a[None], "f_B": b[None], "f_AB": np.array(mixed)[:, None]}, n=n)
+        return found.total_order, found.first_order
+
+    total, first = of(np.arange(n))
+    rng = np.random.default_rng([study.seed, 3])
+    again = np.array([of(rng.integers(n, size=n)) for _ in range(_RESAMPLES)])
+    ends = np.nanpercentile(again, [2.5, 97.5], axis=0)
+    return total, first, ends[:, 0].T, ends[:, 1].T
+
+
+def _point(study: Study, names: Sequence[str], row: Array, setting: str) -> Point:
+    nominal = {name: value for name, value in study.nominal.items() if not inapplicable(study, setting, study.parameters[name])}
+    return Point(nominal | {name: float(value) for name, value in zip(names, row, strict=True)}, setting)
+
+
+def _values(study: Study, rows: Sequence[dict[str, Any]]) -> Array:
+    """The outcome of every point: mean over its episodes."""
+    name = measured(study)
+    if study.decisive is not None:
+        values = np.array([row["success"] for row in rows], float)
+    else:
+        values = np.array([row["outcomes"][name] for row in rows], float)
+    if not np.isfinite(values).all():
+        lost = sum(map(diverged, rows))
+        why = f" ({lost} of them diverged)" if lost else ""
+        raise ValueError(
+            f"{name} is not finite in {int((~np.isfinite(values)).sum())} of {len(values)} episodes{why}, so that it has no variance; "
+            "give the outcome a success"
+        )
+    points: Array = values.reshape(-1, study.episodes).mean(axis=1)
+    if np.ptp(points) == 0.0:
+        same, or_else = f"{name} is the same at all {len(points)} points", "ask for another outcome"
+        if study.decisive is not None:
+            same = f"as many episodes succeed at all {len(points)} points, {points[0]:.0%} of them by {name} {study.decisive.success}"
+            or_else = f"ask for another success, or for none: then {name} itself is ranked"
+        raise ValueError(f"{same}, so that no parameter decides it; widen their ranges, or {or_else}")
+    return points
+
+
+def _thirds(study: Study, values: Array, column: Array) -> tuple[tuple[float, ...], tuple[tuple[float, float], ...]]:
+    order = np.argsort(column, kind="stable")
+    parts = [_average(study, values[own]) for own in np.array_split(order, _THIRDS)]
+    return tuple(mean for mean, _ in parts), tuple(ends for _, ends in parts)
+
+
+def _average(study: Study, values: Array) -> tuple[float, tuple[float, float]]:
+    """Mean over points, and its interval. Points are independent, episodes of one are not: each point counts as one trial."""
+    mean = float(values.mean())
+    if study.decisive is not None:
+        return mean, wilson(round(float(values.sum())), len(values))
+    error = 2.0 * float(values.std(ddof=1)) / math.sqrt(len(values)) if len(values) > 1 else math.nan
+    return mean, (mean - error, mean + error)
+
+
+def _sections(found: Ranking, samples: int, picture: Path | None) -> list[Section]:
+    study = found.study
+    share = study.decisive is not None
+    what = f"the success of {measured(study)}" if share else measured(study)
+    told = f"{found.outcome:.3g} ({found.interval[0]:.3g} to {found.interval[1]:.3g})"
+    words = [
+        f"All of {counted(len(found.ranks), 'parameter')} drawn at once from their ranges, uniformly: "
+        f"{samples * (2 + len(found.ranks))} points of {counted(study.episodes, 'episode')}, with the settings {found.setting!r}. "
+        f"Mean of {what} over them: {told}.",
+        f"The total index is the share of the variance of {what} that is left when all other parameters are known; the first index is what "
+        "the parameter explains alone, and the rest it does together with others. Intervals are about 95 %, by bootstrap over the points; "
+        "parameters whose intervals of the total index overlap are in no certain order.",
+    ]
+    if lost := sum(map(diverged, found.table.rows)):
+        words.append(f"{lost} of {counted(len(found.table), 'episode')} diverged, and count as no success.")
+    head = ("parameter", "range", "total index", "95 %", "first index", "95 %", "lowest third", "middle", "highest third", "source")
+    rows = []
+    for own in found.ranks:
+        parameter = study.parameters[own.parameter]
+        values = [f"{mean:.3g} ({low:.2g} to {high:.2g})" for mean, (low, high) in zip(own.thirds, own.intervals, strict=True)]
+        rows.append([
+            own.parameter,
+            f"{parameter.low:g} to {parameter.high:g} {parameter.unit}".strip(),
+            *(own.total, "{:.2f} to {:.2f}".format(*own.total_interval), own.first, "{:.2f} to {:.2f}".format(*own.first_interval)),
+            *values,
+            parameter.source,
+        ])  # fmt: skip
+    return [Section("Which parameters decide", words, head, rows, picture)]
+
+
+def _draw(found: Ranking, path: Path) -> Path:
+    """Indices as bars with their intervals, and the outcome over the thirds of each range."""
+    figure = require("matplotlib.figure", "to draw a ranking").Figure(
+        figsize=(9.0, 1.2 + 0.42 * len(found.ranks)), dpi=130, layout="constrained"
+    )
+    left, right = figure.subplots(1, 2, sharey=True)
+    places = np.arange(len(found.ranks))[::-1]
+    for shift, kind, colour in ((0.17, "total", "#0b3c8c"), (-0.17, "first", "#1f9e77")):
+        values = np.array([getattr(own, kind) for own in found.ranks])
+        ends = np.array([getattr(own, f"{kind}_interval") for own in found.ranks]).T
+        left.barh(places + shift, values, 0.3, color=colour, label=f"{kind} index", alpha=0.75)
+        left.hlines(places + shift, *ends, color="black", linewidth=1.2)
+    left.axvline(0.0, color="#888888", linewidth=0.8)
+    left.set_yticks(places, [own.parameter for own in found.ranks])
+    left.set_xlabel("share of the variance, 95 %")
+    for third, (name, colour) in enumerate((("lowest third", "#9ecae1"), ("middle", "#4292c6"), ("highest third", "#08306b"))):
+        values = np.array([own.thirds[third] for own in found.ranks])
+        ends = np.array([own.intervals[third] for own in found.ranks]).T
+        at = places + 0.22 * (1 - third)
+        right.plot(values, at, "o", color=colour, label=f"{name} of the range", markersize=4)
+        right.hlines(at, *ends, color=colour, linewidth=1.2)
+    outcome = found.study.decisive or found.study.all_outcomes[0]
+    unit = f", {outcome.unit}" if outcome.unit and found.study.decisive is None else ""
+    right.set_xlabel(f"share of successes ({outcome.name} {outcome.success})" if outcome.success else f"mean {outcome.name}{unit}")
+    # Beneath, where no interval is.
+    entries = zip(left.get_legend_handles_labels(), right.get_legend_handles_labels(), strict=True)
+    handles, labels = (ours + theirs for ours, theirs in entries)
+    figure.legend(handles, labels, loc="outside lower center", ncols=len(labels), frameon=False, fontsize=8)
+    for panel in (left, right):
+        panel.grid(visible=True, axis="x", color="#dddddd")
+        panel.set_axisbelow(True)
+    figure.suptitle(f"{found.study.name}: which parameters decide", fontsize=11)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    figure.savefig(path)
+    return path

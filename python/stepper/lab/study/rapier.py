@@ -1,0 +1,457 @@
+"""Environments in rapier, the peer with hard contact: free bodies, hinges and slides with simple shapes, of what MuJoCo's compiler made.
+
+Rapier (https://rapier.rs, the package rapier3d) computes in 32 bits. States are in MuJoCo's layout, and places of bodies, sensors of
+position and depths are what MuJoCo's kinematics and narrow phase make of them, so that all engines are looked at through one glass.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stepper._status import Status
+from stepper._stepper import Model, ModelError
+from stepper.lab.study.worlds import MujocoWorld, Plan
+from stepper.shared.machine import INSTALL, require
+
+Array = NDArray[np.float64]
+SETTINGS = ("timestep", "iterations")
+"""What rapier is set to: the time step, and iterations of its solver (4 by default)."""
+_ZERO = 1e-12
+
+
+def not_installed() -> str | None:
+    """How to install rapier where it is not."""
+    return None if importlib.util.find_spec("rapier3d") else f"it is not installed: {INSTALL['rapier3d']}"
+
+
+def lacks(compiled: Any, model: Model) -> str | None:
+    """What of a scene rapier does not have, or has in another sense than MJCF, in a few words; None where it has all.
+
+    Args:
+        compiled: MuJoCo's model.
+        model: stepper's.
+    """
+    mujoco = require("mujoco", "to run a study in rapier")
+    if np.any(np.asarray(model.geom_restitution) != 0):
+        return "its restitution is not stepper's"
+    return next((words for words, lacking in _LACKS if lacking(compiled, mujoco)), None)
+
+
+_Lack = Callable[[Any, Any], bool]
+"""Whether MuJoCo's model, with MuJoCo's library, has what rapier lacks."""
+
+
+def _colliding(m: Any) -> NDArray[np.intp]:
+    return np.flatnonzero((m.geom_contype != 0) | (m.geom_conaffinity != 0))
+
+
+def _other_joints(m: Any, mujoco: Any) -> bool:
+    return bool(np.any(m.jnt_type == mujoco.mjtJoint.mjJNT_BALL)) or bool(np.any(m.body_jntnum > 1))
+
+
+def _other_shapes(m: Any, mujoco: Any) -> bool:
+    kinds = mujoco.mjtGeom
+    known = (kinds.mjGEOM_PLANE, kinds.mjGEOM_SPHERE, kinds.mjGEOM_CAPSULE, kinds.mjGEOM_BOX, kinds.mjGEOM_CYLINDER)
+    return not np.isin(m.geom_type[_colliding(m)], [int(kind) for kind in known]).all()
+
+
+def _joint_forces(m: Any, _: Any) -> bool:
+    return any(np.any(own != 0) for own in (m.dof_damping, m.dof_armature, m.dof_frictionloss, m.jnt_stiffness))
+
+
+def _other_friction(m: Any, _: Any) -> bool:
+    own = _colliding(m)
+    return not np.isin(m.geom_condim[own], (1, 3)).all() or len({int(x) for x in m.geom_condim[own]}) > 1
+
+
+def _other_contacts(m: Any, mujoco: Any) -> bool:
+    own = _colliding(m)
+    off = mujoco.mjtDisableBit
+    flags = off.mjDSBL_CONTACT | off.mjDSBL_LIMIT | off.mjDSBL_CONSTRAINT | off.mjDSBL_FILTERPARENT | off.mjDSBL_GRAVITY
+    return bool(m.nexclude or m.npair or m.geom_margin[own].any() or len(set(m.geom_priority[own])) > 1 or m.opt.disableflags & int(flags))
+
+
+def _senses_accelerations(m: Any, mujoco: Any) -> bool:
+    return bool(m.nsensor and np.any(m.sensor_needstage == int(mujoco.mjtStage.mjSTAGE_ACC)))
+
+
+_LACKS: tuple[tuple[str, _Lack], ...] = (
+    ("it has no actuators as MJCF means them", lambda m, _: m.nu > 0),
+    ("it has no tendons", lambda m, _: m.ntendon > 0),
+    ("it has no equalities as MJCF means them", lambda m, _: m.neq > 0),
+    ("it has no bodies that deform as MJCF means them", lambda m, _: m.nflex > 0),
+    ("mocap bodies are not taken there", lambda m, _: m.nmocap > 0),
+    ("it has no air or water", lambda m, _: bool(m.opt.density or m.opt.viscosity)),
+    ("it has no compensation of gravity", lambda m, _: bool(np.any(m.body_gravcomp != 0))),
+    ("it has free bodies, hinges and slides, one joint a body, and the model has other joints", _other_joints),
+    ("its joints have no damping, armature, friction or springs as MJCF means them", _joint_forces),
+    ("planes, spheres, boxes, capsules and cylinders are taken there, and the model has other shapes that collide", _other_shapes),
+    ("its contacts have friction along the surface or none, of all geoms alike (condim 3 or 1)", _other_friction),
+    ("it has no margins, priorities, exclusions and explicit pairs as MJCF means them", _other_contacts),
+    ("its contacts' forces and accelerations are not read", _senses_accelerations),
+)
+
+
+class RapierWorld(MujocoWorld):
+    """Environments in rapier, one world each; MuJoCo's data beside them are what looks at their states."""
+
+    engine = "rapier"
+
+    def __init__(self, plan: Plan, num_envs: int, settings: Mapping[str, Any]):
+        reason = not_installed()
+        if plan.compiled is None:
+            reason = reason or "the model has no source that MuJoCo reads"
+        if reason := reason or lacks(plan.compiled, plan.model):
+            raise ModelError(f"rapier cannot run this: {reason}")
+        if unknown := set(settings) - set(SETTINGS):
+            raise ValueError(f"rapier has no settings {sorted(unknown)}, there are: {', '.join(SETTINGS)}")
+        super().__init__(replace(plan, mujoco={name: own for name, own in settings.items() if name == "timestep"}), num_envs)
+        self._rapier = require("rapier3d", "to run a study in rapier")
+        self._iterations: int | None = settings.get("iterations")
+        self._scenes: list[_Scene] = []
+        self._behind = False
+        self._lost = np.zeros(num_envs, np.bool_)
+
+    def start(self, qpos: Array, qvel: Array, keyframe: str | int | None, seed: int) -> None:
+        """See `World.start`. Worlds are made anew: nothing of the contacts before is left."""
+        super().start(qpos, qvel, keyframe, seed)
+        self._scenes = [_Scene(self._rapier, self._mujoco, model, self._iterations) for model in self._models]
+        for scene, q, v in zip(self._scenes, qpos, qvel, strict=True):
+            scene.put(q, v)
+        self._behind, self._depth[:], self._lost[:] = False, 0.0, False
+
+    def advance(self, ctrl: Any, nstep: int) -> None:
+        """See `World.advance`."""
+        self.step(ctrl, nstep)
+        for env, data in enumerate(self._now()):
+            self._depth[env] = max(self._depth[env], max((float(-c.dist) for c in data.contact), default=0.0))
+
+    def step(self, ctrl: Any, nstep: int) -> None:
+        """See `World.step`. There are no controls: a model with actuators is refused."""
+        for env, scene in enumerate(self._scenes):
+            scene.push(self._applied[env])
+            for _ in range(nstep):
+                scene.world.step()
+        self.time += nstep * self.timestep
+        self._fresh, self._behind = False, True
+
+    @property
+    def qpos(self) -> Array:
+        """See `World.qpos`."""
+        self._read()
+        return super().qpos
+
+    @property
+    def qvel(self) -> Array:
+        """See `World.qvel`."""
+        self._read()
+        return super().qvel
+
+    @property
+    def body_contact_force(self) -> Array:
+        """See `World.body_contact_force`: there is none."""
+        raise ModelError("rapier cannot run this: its contacts' forces are not read, and the study's drive or outcome asks for them")
+
+    def _now(self) -> list[Any]:
+        self._read()
+        return super()._now()
+
+    def _read(self) -> None:
+        """States of the scenes into MuJoCo's data; a scene whose state is not finite leaves the last one that was."""
+        if not self._behind:
+            return
+        self._behind = False
+        for env, (scene, data) in enumerate(zip(self._scenes, self._data, strict=True)):
+            qpos, qvel = scene.state()
+            if np.isfinite(qpos).all() and np.isfinite(qvel).all():
+                data.qpos[:], data.qvel[:] = qpos, qvel
+            else:
+                self._lost[env] = True
+            data.time = self.time
+
+    def certificate(self) -> dict[str, NDArray[Any]]:
+        """See `World.certificate`: whether the state was finite, and the depth after every control."""
+        self._read()
+        nothing = np.full(self.num_envs, np.nan)
+        return {
+            "status": np.where(self._lost, int(Status.NON_FINITE), 0),
+            "residual": nothing,
+            "max_penetration": self._depth,
+            "max_limit_violation": nothing,
+            "max_equality_violation": nothing,
+        }
+
+    def settings(self) -> dict[str, Any]:
+        """See `World.settings`."""
+        told = self._rapier.IntegrationParameters()
+        return {
+            "engine": self.engine,
+            "contact": "rapier",
+            "timestep": self.timestep,
+            "iterations": self._iterations or told.num_solver_iterations,
+            "precision": "f32",
+        }
+
+
+@dataclass(frozen=True)
+class _Joint:
+    """A joint between two bodies, 0 for the world: its frame is at its anchor, with the axis along x, in both bodies."""
+
+    body: int
+    parent: int
+    kind: int
+    qpos: int
+    qvel: int
+    low: float
+    high: float
+    zero: float
+
+
+class _Scene:
+    """One rapier world of a model. Bodies without joints are parts of those that they are fixed to."""
+
+    def __init__(self, rapier: Any, mujoco: Any, model: Any, iterations: int | None):
+        self._rp, self._mujoco, self._model, self._data = rapier, mujoco, model, mujoco.MjData(model)
+        mujoco.mj_kinematics(model, self._data)
+        mujoco.mj_comPos(model, self._data)
+        self.world = rapier.PhysicsWorld(gravity=_tuple(model.opt.gravity))
+        self.world.integration_parameters.dt = float(model.opt.timestep)
+        if iterations is not None:
+            self.world.integration_parameters.num_solver_iterations = int(iterations)
+        self._bodies: dict[int, Any] = {0: self.world.add_body(rapier.RigidBody.fixed())}
+        for b in range(1, model.nbody):
+            if model.body_weldid[b] == b:
+                self._bodies[b] = self._body(b)
+        for g in _colliding(model):
+            self._collider(int(g))
+        for b, handle in self._bodies.items():
+            if b:
+                # Until then a body has neither the mass nor the centre that it was given.
+                self.world.rigid_bodies[handle].recompute_mass_properties_from_colliders(self.world.colliders)
+        self._joints = [self._joint(j) for j in range(model.njnt)]
+
+    def put(self, qpos: Array, qvel: Array) -> None:
+        """Sets the state."""
+        m, d, mujoco = self._model, self._data, self._mujoco
+        d.qpos[:], d.qvel[:] = qpos, qvel
+        mujoco.mj_kinematics(m, d)
+        mujoco.mj_comPos(m, d)
+        mujoco.mj_comVel(m, d)
+        velocity = np.zeros(6)
+        for b, handle in self._bodies.items():
+            if b == 0:
+                continue
+            own = self.world.rigid_bodies[handle]
+            own.translation = _tuple(d.xpos[b])
+            own.rotation = self._rotation(d.xquat[b])
+            mujoco.mj_objectVelocity(m, d, mujoco.mjtObj.mjOBJ_XBODY, b, velocity, 0)
+            # Rapier's linear velocity is that of the centre of mass.
+            arm = _rotate(d.xquat[b], _vector(own.local_center_of_mass))
+            own.linvel, own.angvel = _tuple(velocity[3:] + np.cross(velocity[:3], arm)), _tuple(velocity[:3])
+
+    def push(self, applied: Array) -> None:
+        """Forces and torques on bodies, (nbody, 6), in force until the next."""
+        done: set[int] = set()
+        for b in range(1, self._model.nbody):
+            root = int(self._model.body_weldid[b])
+            if root == 0:
+                continue
+            own = self.world.rigid_bodies[self._bodies[root]]
+            if root not in done:
+                own.reset_forces(False)
+                own.reset_torques(False)
+                done.add(root)
+            if applied[b].any():
+                local = self._mujoco_frame(b, root)
+                place = _vector(own.translation) + _rotate(_quaternion(own.rotation), local)
+                own.add_force_at_point(_tuple(applied[b, :3]), _tuple(place))
+                own.add_torque(_tuple(applied[b, 3:]))
+
+    def _mujoco_frame(self, b: int, root: int) -> Array:
+        """Centre of mass of a body in the frame of that which it is fixed to."""
+        reference = self._at_reference
+        return _rotate(_conjugate(reference.xquat[root]), reference.xipos[b] - reference.xpos[root])
+
+    @property
+    def _at_reference(self) -> Any:
+        if not hasattr(self, "_reference"):
+            self._reference = self._mujoco.MjData(self._model)
+            self._mujoco.mj_kinematics(self._model, self._reference)
+            self._mujoco.mj_comPos(self._model, self._reference)
+        return self._reference
+
+    def state(self) -> tuple[Array, Array]:
+        """Configuration and velocity in MuJoCo's layout."""
+        m = self._model
+        qpos, qvel = np.array(m.qpos0, float), np.zeros(m.nv)
+        for joint in self._joints:
+            place, turn, linear, spin = self._motion(joint.body)
+            q, v = joint.qpos, joint.qvel
+            if joint.kind == self._mujoco.mjtJoint.mjJNT_FREE:
+                r = self.world.rigid_bodies[self._bodies[joint.body]].rotation
+                # The orientation as rapier has it: how far its norm drifts is seen.
+                qpos[q : q + 7], qvel[v : v + 6] = [*place, r.w, r.i, r.j, r.k], [*linear, *_rotate(_conjugate(turn), spin)]
+                continue
+            base, base_turn, base_linear, base_spin = self._motion(joint.parent)
+            reference = self._at_reference
+            j = int(m.body_jntadr[joint.body])
+            axis = _rotate(_conjugate(reference.xquat[joint.body]), reference.xaxis[j])
+            along = _rotate(turn, axis)
+            if joint.kind == self._mujoco.mjtJoint.mjJNT_HINGE:
+                was = _product(_conjugate(reference.xquat[joint.parent]), reference.xquat[joint.body])
+                since = _product(_conjugate(was), _product(_conjugate(base_turn), turn))
+                qpos[q] = joint.zero + _nearest(2.0 * np.arctan2(since[1:] @ axis, since[0]), self._data.qpos[q] - joint.zero)
+                qvel[v] = (spin - base_spin) @ along
+            else:
+                then = _rotate(_conjugate(reference.xquat[joint.parent]), reference.xpos[joint.body] - reference.xpos[joint.parent])
+                arm = place - base
+                qpos[q] = joint.zero + (arm - _rotate(base_turn, then)) @ along
+                qvel[v] = (linear - base_linear - np.cross(base_spin, arm)) @ along
+        self._data.qpos[:] = qpos
+        return qpos, qvel
+
+    def _motion(self, b: int) -> tuple[Array, Array, Array, Array]:
+        """Place and orientation of a body's frame, velocity of its origin, angular velocity; world axes."""
+        if b == 0:
+            return np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]), np.zeros(3), np.zeros(3)
+        own = self.world.rigid_bodies[self._bodies[b]]
+        turn, spin = _quaternion(own.rotation), _vector(own.angvel)
+        arm = _rotate(turn, _vector(own.local_center_of_mass))
+        return _vector(own.translation), turn, _vector(own.linvel) - np.cross(spin, arm), spin
+
+    def _body(self, b: int) -> Any:
+        """A body with the mass of all that is fixed to it."""
+        m, d, rp = self._model, self._data, self._rp
+        parts = np.flatnonzero(m.body_weldid == b)
+        mass = float(m.body_mass[parts].sum())
+        turn = d.xmat[b].reshape(3, 3)
+        if mass <= 0:
+            raise ModelError(f"rapier cannot run this: body {m.body(b).name or b} has no mass")
+        centre = m.body_mass[parts] @ d.xipos[parts] / mass
+        inertia = np.zeros((3, 3))
+        for p in parts:
+            own, arm = d.ximat[p].reshape(3, 3), d.xipos[p] - centre
+            inertia += own @ np.diag(m.body_inertia[p]) @ own.T + m.body_mass[p] * (arm @ arm * np.eye(3) - np.outer(arm, arm))
+        principal, axes = np.linalg.eigh(turn.T @ inertia @ turn)
+        axes[:, 2] *= np.sign(np.linalg.det(axes))
+        properties = rp.MassProperties(
+            local_com=_tuple(turn.T @ (centre - d.xpos[b])),
+            mass=mass,
+            principal_inertia=_tuple(principal),
+            principal_inertia_local_frame=self._rotation(self._quaternion(axes)),
+        )
+        builder = rp.RigidBody.dynamic().additional_mass_properties(properties).can_sleep(False)
+        handle = self.world.add_body(builder)
+        own = self.world.rigid_bodies[handle]
+        own.translation, own.rotation = _tuple(d.xpos[b]), self._rotation(d.xquat[b])
+        return handle
+
+    def _collider(self, g: int) -> None:
+        m, d, rp, kinds = self._model, self._data, self._rp, self._mujoco.mjtGeom
+        root = int(m.body_weldid[m.geom_bodyid[g]])
+        size, kind = [float(x) for x in m.geom_size[g]], m.geom_type[g]
+        quaternion = self._quaternion(d.geom_xmat[g].reshape(3, 3))
+        if kind == kinds.mjGEOM_PLANE:
+            shape = rp.Collider.halfspace((0.0, 0.0, 1.0))
+        elif kind == kinds.mjGEOM_SPHERE:
+            shape = rp.Collider.ball(size[0])
+        elif kind == kinds.mjGEOM_BOX:
+            shape = rp.Collider.cuboid(*size)
+        elif kind == kinds.mjGEOM_CAPSULE:
+            shape = rp.Collider.capsule_z(size[1], size[0])
+        else:
+            shape = rp.Collider.cylinder(size[1], size[0])
+            # Rapier's cylinders stand along y.
+            quaternion = _product(quaternion, np.array([np.sqrt(0.5), np.sqrt(0.5), 0.0, 0.0]))
+        place = d.geom_xpos[g]
+        if root:
+            back = _conjugate(d.xquat[root])
+            place, quaternion = _rotate(back, place - d.xpos[root]), _product(back, quaternion)
+        groups = rp.InteractionGroups(
+            memberships=rp.Group(int(m.geom_contype[g]) & 0xFFFFFFFF),
+            filter=rp.Group(int(m.geom_conaffinity[g]) & 0xFFFFFFFF),
+            test_mode=rp.InteractionTestMode.OR,
+        )
+        shape = shape.density(0.0).position(rp.Isometry3(_tuple(place), self._rotation(quaternion))).collision_groups(groups)
+        friction = float(m.geom_friction[g, 0]) if m.geom_condim[g] > 1 else 0.0
+        shape = shape.friction(friction).friction_combine_rule(rp.CoefficientCombineRule.MAX).restitution(0.0)
+        self.world.add_collider(shape, self._bodies[root] if root else None)
+
+    def _joint(self, j: int) -> _Joint:
+        m, d, rp, kinds = self._model, self._data, self._rp, self._mujoco.mjtJoint
+        b, kind = int(m.jnt_bodyid[j]), int(m.jnt_type[j])
+        parent, q, v = int(m.body_weldid[m.body_parentid[b]]), int(m.jnt_qposadr[j]), int(m.jnt_dofadr[j])
+        low, high = (float(x) for x in m.jnt_range[j]) if m.jnt_limited[j] else (-np.inf, np.inf)
+        found = _Joint(b, parent, kind, q, v, low, high, 0.0 if kind == kinds.mjJNT_FREE else float(m.qpos0[q]))
+        if kind == kinds.mjJNT_FREE:
+            return found
+        frame = self._quaternion(_along_x(d.xaxis[j]))
+        hinge = kind == kinds.mjJNT_HINGE
+        made = rp.GenericJointBuilder(rp.JointAxesMask.LOCKED_REVOLUTE_AXES if hinge else rp.JointAxesMask.LOCKED_PRISMATIC_AXES)
+        made = made.local_frame1(self._local(parent, d.xanchor[j], frame)).local_frame2(self._local(b, d.xanchor[j], frame))
+        if np.isfinite(low):
+            made = made.limits(rp.JointAxis.ANG_X if hinge else rp.JointAxis.LIN_X, low - found.zero, high - found.zero)
+        # A body and its parent do not collide, but for what is fixed to the world.
+        self.world.impulse_joints.insert(self._bodies[parent], self._bodies[b], made.contacts_enabled(parent == 0).build())
+        return found
+
+    def _local(self, b: int, place: Array, turn: Array) -> Any:
+        """A frame in world axes, as a body has it."""
+        back = _conjugate(self._data.xquat[b])
+        return self._rp.Isometry3(_tuple(_rotate(back, place - self._data.xpos[b])), self._rotation(_product(back, turn)))
+
+    def _rotation(self, q: Array) -> Any:
+        return self._rp.Rotation3.from_quaternion(*_tuple(q))
+
+    def _quaternion(self, matrix: Array) -> Array:
+        q = np.zeros(4)
+        self._mujoco.mju_mat2Quat(q, np.ascontiguousarray(matrix, float).ravel())
+        return q
+
+
+def _along_x(axis: Array) -> Array:
+    """A rotation whose first column is an axis."""
+    first = axis / np.linalg.norm(axis)
+    second = np.cross(first, np.eye(3)[int(np.argmin(np.abs(first)))])
+    second /= np.linalg.norm(second)
+    return np.stack([first, second, np.cross(first, second)], axis=1)
+
+
+def _nearest(angle: float, before: float) -> float:
+    """An angle, by whole turns as near to the one before as can be: rapier's joints do not count turns."""
+    return float(angle + 2.0 * np.pi * np.round((before - angle) / (2.0 * np.pi)))
+
+
+def _tuple(v: Any) -> tuple[float, ...]:
+    return tuple(float(x) for x in v)
+
+
+def _vector(v: Any) -> Array:
+    return np.array([v.x, v.y, v.z], float)
+
+
+def _quaternion(r: Any) -> Array:
+    q = np.array([r.w, r.i, r.j, r.k], float)
+    norm = float(np.linalg.norm(q))
+    return q / norm if norm > _ZERO else q
+
+
+def _conjugate(q: Array) -> Array:
+    return np.array([q[0], -q[1], -q[2], -q[3]])
+
+
+def _product(a: Array, b: Array) -> Array:
+    w, x = a[0], a[1:]
+    return np.array([w * b[0] - x @ b[1:], *(w * b[1:] + b[0] * x + np.cross(x, b[1:]))])
+
+
+def _rotate(q: Array, v: Array) -> Array:
+    twice = 2.0 * np.cross(q[1:], v)
+    turned: Array = v + q[0] * twice + np.cross(q[1:], twice)
+    return turned

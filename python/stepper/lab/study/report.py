@@ -1,0 +1,456 @@
+"""The simulator report of a study: what the simulator is, what decides in it, how far it can be wrong, and whose its failures are."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import os
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from stepper.lab.progress import Tick
+from stepper.lab.study.document import Document, Section, cell, counted
+from stepper.lab.study.draw import draw, draw_cliffs
+from stepper.lab.study.journal import diverged
+from stepper.lab.study.points import USUAL, nominal_of
+from stepper.lab.study.results import Results
+from stepper.lab.study.study import Study
+from stepper.lab.study.sweep import RESOLUTION, Level, Sweep, measured
+from stepper.lab.study.sweep import sweep as run_sweep
+from stepper.lab.study.touching import Touching, touching
+from stepper.lab.study.whose import RULES, Verdict, judge
+from stepper.sensors import Transfer
+from stepper.shared.machine import package_version
+
+LAW, PEER = "MuJoCo's law", "MuJoCo"
+"""Names of the settings that a report adds beside a study's own."""
+
+
+@dataclass(frozen=True)
+class Report:
+    """What was found, and where it is written.
+
+    Attributes:
+        study: The study, with the settings that the report added.
+        sweep: Levels, cliffs, table.
+        verdicts: Whose every failure is.
+        document: All of it in words.
+        files: What was written.
+    """
+
+    study: Study
+    sweep: Sweep
+    verdicts: tuple[Verdict, ...]
+    document: Document
+    files: tuple[Path, ...]
+
+    def __str__(self) -> str:
+        return self.document.markdown()
+
+
+def sweep(
+    study: Study | str | os.PathLike[str],
+    out: str | os.PathLike[str] = "out",
+    *,
+    parameters: Sequence[str] | None = None,
+    cliffs: bool = True,
+    resolution: float = RESOLUTION,
+    tick: Tick | None = None,
+) -> Report:
+    """Perturbs every parameter of a study, one at a time: a table with Wilson's intervals, and the values at which success ends.
+
+    What was run before is not run again: rows are kept in OUT/NAME/journal as soon as they are known.
+
+    Args:
+        study: A study, or the file of one.
+        out: The folder that has a folder for every study.
+        parameters: Names; None is all.
+        cliffs: Whether the end of success is located.
+        resolution: Width of a cliff's bracket over the range of its parameter, between 0 and 1.
+        tick: Progress.
+
+    Returns:
+        What was found. OUT/NAME has table.csv, table.npz (table.parquet with pyarrow), sweep.html, sweep.md, sweep.png, in_force.json.
+
+    Raises:
+        ValueError: No outcome, an unknown parameter, a resolution that is none, a time step that does not divide the time of a control.
+        JournalError: The folder's journal is damaged, or another process writes it.
+    """
+    study = study_of(study)
+    with Results(study, out) as results:
+        found = run_sweep(study, results.journal, parameters=parameters, cliffs=cliffs, resolution=resolution, tick=tick)
+        document = Document(f"Sweep of {study.name}")
+        document.sections += [*_perturbations(found, results.folder), *_cliffs(found, results.folder), *in_force(study, len(found.table))]
+        files = [*found.table.save(results.folder), *document.save(results.folder, "sweep")]
+    return Report(study, found, (), document, tuple(files))
+
+
+def report(study: Study | str | os.PathLike[str], out: str | os.PathLike[str] = "out", *, tick: Tick | None = None) -> Report:
+    """A simulator report: state, sensors, the contacts that decide, settings, perturbations, transfer gap, whose failures are.
+
+    Args:
+        study: A study, or the file of one.
+        out: The folder that has a folder for every study.
+        tick: Progress.
+
+    Returns:
+        What was found. OUT/NAME has report.html, report.md and what `sweep` writes.
+
+    Raises:
+        ValueError: As of `sweep`.
+        JournalError: As of `sweep`.
+    """
+    study = beside(study_of(study))
+    with Results(study, out) as results:
+        found = run_sweep(study, results.journal, tick=tick)
+        some = range(min(study.episodes, study.batch))
+        seen = touching(study, some)
+        verdicts = judge(study, found.table.rows, results.journal)
+        document = Document(f"Simulator report of {study.name}")
+        document.sections += [
+            *_summary(study, found, verdicts),
+            *_state(study),
+            *_observation(study),
+            *_drives(study),
+            *_contacts(study, seen, len(some)),
+            *_settings(study, found),
+            *_perturbations(found, results.folder),
+            *_cliffs(found, results.folder),
+            *_transfer(study, found),
+            *_failures(verdicts, found),
+            *_left_out(study),
+            *in_force(study, len(found.table)),
+        ]
+        files = [*found.table.save(results.folder), *document.save(results.folder, "report")]
+    return Report(study, found, tuple(verdicts), document, tuple(files))
+
+
+def study_of(source: Study | str | os.PathLike[str]) -> Study:
+    """A study, or that of a file."""
+    return source if isinstance(source, Study) else Study.from_file(Path(source))
+
+
+def beside(study: Study) -> Study:
+    """The study with MuJoCo's law and MuJoCo among its settings, where they can run it and it does not have them."""
+    given = {name: study.setting(name) for name in study.settings}
+    more: dict[str, dict[str, Any]] = {}
+    if study.options.contact == "hard" and not any(own.get("contact") == "mujoco" for own in given.values()):
+        more[LAW] = {"contact": "mujoco", "integrator": None}
+    if not _has_peer(study) and no_peer(study) is None:
+        more[PEER] = {"engine": "mujoco"}
+    return dataclasses.replace(study, settings={**more, **study.settings})
+
+
+def _has_peer(study: Study) -> bool:
+    return any(own.get("engine") == "mujoco" for own in study.settings.values())
+
+
+def no_peer(study: Study) -> str | None:
+    """Why MuJoCo cannot run a study; None where it can."""
+    model, compiled = study.loaded
+    if package_version("mujoco-core") is None:
+        return "it is not installed"
+    if compiled is None:
+        return "the model has no source that it reads"
+    in_force = any(study.parameters[name].kind in ("sensor", "actuator") for name in study.nominal)
+    if in_force or study.sensors is not None or study.actuators is not None:
+        return "it has no errors of sensors and no drives"
+    if model.nu != compiled.nu or model.nsensordata != compiled.nsensordata:
+        return "stepper leaves out actuators or sensors of the model, so that controls and readings are not the same"
+    return None
+
+
+# Sections.
+
+
+def _summary(study: Study, found: Sweep, verdicts: Sequence[Verdict]) -> list[Section]:
+    nominal = found.levels_of("")[0]
+    model = f" of model `{name}`" if (name := study.loaded[0].name) else ""
+    words = [
+        f"`{study.name}`{model}: {counted(study.episodes, 'episode')} of {study.seconds:g} s at every point, "
+        f"{len(found.table)} rows in all."
+    ]
+    if study.decisive:
+        words.append(
+            f"{study.decisive.name} {study.decisive.success} {study.decisive.unit}: {nominal.successes} of {nominal.episodes} at the "
+            f"nominal point (95 %: {_interval(nominal)})."
+        )
+    if found.ranking:
+        what = "the share of successes" if study.decisive else measured(study)
+        words.append(f"Range of {what} over each parameter: " + ", ".join(f"{name} {cell(value)}" for name, value in found.ranking) + ".")
+    if lost := Counter(row["setting"] for row in found.table.rows if diverged(row)):
+        told = ", ".join(f"{count} with {setting}" for setting, count in lost.most_common())
+        words.append(f"Diverged, and so no success: {told}, of {len(found.table)} episodes.")
+    if verdicts:
+        counts = Counter(verdict.whose for verdict in verdicts)
+        words.append("Failures: " + ", ".join(f"{whose} {count}" for whose, count in counts.most_common()) + ".")
+    return [Section("Summary", words)]
+
+
+def _state(study: Study) -> list[Section]:
+    model, _ = study.loaded
+    rows = []
+    for k in range(model.njnt):
+        joint = model.joint(k)
+        low, high = joint.range
+        unit = {"hinge": "rad", "slide": "m", "ball": "quaternion", "free": "m, quaternion"}[joint.type]
+        limits = f"{low:.4g} to {high:.4g}" if joint.limited else "none"
+        numbers = (joint.damping, joint.stiffness, joint.armature, joint.frictionloss)
+        rows.append([joint.name or f"#{k}", joint.type, model.body(joint.bodyid).name, joint.qposadr, joint.dofadr, unit, limits, *numbers])
+    head = ("joint", "type", "body", "qpos", "qvel", "unit", "limits", "damping", "stiffness", "armature", "dry friction")
+    words = [
+        f"qpos ({model.nq}), qvel ({model.nv}), activations ({model.na}); controls ({model.nu}), each held for {study.hold:g} s. The next "
+        "state follows from these; beside them survive only the memory of sensors and drives, if there are any."
+    ]
+    return [Section("State variables", words, head, rows)]
+
+
+def _observation(study: Study) -> list[Section]:
+    model, _ = study.loaded
+    head = ("sensor", "type", "readings", "transfer function")
+    rows = []
+    for k, sensor in enumerate(model.sensors):
+        own = study.sensors.transfers(model, 1)[k] if study.sensors else None
+        rows.append(
+            [sensor["name"] or f"#{k}", sensor["type"], f"{sensor['adr']} to {sensor['adr'] + sensor['dim'] - 1}", _transfer_words(own)]
+        )
+    words = ["Truth, scale and misalignment, bias, drift, noise, quantisation, limits, sample and hold, delay, dropout, in this order."]
+    return [Section("Observation map", words if rows else ["The model has no sensors."], head, rows)]
+
+
+def _transfer_words(own: dict[str, Any] | None) -> str:
+    ideal = Transfer()._row(1)
+    told = (
+        []
+        if own is None
+        else [f"{name} {value[0] if isinstance(value, list) and value else value}" for name, value in own.items() if value != ideal[name]]
+    )
+    return ", ".join(told) or "ideal"
+
+
+def _drives(study: Study) -> list[Section]:
+    model, _ = study.loaded
+    rows = []
+    for k in range(model.nu):
+        actuator = model.actuator(k)
+        drive = study.actuators.drive_of(actuator.name or f"#{k}") if study.actuators else None
+        ends = [
+            f"{low:.4g} to {high:.4g}" if np.isfinite([low, high]).any() else "none"
+            for low, high in (actuator.ctrlrange, actuator.forcerange)
+        ]
+        gain, bias = (" ".join(f"{x:.4g}" for x in values) for values in (actuator.gain, actuator.bias))
+        rows.append(
+            [actuator.name or f"#{k}", actuator.trntype, actuator.gear, gain, bias, *ends, "ideal" if drive is None else repr(drive)]
+        )
+    head = ("actuator", "on", "gear", "gain", "bias", "controls", "forces", "drive")
+    return [Section("Actuators", [] if rows else ["The model has no actuators."], head, rows)]
+
+
+def _contacts(study: Study, seen: Touching, episodes: int) -> list[Section]:
+    model, _ = study.loaded
+    head = (
+        *("pair", "pressed, share of time", "impulse, N s", "peak, N", "friction in force", "largest ratio used", "impulse at that bound"),
+        *("condim", "restitution", "solref", "solimp"),
+    )
+    rows = []
+    for pair in seen.deciding:
+        both = [model.geom(g) for g in pair.geoms]
+        soft = [np.asarray(getattr(model, name))[list(pair.geoms)] for name in ("geom_solref", "geom_solimp")]
+        told = [" / ".join(dict.fromkeys(" ".join(f"{x:g}" for x in own) for own in values)) for values in soft]
+        rows.append([
+            *(" - ".join(pair.names), pair.time, pair.impulse, pair.peak, pair.friction, pair.used, pair.slides),
+            *(max(g.condim for g in both), max(g.restitution for g in both), *told),
+        ])  # fmt: skip
+    words = [
+        f"Every step of {counted(episodes, 'episode')} at the nominal point, with the study's own settings: pairs of geoms with a "
+        f"hundredth of the impulse of all, or a tenth of the greatest force; {len(seen.pairs) - len(rows)} others came near. Friction "
+        "in force is the larger of the two geoms', or that of the geom with the higher priority. Hard contact reads neither solref nor "
+        "solimp; MuJoCo's law does."
+    ]
+    return [Section("Contacts that decide", words if rows else ["Nothing touches at the nominal point."], head, rows)]
+
+
+def _settings(study: Study, found: Sweep) -> list[Section]:
+    columns: dict[str, dict[str, Any]] = {}
+    for row in found.table.rows:
+        columns.setdefault(row["setting"], row["settings"])
+    usual = columns[USUAL]
+    rows = [[setting, _differences(own, {} if setting == USUAL else usual)] for setting, own in columns.items()]
+    words = [
+        "Of the study's own settings all that is in force, and of each of the others what differs from these. Tolerances are residuals in "
+        "m/s in stepper, and MuJoCo's own in MuJoCo."
+    ]
+    return [Section("Solver settings in force", words, ("settings", "in force"), rows)]
+
+
+def _differences(own: dict[str, Any], usual: dict[str, Any]) -> str:
+    """Settings that are not as usual, in words; "no NAME" is one that an engine does not have."""
+    names = list(dict.fromkeys((*usual, *own)))
+    changed = [name for name in names if own.get(name) != usual.get(name)]
+    told = [f"no {name}" if own.get(name) is None else f"{name} {cell(own[name])}" for name in changed]
+    return ", ".join(told) or "the same"
+
+
+def _perturbations(found: Sweep, folder: Path) -> list[Section]:
+    study = found.study
+    outcome = study.decisive or study.all_outcomes[0]
+    unit = f", {outcome.unit}" if outcome.unit else ""
+    shares = ("successes", "share", "95 %") if study.decisive else ()
+    head = (
+        "settings",
+        "parameter",
+        "value",
+        "unit",
+        *shares,
+        f"mean {outcome.name}{unit}",
+        "change from nominal",
+        "+-",
+        "unsolved",
+        "diverged",
+        "source",
+    )
+    rows = [_level_row(study, level) for level in found.levels]
+    words = [
+        f"One parameter at a time, {counted(study.episodes, 'episode')} each, the same starts and random numbers at every point. "
+        "Intervals are Wilson's; changes are of the same episode, +- one standard error; unsolved counts episodes in which a step says "
+        "that it was not solved, finite or resolved, and diverged those of them whose state was not finite or huge, or in which MuJoCo "
+        "began anew by itself: they have no outcome, are no success, and have no part in means.",
+        *_repeated(found.levels),
+        *(f"Not run: {reason}." for reason in found.skipped),
+    ]
+    return [Section("Perturbation table", words, head, rows, _picture(found, folder))]
+
+
+def _repeated(levels: Sequence[Level]) -> list[str]:
+    """Why some levels have no interval."""
+    fewest = min((level for level in levels), key=lambda level: level.different / level.episodes)
+    if fewest.different == fewest.episodes:
+        return []
+    return [
+        f"Levels whose episodes repeat one another bit for bit have no interval, for they are no independent trials: there are as few as "
+        f"{fewest.different} different of {counted(fewest.episodes, 'episode')}. Give the study qpos_noise, qvel_noise, a start or a drive "
+        "that is random, or episodes=1."
+    ]
+
+
+def _interval(level: Level) -> str:
+    if level.different < level.episodes:
+        return f"none, {level.different} different"
+    return "{:.3f} to {:.3f}".format(*level.interval)
+
+
+def _picture(found: Sweep, folder: Path) -> Path | None:
+    if package_version("matplotlib") is None or not found.study.parameters:
+        return None
+    return draw(found, folder / "sweep.png")
+
+
+def _level_row(study: Study, level: Level) -> list[Any]:
+    parameter = study.parameters.get(level.parameter)
+    shares = [level.successes, level.share, _interval(level)] if study.decisive else []
+    told = (level.setting, level.parameter or "nominal", level.value, parameter.unit if parameter else "")
+    return [*told, *shares, level.mean, *level.change, level.unsolved, level.diverged, parameter.source if parameter else ""]
+
+
+def _cliffs(found: Sweep, folder: Path) -> list[Section]:
+    if found.study.decisive is None:
+        return []
+    head = ("settings", "parameter", "at", "+-", "share below", "share above")
+    rows = [[c.setting, c.parameter, (c.low + c.high) / 2, (c.high - c.low) / 2, c.below, c.above] for c in found.cliffs]
+    words = ["Where the share of successes crosses one half, located by bisection between neighbouring values of the table."]
+    words = words if rows else ["Within the ranges of the parameters, success crosses one half nowhere."]
+    picture = draw_cliffs(found, folder / "cliffs.png") if package_version("matplotlib") else None
+    return [Section("Cliffs", words, head, rows, picture)]
+
+
+def _transfer(study: Study, found: Sweep) -> list[Section]:
+    outcome = measured(study)
+    own = [level for level in found.levels_of("")]
+    head = (
+        "settings",
+        "successes",
+        "95 %",
+        f"mean {outcome}",
+        "spread",
+        f"mean difference of {outcome}",
+        "+-",
+        "episodes that end otherwise",
+        "diverged",
+    )
+    base = _nominal_rows(found, USUAL)
+    rows = []
+    for setting in [USUAL, *study.settings]:
+        level, mine = found.levels_of("", setting)[0], _nominal_rows(found, setting)
+        both = [(row, base[e]) for e, row in mine.items() if not diverged(row) and not diverged(base[e])]
+        gap = np.array([row["outcomes"][outcome] - other["outcomes"][outcome] for row, other in both])
+        otherwise = sum(row["success"] != base[e]["success"] for e, row in mine.items())
+        share = ["-", "-"] if level.successes is None else [f"{level.successes} of {level.episodes}", _interval(level)]
+        error = float(gap.std(ddof=1) / math.sqrt(len(gap))) if len(gap) > 1 else math.nan
+        apart = float(gap.mean()) if len(gap) else math.nan
+        counts = [otherwise if own[0].successes is not None else "-", level.diverged]
+        rows.append([setting, *share, level.mean, level.spread, apart, error, *counts])
+    reason = None if _has_peer(study) else no_peer(study)
+    words = ["The same episodes at the nominal point with other settings and engines; differences are from the study's own settings."]
+    return [Section("Transfer gap", words + ([f"MuJoCo cannot run this study: {reason}."] if reason else []), head, rows)]
+
+
+def _nominal_rows(found: Sweep, setting: str) -> dict[int, dict[str, Any]]:
+    nominal = nominal_of(found.study, setting)
+    return {row["episode"]: row for row in found.table.rows if row["setting"] == setting and row["theta"] == nominal}
+
+
+def _failures(verdicts: Sequence[Verdict], found: Sweep) -> list[Section]:
+    if found.study.decisive is None:
+        return []
+    counts = Counter((verdict.whose, verdict.rule) for verdict in verdicts)
+    rows: list[list[Any]] = []
+    for (whose, rule), count in counts.most_common():
+        row = next(v.row for v in verdicts if (v.whose, v.rule) == (whose, rule))
+        theta = ", ".join(f"{name} {cell(value)}" for name, value in row["theta"].items()) or "nominal"
+        rows.append([whose, rule, count, f"{row['setting']}: {theta}, episode {row['episode']}"])
+    words = [
+        "Every failed episode of stepper, of all points above, and every one of MuJoCo that diverged. It is run again with one thing made "
+        "ideal at a time, and the first rule that fits counts, in this order.",
+        ". ".join(f"{whose}: {rule}" for whose, rule in RULES) + ".",
+    ]
+    return [
+        Section(
+            "Whose failures",
+            words if rows else ["No episode of stepper failed, and none of MuJoCo diverged."],
+            ("whose", "rule", "episodes", "first"),
+            rows,
+        )
+    ]
+
+
+def _left_out(study: Study) -> list[Section]:
+    return [Section("Left out of the model", study.notes or ["Nothing."])]
+
+
+def in_force(study: Study, count: int, table: str = "table") -> list[Section]:
+    """Digests and versions, and where those of every one of the rows are.
+
+    Args:
+        study: The study.
+        count: Rows of its table.
+        table: Name of the files that have them.
+    """
+    told = study.in_force
+    rows = [
+        ["model", told["model"]["sha256"]],
+        ["drive", f"{told['drive']['name']} {told['drive']['sha256']}"],
+        *([f"outcome {outcome['name']}", f"{outcome['measure']} {outcome['sha256']}"] for outcome in told["outcomes"]),
+        ["versions", ", ".join(f"{name} {version}" for name, version in told["versions"].items())],
+        ["binary", told["binary"]],
+        ["seed", told["seed"]],
+        [
+            "rows",
+            f"{count}, each with its theta, settings and tolerance in force in {table}.csv; in_force.json has the rest, with notes",
+        ],
+    ]
+    return [Section("In force", [], ("", ""), rows)]

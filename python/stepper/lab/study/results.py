@@ -1,0 +1,47 @@
+"""The folder of a study: its journal, what was in force, its table, its pages."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+from stepper.lab.study.journal import Journal
+from stepper.lab.study.study import Study
+
+IN_FORCE = "in_force.json"
+
+
+class Results:
+    """A study's folder, kept from other processes while it is open where `Journal` can do that.
+
+    Args:
+        study: The study.
+        out: The folder that has a folder for every study, by name.
+    """
+
+    def __init__(self, study: Study, out: str | os.PathLike[str]):
+        self.folder = Path(out) / study.name
+        self.journal = Journal(self.folder / "journal")
+        self._tell(study)
+
+    def _tell(self, study: Study) -> None:
+        """Adds what is in force to in_force.json, in one piece."""
+        file = self.folder / IN_FORCE
+        told: dict[str, Any] = json.loads(file.read_text(encoding="utf-8")) if file.exists() else {}
+        text = json.dumps(study.in_force, sort_keys=True, default=str)
+        name = hashlib.sha256(text.encode()).hexdigest()[:16]
+        if name in told:
+            return
+        partial = file.with_suffix(".part")
+        partial.write_text(json.dumps(told | {name: json.loads(text)}, indent=2, sort_keys=True) + "\n", encoding="utf-8")
+        partial.replace(file)
+
+    def __enter__(self) -> Results:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+        self.journal.close()

@@ -1,0 +1,282 @@
+"""What touched in the episodes of a study: of every pair of geoms how near, how long, how hard, and how much of its friction it used."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stepper._status import Status
+from stepper._stepper import Model
+from stepper.lab.study.batches import drive_through, world_of
+from stepper.lab.study.outcomes import Watch
+from stepper.lab.study.points import USUAL
+from stepper.lab.study.study import Study
+from stepper.lab.study.worlds import StepperWorld, World
+
+Array = NDArray[np.float64]
+_STICKS = 0.999
+"""Share of the friction cone beyond which a contact slides."""
+_FIRM = 1e-3
+"""Share of the largest normal force of a pair below which the ratio of a single contact is not looked at: its friction moves nothing."""
+
+
+@dataclass(frozen=True)
+class Pair:
+    """Contacts of two geoms over all steps and episodes.
+
+    Attributes:
+        geoms: Their indices, the lower first.
+        names: Of the geoms.
+        time: Share of the steps in which they press.
+        impulse: Of normal forces, N s an episode.
+        peak: Largest normal force of all contacts of the pair together, N.
+        friction: Sliding friction in force: the largest ratio that their cone allows; that of an explicit pair where there is one.
+        used: Largest ratio of tangential and normal force, of all contacts of the pair together.
+        slides: Share of the normal impulse under which that is at its bound.
+        cone: Largest share of the cone that a single contact uses, |f_t| / (mu f_n), of those with a thousandth of the peak and more.
+        twists: Largest torque about and across the normal, N m.
+        nearest: Least distance of a contact that was given a row, m.
+    """
+
+    geoms: tuple[int, int]
+    names: tuple[str, str]
+    time: float
+    impulse: float
+    peak: float
+    friction: float
+    used: float
+    slides: float
+    cone: float
+    twists: float
+    nearest: float
+
+
+@dataclass(frozen=True)
+class Touching:
+    """What touched.
+
+    Attributes:
+        pairs: By impulse, the largest first.
+        steps: Steps that were seen, of all episodes.
+        most: Contacts of one environment at once, at the most.
+        sweeps: Of the solver in a step, at the most.
+        newton_steps: The same of Newton's method.
+        status: All flags of `Status` that steps set.
+        saturated: Share of the steps in which each actuator was at a bound of its effort, (nu,).
+        limits: Share of the steps in which each joint was within a hundredth of its range of a limit, (njnt,).
+        senses: Whether the drive or an outcome read a sensor.
+        reach: Least and greatest position of every coordinate, (2, nq).
+    """
+
+    pairs: tuple[Pair, ...]
+    steps: int
+    most: int
+    sweeps: int
+    newton_steps: int
+    status: Status
+    saturated: Array
+    limits: Array
+    senses: bool
+    reach: Array
+
+    @property
+    def deciding(self) -> tuple[Pair, ...]:
+        """Pairs with a hundredth of the impulse of all, or a tenth of the greatest force."""
+        total, peak = sum(pair.impulse for pair in self.pairs), max((pair.peak for pair in self.pairs), default=0.0)
+        return tuple(pair for pair in self.pairs if pair.impulse >= 0.01 * total or pair.peak >= 0.1 * peak)
+
+
+def explicit_friction(compiled: Any) -> dict[tuple[int, int], float]:
+    """Sliding friction of the explicit pairs of MuJoCo's model, by their geoms, the lower first; none where there is no such model."""
+    if compiled is None:
+        return {}
+    pairs = np.sort(np.stack([compiled.pair_geom1, compiled.pair_geom2], axis=1), axis=1)
+    return {(int(a), int(b)): float(mu) for (a, b), mu in zip(pairs, compiled.pair_friction[:, 0], strict=True)}
+
+
+def _friction_of_pairs(model: Model, friction: Array) -> dict[tuple[int, int], float]:
+    """Sliding friction of the explicit pairs by their geoms, the lower first; of two pairs of the same geoms the first counts."""
+    found: dict[tuple[int, int], float] = {}
+    for k in range(model.npair):
+        pair = model.pair(k)
+        found.setdefault((min(pair.geom1, pair.geom2), max(pair.geom1, pair.geom2)), float(friction[k, 0]))
+    return found
+
+
+def pair_friction(model: Model, friction: Array, first: int, second: int, explicit: Mapping[tuple[int, int], float]) -> float:
+    """Sliding friction of two geoms: of their explicit pair, of the one with the higher priority, else the larger.
+
+    Args:
+        model: The scene.
+        friction: In force, (ngeom, 3).
+        first: A geom.
+        second: Another one.
+        explicit: Sliding friction of explicit pairs by their geoms, the lower first.
+    """
+    key = (min(first, second), max(first, second))
+    if key in explicit:
+        return explicit[key]
+    one, other = model.geom(first), model.geom(second)
+    if one.priority != other.priority:
+        return float(friction[first if one.priority > other.priority else second, 0])
+    return float(max(friction[first, 0], friction[second, 0]))
+
+
+def pairs_of_bodies(model: Model) -> set[tuple[int, int]]:
+    """Pairs of bodies, the lower first, that may touch: their geoms' masks meet, they can move against each other, and are no neighbours.
+
+    Neighbours are a body and the one that it moves against; bodies without joints belong to their parent. Children of the world do touch
+    it. Explicit pairs and exclusions are MuJoCo's; see `pairs_that_may_touch`.
+    """
+    rigid = [0] * model.nbody
+    for k in range(1, model.nbody):
+        rigid[k] = k if model.body(k).jntnum else rigid[model.body(k).parentid]
+    below = [rigid[model.body(k).parentid] for k in rigid]
+    geoms = [model.geom(g) for g in range(model.ngeom)]
+    kinds = {(g.bodyid, g.contype, g.conaffinity) for g in geoms}
+    return {
+        (min(a, b), max(a, b))
+        for a, ones, takes in kinds
+        for b, others, gives in kinds
+        if ((ones & gives) or (others & takes))
+        and rigid[a] != rigid[b]
+        and not (rigid[a] and rigid[b] and (below[a] == rigid[b] or below[b] == rigid[a]))
+    }
+
+
+def pairs_that_may_touch(model: Model, compiled: Any) -> set[tuple[int, int]]:
+    """`pairs_of_bodies` without MuJoCo's exclusions, and with its explicit pairs, which no exclusion and no mask takes out.
+
+    Args:
+        model: The scene.
+        compiled: MuJoCo's model of it, or None.
+    """
+    may = pairs_of_bodies(model)
+    if compiled is not None:
+        # A signature has one body in its upper 16 bits and the other in its lower.
+        may -= {(min(s >> 16, s & 0xFFFF), max(s >> 16, s & 0xFFFF)) for s in map(int, compiled.exclude_signature)}
+        may |= {(min(a, b), max(a, b)) for pair in explicit_friction(compiled) for a, b in [[model.geom(g).bodyid for g in pair]]}
+    return may
+
+
+class _Ledger:
+    """Counts contacts, step by step."""
+
+    def __init__(self, model: Model, num_envs: int, friction: Array, explicit: Mapping[tuple[int, int], float]):
+        self.model, self.num_envs, self.friction, self.explicit, self.steps = model, num_envs, friction, explicit, 0
+        self.most, self.sweeps, self.newton_steps, self.status, self.saturated = 0, 0, 0, 0, np.zeros(model.nu)
+        self.found: dict[tuple[int, int], dict[str, float]] = {}
+        self.limits = np.zeros(model.njnt)
+        self.reach = np.array([np.full(model.nq, np.inf), np.full(model.nq, -np.inf)])
+        joints = [model.joint(i) for i in range(model.njnt)]
+        self._limited = [(k, j.qposadr, *j.range) for k, j in enumerate(joints) if j.limited and j.nq == 1]
+
+    def look(self, now: World) -> None:
+        """Takes in a step."""
+        assert isinstance(now, StepperWorld)
+        self.steps += self.num_envs
+        qpos = now.qpos
+        self.reach[0], self.reach[1] = np.minimum(self.reach[0], qpos.min(axis=0)), np.maximum(self.reach[1], qpos.max(axis=0))
+        for joint, at, low, high in self._limited:
+            near = 0.01 * (high - low) if np.isfinite(high - low) else 0.01
+            self.limits[joint] += np.count_nonzero((qpos[:, at] < low + near) | (qpos[:, at] > high - near))
+        iterations, newton_steps = now.sim.iterations, now.sim.newton_steps
+        self.sweeps = max(self.sweeps, int((iterations - newton_steps).max()))
+        self.newton_steps = max(self.newton_steps, int(newton_steps.max()))
+        self.status |= int(np.bitwise_or.reduce(now.sim.status))
+        self.saturated += np.count_nonzero(now.sim.actuator_saturation, axis=0)
+        contacts = now.sim.contacts()
+        if len(contacts):
+            self.most = max(self.most, int(np.bincount(contacts["env"]).max()))
+            self._add(contacts, now.timestep)
+
+    def _add(self, contacts: NDArray[np.void], timestep: float) -> None:
+        pairs = np.sort(np.asarray(contacts["geom"], np.int64), axis=1)
+        kinds, which = np.unique(pairs, axis=0, return_inverse=True)
+        normal = np.asarray(contacts["force"][:, 0], float)
+        tangent = np.einsum("ij,ijk->ik", contacts["force"][:, 1:], contacts["frame"][:, 1:])
+        twist = np.linalg.norm(contacts["torque"], axis=1)
+        for number, (a, b) in enumerate(kinds.tolist()):
+            own = which.ravel() == number
+            pushes = own & (normal > 0)
+            book = self.found.setdefault(
+                (a, b), dict.fromkeys(("time", "impulse", "peak", "used", "slides", "cone", "twists"), 0.0) | {"nearest": np.inf}
+            )
+            book["nearest"] = min(book["nearest"], float(contacts["distance"][own].min()))
+            if not pushes.any():
+                continue
+            # Of all contacts of the pair together: how they share a load, the law leaves open.
+            envs, at = np.unique(contacts["env"][pushes], return_inverse=True)
+            force = np.bincount(at, normal[pushes])
+            side = np.linalg.norm([np.bincount(at, tangent[pushes, k]) for k in range(3)], axis=0)
+            mu = pair_friction(self.model, self.friction, a, b, self.explicit)
+            book["time"] += len(envs)
+            book["impulse"] += timestep * force.sum()
+            book["peak"] = max(book["peak"], float(force.max()))
+            # Of contacts that hardly press, the ratio is rounding.
+            firm = force > 1e-6 * book["peak"]
+            book["used"] = max(book["used"], float((side[firm] / force[firm]).max(initial=0.0)))
+            book["slides"] += timestep * force[side >= _STICKS * mu * force].sum()
+            bears = pushes & (normal > _FIRM * book["peak"])
+            if mu > 0:
+                ratio = np.linalg.norm(contacts["force"][bears, 1:], axis=1) / normal[bears]
+                book["cone"] = max(book["cone"], float(ratio.max(initial=0.0)) / mu)
+            book["twists"] = max(book["twists"], float(twist[pushes].max()))
+
+    def result(self, *, senses: bool) -> Touching:
+        """What was counted."""
+        names = [name or f"#{k}" for k, name in enumerate(self.model.geom_names)]
+        pairs = [
+            Pair(
+                geoms=key,
+                names=(names[key[0]], names[key[1]]),
+                time=book["time"] / self.steps,
+                impulse=book["impulse"] / self.num_envs,
+                peak=book["peak"],
+                friction=pair_friction(self.model, self.friction, *key, self.explicit),
+                used=book["used"],
+                slides=book["slides"] / book["impulse"] if book["impulse"] else 0.0,
+                cone=book["cone"],
+                twists=book["twists"],
+                nearest=book["nearest"],
+            )
+            for key, book in self.found.items()
+        ]
+        return Touching(
+            pairs=tuple(sorted(pairs, key=lambda pair: (-pair.impulse, pair.geoms))),
+            steps=self.steps,
+            most=self.most,
+            sweeps=self.sweeps,
+            newton_steps=self.newton_steps,
+            status=Status(self.status),
+            saturated=self.saturated / max(1, self.steps),
+            limits=self.limits / max(1, self.steps),
+            senses=senses,
+            reach=self.reach,
+        )
+
+
+def touching(study: Study, episodes: Sequence[int], **changed: Any) -> Touching:
+    """Runs episodes of the nominal point, with settings as of `world_of`, and sees what touches in every step."""
+    world = world_of(study, USUAL, [study.nominal] * len(episodes), **changed)
+    assert isinstance(world, StepperWorld)
+    # All environments are at the nominal point.
+    own = world.sim.randomized
+    geoms, pairs = (own[name][0] if name in own else getattr(world.model, name) for name in ("geom_friction", "pair_friction"))
+    ledger = _Ledger(world.model, len(episodes), np.asarray(geoms, np.float64), _friction_of_pairs(world.model, np.asarray(pairs)))
+    watches: list[Watch] = []
+
+    def look(now: World) -> None:
+        # Outcomes are read as in an episode that counts, so that it is known whether they read sensors.
+        if watches:
+            watches[0].look(now)
+        else:
+            watches.append(Watch(tuple(study.all_outcomes), now))
+
+    drive_through(study, world, episodes, look, ledger.look)
+    watches[0].values(world)
+    return ledger.result(senses=world.senses)

@@ -1,0 +1,27 @@
+"""Identification: parameters of a model from what was measured, and how sure that is (docs/identification.md).
+
+`data` reads what was measured, `parameters` says what is sought, `simulate` predicts readings in one batch of environments, `residuals`
+compares them, `fit` searches, `uncertainty` and `findings` say how sure the answer is, `result` is the answer.
+`design` ranks what could be measured next; `online` follows parameters sample by sample instead.
+"""
+
+from stepper.sysid.data import Episode, episodes_of
+from stepper.sysid.design import Prospect, design
+from stepper.sysid.fit import identify
+from stepper.sysid.online import Tracked, Tracker
+from stepper.sysid.parameters import KINDS, FitParameter
+from stepper.sysid.result import Identification, Search
+
+__all__ = [
+    "KINDS",
+    "Episode",
+    "FitParameter",
+    "Identification",
+    "Prospect",
+    "Search",
+    "Tracked",
+    "Tracker",
+    "design",
+    "episodes_of",
+    "identify",
+]  # fmt: skip

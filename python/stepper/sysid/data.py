@@ -1,0 +1,285 @@
+"""What was measured: episodes with controls and readings, from recordings, CSV and npz files, and from arrays.
+
+A log (CSV or npz) has a row for every sample, at equal times: `time` in s; `ctrl`, which is in force from that row's time to the next
+one's; and channels, what was read at that time. A channel is named after a sensor of the model, or is "qpos", "qvel" or "act" as a whole,
+or "qpos:elbow" and "qvel:elbow" for a joint. In npz files a channel is an array (rows,) or (rows, dim); in CSV files every column is a
+number, and those of vectors are called "wrist_force[0]", "wrist_force[1]" ... An empty cell, or NaN, was not measured.
+"""
+
+from __future__ import annotations
+
+import csv
+import os
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from stepper._stepper import Model
+from stepper.recording import HEADER, segments
+from stepper.shared.fields import APPLIED
+from stepper.shared.files import existing
+from stepper.sysid.inertia import Array
+
+COORDINATES = ("qpos", "qvel", "act")
+FORCES_AND_POSES = tuple(name for name in APPLIED if name != "eq_active")
+"""Applied inputs of an episode: numbers, without the switches of equalities."""
+
+
+@dataclass(frozen=True)
+class Episode:
+    """A motion from a known start: what was commanded, and what was read.
+
+    Attributes:
+        ctrl: Controls, (T, nu); each is in force for one period.
+        readings: By channel what was read at the end of each period, (T, dim) or (T,); NaN was not measured. A channel is the name of a
+            sensor, "qpos", "qvel" or "act", or "qpos:joint" and "qvel:joint".
+        period: Time for which a control is in force, s; a whole multiple of the time step.
+        qpos, qvel, act: State before the first control; None is the model's reference, at rest.
+        start_std: Standard deviations of `qpos` (in the coordinates of velocities) and `qvel`, each a number or (nv,). With them, the true
+            start is estimated too, and what is not known of it widens the intervals. None takes the start as exact.
+        applied: Applied forces and mocap poses by name, (T, ...) as `Stepper` has them.
+        name: For messages.
+        notes: What was assumed when it was read, which `identify` repeats among its warnings.
+    """
+
+    ctrl: ArrayLike
+    readings: Mapping[str, ArrayLike]
+    period: float
+    qpos: ArrayLike | None = None
+    qvel: ArrayLike | None = None
+    act: ArrayLike | None = None
+    start_std: tuple[ArrayLike, ArrayLike] | None = None
+    applied: Mapping[str, ArrayLike] = field(default_factory=dict)
+    name: str = "episode"
+    notes: tuple[str, ...] = ()
+
+    def checked(self, model: Model) -> Episode:
+        """The same with arrays of the shapes above.
+
+        Raises:
+            ValueError: A wrong shape, a control that is not finite, no readings; the message has the episode's name.
+        """
+        try:
+            return self._checked(model)
+        except (TypeError, ValueError) as error:
+            raise ValueError(f"{self.name}: {error}") from None
+
+    def _checked(self, model: Model) -> Episode:
+        if not self.period > 0:
+            raise ValueError(f"period is {self.period}, must be above 0 s")
+        ctrl = np.asarray(self.ctrl, np.float64)
+        if ctrl.ndim != 2 or ctrl.shape[1] != model.nu or not len(ctrl):
+            raise ValueError(f"ctrl has shape {ctrl.shape}, must be (T, {model.nu}) with one row or more")
+        if not np.isfinite(ctrl).all():
+            raise ValueError(f"ctrl of row {int(np.argwhere(~np.isfinite(ctrl))[0, 0])} is not finite; every period needs its control")
+        if not self.readings:
+            raise ValueError("it has no readings; name a sensor of the model, qpos or qvel")
+        readings = {name: _rows(name, given, len(ctrl)) for name, given in self.readings.items()}
+        if not any(np.isfinite(array).any() for array in readings.values()):
+            raise ValueError("no reading is a number")
+        qpos = vector("qpos", model.qpos0 if self.qpos is None else self.qpos, model.nq)
+        qvel = vector("qvel", np.zeros(model.nv) if self.qvel is None else self.qvel, model.nv)
+        act = vector("act", np.zeros(model.na) if self.act is None else self.act, model.na)
+        std = self.start_std
+        if std is not None:
+            std = tuple(np.broadcast_to(np.asarray(s, np.float64), (model.nv,)) for s in std)  # type: ignore[assignment]
+            if not all(np.isfinite(s).all() and (np.asarray(s) >= 0).all() for s in std or ()):
+                raise ValueError("start_std has a standard deviation that is negative or not finite; 0 takes a coordinate as exact")
+        applied = {name: np.asarray(given, np.float64) for name, given in self.applied.items()}
+        for name, array in applied.items():
+            if name not in FORCES_AND_POSES:
+                raise ValueError(f"applied has {name!r}, there are: {', '.join(FORCES_AND_POSES)}")
+            if len(array) != len(ctrl):
+                raise ValueError(f"{name} has {len(array)} rows, must have {len(ctrl)}, as ctrl has")
+        return replace(self, ctrl=ctrl, readings=readings, start_std=std, applied=applied, qpos=qpos, qvel=qvel, act=act)
+
+
+def _rows(name: str, given: ArrayLike, count: int) -> Array:
+    """Readings of a channel, (count, dim)."""
+    array = np.asarray(given, np.float64)
+    array = array[:, None] if array.ndim == 1 else array
+    if array.ndim != 2 or len(array) != count:
+        raise ValueError(f"channel {name!r} has shape {array.shape}, must have {count} rows, as ctrl has")
+    if np.isinf(array).any():
+        row = int(np.argwhere(np.isinf(array))[0, 0])
+        raise ValueError(f"channel {name!r} has an infinite reading in row {row}; NaN is not measured")
+    return array
+
+
+def vector(name: str, given: ArrayLike, size: int) -> Array:
+    """Of a state at the start, (size,)."""
+    array = np.asarray(given, np.float64)
+    if array.shape != (size,):
+        raise ValueError(f"{name} at the start has shape {array.shape}, must be ({size},)")
+    if not np.isfinite(array).all():
+        raise ValueError(f"{name}[{int(np.flatnonzero(~np.isfinite(array))[0])}] at the start is not finite; a start is {size} numbers")
+    return array
+
+
+Data = Any
+"""An `Episode`, the path of a recording, CSV or npz file, or several of these."""
+
+
+def episodes_of(
+    data: Data,
+    model: Model,
+    *,
+    channels: Sequence[str] | None = None,
+    columns: Mapping[str, str] | None = None,
+    start: str | tuple[ArrayLike, ArrayLike] | None = None,
+) -> list[Episode]:
+    """Episodes of whatever `identify` takes.
+
+    Args:
+        data: Episodes and paths.
+        model: The model that they are of.
+        channels: Channels of files to use; None is all that are readings of sensors (and of logs also qpos, qvel and act).
+        columns: What columns of a CSV file, or arrays of an npz file, are called here: {"Fx [N]": "wrist_force[0]"}.
+        start: Keyframe, or (qpos, qvel), where logs begin that do not say it in their first row.
+
+    Raises:
+        ValueError: A file that has no such thing; the message has the file and the place.
+        OSError: A file cannot be read.
+    """
+    parts = data if isinstance(data, list | tuple) else [data]
+    found: list[Episode] = []
+    for part in parts:
+        if isinstance(part, Episode):
+            found.append(part.checked(model))
+        elif isinstance(part, str | os.PathLike):
+            found += [episode.checked(model) for episode in _read(Path(part), model, channels, dict(columns or {}), start)]
+        else:
+            raise TypeError(f"data has a {type(part).__name__}, must be stepper.sysid.Episode or the path of a recording, .csv or .npz")
+    if not found:
+        raise ValueError("there is no episode in the data")
+    return found
+
+
+def _read(path: Path, model: Model, channels: Sequence[str] | None, columns: dict[str, str], start: Any) -> list[Episode]:
+    if (path / HEADER).exists():
+        return _of_recording(path, model, channels)
+    if path.is_dir() or path.suffix not in (".csv", ".npz"):
+        what = "neither a recording" if path.exists() else "not there, and would be neither a recording"
+        raise ValueError(f"{path} is {what} (a folder with {HEADER}) nor a .csv or .npz file; give the path of one of these")
+    existing(path, "log")
+    if path.suffix == ".csv":
+        table = _csv(path)
+    else:
+        with np.load(path, allow_pickle=False) as file:
+            table = {name: np.asarray(file[name]) for name in file.files}
+    if missing := sorted(set(columns) - set(table)):
+        raise ValueError(f"{path}: there is no column {missing[0]!r}, there are: {', '.join(table)}")
+    table = {columns.get(name, name): values for name, values in table.items()}
+    try:
+        return [_of_log(path, _gathered(table), model, channels, start)]
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from None
+
+
+def _csv(path: Path) -> dict[str, Array]:
+    """Columns of a CSV file by their heading."""
+    with path.open(newline="", encoding="utf-8-sig") as file:
+        rows = list(csv.reader(file))
+    if len(rows) < 3:
+        raise ValueError(f"{path}: it has {len(rows)} lines, must have a heading and two rows or more")
+    head = [name.strip() for name in rows[0]]
+    if twice := {name for name in head if head.count(name) > 1}:
+        raise ValueError(f"{path}: two columns are called {sorted(twice)[0]!r}")
+    table = np.full((len(rows) - 1, len(head)), np.nan)
+    for k, row in enumerate(rows[1:]):
+        if len(row) != len(head):
+            raise ValueError(f"{path}, line {k + 2}: {len(row)} cells, must be {len(head)}, as the heading has")
+        for j, cell in enumerate(row):
+            try:
+                table[k, j] = float(cell) if cell.strip() else np.nan
+            except ValueError:
+                raise ValueError(f"{path}, line {k + 2}, column {head[j]!r}: {cell!r} is no number; leave the cell empty instead") from None
+    return {name: table[:, j] for j, name in enumerate(head)}
+
+
+def _gathered(table: dict[str, Array]) -> dict[str, Array]:
+    """Columns "name[0]", "name[1]" ... as one array."""
+    out: dict[str, Array] = {}
+    parts: dict[str, dict[int, Array]] = {}
+    for name, values in table.items():
+        if match := re.fullmatch(r"(.+)\[(\d+)\]", name):
+            parts.setdefault(match[1], {})[int(match[2])] = values
+        else:
+            out[name] = values
+    for name, columns in parts.items():
+        if sorted(columns) != list(range(len(columns))) or name in out:
+            raise ValueError(f"columns of {name!r} are numbered {sorted(columns)}, must be from [0] on without a gap")
+        out[name] = np.stack([columns[k] for k in range(len(columns))], axis=1)
+    return out
+
+
+def _of_log(path: Path, table: dict[str, Array], model: Model, channels: Sequence[str] | None, start: Any) -> Episode:
+    if "time" not in table:
+        raise ValueError("there is no time; give a column of it in s, or rename one with columns={...: 'time'}")
+    time = np.asarray(table.pop("time"), np.float64).ravel()
+    steps = np.diff(time)
+    period = float((time[-1] - time[0]) / len(steps)) if len(steps) else 0.0
+    if not np.isfinite(time).all() or not (np.abs(steps - period) < 0.01 * period).all():
+        worst = int(np.nanargmax(np.abs(steps - period))) if len(steps) else 0
+        raise ValueError(f"times are not equally far apart (row {worst + 1}); resample the log to one rate")
+    ctrl = np.asarray(table.pop("ctrl", np.zeros((len(time), 0))), np.float64).reshape(len(time), -1)
+    if ctrl.shape[1] != model.nu:
+        raise ValueError(f"ctrl has {ctrl.shape[1]} columns, must have {model.nu}: {', '.join(model.actuator_names)}")
+    applied = {name: np.asarray(table.pop(name))[:-1] for name in FORCES_AND_POSES if name in table}
+    state: dict[str, Any] = {}
+    notes = []
+    given = _start(model, start)
+    for name in COORDINATES:
+        if name in table and np.isfinite(table[name][0]).all():
+            state[name] = np.asarray(table[name][0], np.float64).ravel()
+        elif name in given:
+            state[name] = given[name]
+        elif name != "act" or model.na:
+            notes.append(f"{path} does not say {name} in its first row: the model's reference is taken; give start=, or a column of it")
+    for name in channels or ():
+        if name not in table:
+            raise ValueError(f"there is no channel {name!r}, there are: {', '.join(table)}")
+    readings = {name: np.asarray(values, np.float64)[1:] for name, values in table.items() if channels is None or name in channels}
+    return Episode(ctrl[:-1], readings, period, applied=applied, name=str(path), notes=tuple(notes), **state)
+
+
+def _start(model: Model, start: Any) -> dict[str, Array]:
+    if start is None:
+        return {}
+    if isinstance(start, str):
+        key = model.keyframe(start)
+        return {"qpos": key.qpos, "qvel": key.qvel, "act": key.act}
+    qpos, qvel = start
+    return {"qpos": np.asarray(qpos, np.float64), "qvel": np.asarray(qvel, np.float64)}
+
+
+def _of_recording(path: Path, model: Model, channels: Sequence[str] | None) -> list[Episode]:
+    """Every environment of every stretch between resets is an episode; what its sensors observed are its channels."""
+    episodes = []
+    for segment in segments(path):
+        own = {name: (sensor["adr"], sensor["dim"]) for sensor in segment.model.sensors if (name := sensor["name"])}
+        if segment.model.nu != model.nu or segment.model.nq != model.nq or segment.model.nv != model.nv:
+            sizes = [f"{m.nq} coordinates and {m.nu} controls" for m in (segment.model, model)]
+            raise ValueError(f"{path} was recorded with a model of {sizes[0]}, this one has {sizes[1]}")
+        for name in channels or ():
+            if name not in own and name not in COORDINATES:
+                raise ValueError(f"{path}: there is no channel {name!r}, there are: {', '.join((*own, *COORDINATES))}")
+        if not own and channels is None:
+            raise ValueError(f"{path}: its model has no sensor with a name; choose channels=['qpos', 'qvel'] instead")
+        for env in range(segment.ctrl.shape[1]):
+            readings = {}
+            for name in own if channels is None else channels:
+                rows = (
+                    segment.readings["sensordata"][:, env, own[name][0] : sum(own[name])] if name in own else segment.readings[name][:, env]
+                )
+                readings[name] = rows
+            qpos, qvel, act = (segment.start[name][env] for name in COORDINATES)
+            applied = {name: array[:, env] for name, array in segment.applied.items()}
+            name = f"{path}, from row {segment.row}, environment {env}"
+            episodes.append(Episode(segment.ctrl[:, env], readings, segment.period, qpos, qvel, act, applied=applied, name=name))
+    return episodes

@@ -1,0 +1,116 @@
+"""Design of experiments: which of several motions would say most of what is not known yet.
+
+An experiment of Jacobian J over noise adds J^T J to the inverse of the covariance. D-optimal is the one with the smallest determinant of
+what is left. The slopes are those at the estimate, and at draws of what was identified, whose logarithms of determinants are averaged
+(Chaloner and Verdinelli 1995): at a friction that holds an experiment says nothing, and at others that are as likely it slides.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from stepper._options import Options
+from stepper._stepper import Stepper
+from stepper.actuators import ActuatorModel
+from stepper.sysid.data import Episode
+from stepper.sysid.inertia import Array
+from stepper.sysid.residuals import Residuals
+from stepper.sysid.result import Identification
+from stepper.sysid.simulate import Simulator, find_channels, noise_of, solved
+
+
+@dataclass(frozen=True)
+class Prospect:
+    """What an experiment would say.
+
+    Attributes:
+        name: Of the episode.
+        gain: Mean logarithm of the ratio of the volumes of what is known, before and after: half that of the determinants.
+        std: Standard deviations of theta after it, (n,), the median over the draws.
+        shrinks: Ratios of these to those before, (n,).
+        labels: What each number is.
+    """
+
+    name: str
+    gain: float
+    std: Array
+    shrinks: Array
+    labels: tuple[str, ...]
+
+    def __str__(self) -> str:
+        parts = ", ".join(f"{label} to {100 * ratio:.0f} %" for label, ratio in zip(self.labels, self.shrinks, strict=True))
+        return f"{self.name}: gain {self.gain:.2f}; intervals shrink: {parts}"
+
+
+def design(
+    found: Identification,
+    experiments: Sequence[Episode],
+    *,
+    noise: Mapping[str, ArrayLike] | None = None,
+    options: Options | None = None,
+    actuators: ActuatorModel | None = None,
+    draws: int = 8,
+    step: float = 1e-5,
+    threads: int = 0,
+    seed: int = 0,
+) -> list[Prospect]:
+    """Ranks experiments by what they would say, the best first.
+
+    Args:
+        found: What is known.
+        experiments: Controls and starts, as `Episode(ctrl, {}, period, name="fast push")`; readings are not looked at.
+        noise: Standard deviations of the channels that would be read, each a number or one for every column, None those of `found`.
+        options: As of `identify`.
+        actuators: As of `identify`.
+        draws: Draws of what is known beside the estimate.
+        step: As of `identify`.
+        threads: As of `identify`.
+        seed: Of the draws.
+
+    Raises:
+        KeyError: A channel that the model does not have.
+        ValueError: An experiment that does not fit the model, or noise that is no standard deviation.
+    """
+    if draws < 0 or not experiments:
+        raise ValueError(f"draws is {draws}, must not be negative, and there must be an experiment; there are {len(experiments)}")
+    given = dict(found.noise if noise is None else noise)
+    settings = solved(options or Options())
+    points = [theta / found.scale for theta in (found.theta, *(found.draw(draws, seed) if draws else ()))]
+    before = np.linalg.inv(found.covariance / np.outer(found.scale, found.scale))
+    std = np.sqrt(np.diag(np.linalg.inv(before)))
+    labels = tuple(f"{block.parameter}[{k}]" if block.size > 1 else block.labels[0] for block in found.blocks for k in range(block.size))
+    out = []
+    for number, experiment in enumerate(experiments):
+        episode = replace(experiment, name=experiment.name or f"experiment {number}")
+        episode = _read(found, episode, list(given), settings, actuators)
+        residuals = Residuals(Simulator(found.estimate, [episode], found.blocks, settings, threads=threads, actuators=actuators), step)
+        residuals.sigma = np.concatenate([noise_of(channel, given[channel.name]) for channel in residuals.simulator.channels])
+        gains, after = [], []
+        for at in residuals.linearize(points):
+            J = at.jacobian[: at.data, : residuals.n]
+            information = before + J.T @ J
+            gains.append((np.linalg.slogdet(information)[1] - np.linalg.slogdet(before)[1]) / 2)
+            after.append(np.sqrt(np.diag(np.linalg.inv(information))))
+        left = np.median(after, axis=0)
+        out.append(Prospect(episode.name, float(np.mean(gains)), left * found.scale, left / std, labels))
+    return sorted(out, key=lambda prospect: -prospect.gain)
+
+
+def _read(found: Identification, episode: Episode, names: list[str], options: Options, actuators: ActuatorModel | None) -> Episode:
+    """An experiment with the readings that the estimate predicts, from which slopes of poses are measured."""
+    model = found.estimate
+    channels = find_channels(model, names)
+    blank = {channel.name: np.zeros((len(np.asarray(episode.ctrl)), len(channel.columns))) for channel in channels}
+    checked = replace(episode, readings=blank, start_std=None).checked(model)
+    drives = found.drives(actuators)
+    sim = Stepper(model, options=options, actuators=actuators if drives is None else drives)
+    sim.set_state(checked.qpos, checked.qvel, act=checked.act)
+    nstep = round(episode.period / float(sim.timestep))
+    if nstep < 1 or abs(nstep * sim.timestep / episode.period - 1) > 1e-3:
+        raise ValueError(f"{episode.name}: a sample every {episode.period:g} s is no whole number of time steps of {sim.timestep:g} s")
+    made = sim.rollout(np.asarray(checked.ctrl), nstep, fields=sorted({channel.field for channel in channels}))
+    return replace(checked, readings={channel.name: made[channel.field][:, list(channel.columns)] for channel in channels})

@@ -1,0 +1,326 @@
+"""`stepper.sysid.identify`: parameters of a model from what was measured, with how sure they are."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from stepper._options import Options
+from stepper._stepper import Model
+from stepper.actuators import ActuatorModel
+from stepper.shared.machine import require
+from stepper.sysid.data import Data, episodes_of
+from stepper.sysid.findings import warnings_of
+from stepper.sysid.inertia import Array
+from stepper.sysid.parameters import Block, FitParameter, bind, write
+from stepper.sysid.residuals import Linearized, Residuals, Together
+from stepper.sysid.result import Identification, Search
+from stepper.sysid.shift import EARLY, FREED_STD, LATE, RATIO, finding_of_fit, suspicious
+from stepper.sysid.simulate import Simulator, noise_of, solved
+from stepper.sysid.uncertainty import uncertainty, weights_of
+
+Loss = Literal["linear", "soft_l1", "huber", "cauchy", "arctan"]
+SPREAD = 1.5
+"""Searches begin up to this far from the start, in scales: of positive quantities, a factor e^1.5 = 4.5."""
+SAME = 1e-2
+"""Searches that end nearer to one another, in scales, have found the same."""
+HOPELESS = 9.0
+"""A search whose cost is this many times the least is given up: residuals three times as large."""
+COARSE, FINE = 1e-4, 1e-4
+"""Relative change of x at which a search ends, and what the last one makes of it: 1e-8."""
+SETTLED = 0.05
+"""Relative change of the estimated noise below which it is not estimated again."""
+QUIETEST = 1e-6
+"""Least noise of a channel that is estimated, over its largest reading: what steps and differences leave."""
+
+
+def identify(
+    model: Model,
+    data: Data,
+    parameters: Sequence[FitParameter | str],
+    *,
+    options: Options | None = None,
+    actuators: ActuatorModel | None = None,
+    noise: Mapping[str, ArrayLike] | None = None,
+    loss: Loss = "linear",
+    f_scale: float = 1.0,
+    starts: int = 4,
+    step: float = 1e-5,
+    max_evaluations: int = 50,
+    threads: int = 0,
+    seed: int = 0,
+    channels: Sequence[str] | None = None,
+    columns: Mapping[str, str] | None = None,
+    start: str | tuple[ArrayLike, ArrayLike] | None = None,
+) -> Identification:
+    """Finds the parameters with which a model moves and reads as it was measured, and how sure that is.
+
+    SciPy's `least_squares` (trust-region reflective) minimises residuals over their noise within bounds, from several starts side by side.
+    All that it asks for - every episode, start, and parameter a little above and below, for central differences - is one batch.
+
+    Args:
+        model: The model, with everything that is known.
+        data: `Episode`s, paths of recordings, CSV or npz files, or several of these.
+        parameters: What is sought: `FitParameter`s, or text like "mass:box" and "friction:floor,box=0.1..2".
+        options: Settings of the step; None is hard contact. Where they leave the tolerance open, it is 1e-9 m/s.
+        actuators: What is known of the drives.
+        noise: Standard deviations of channels by name, each a number or one for every column. Of the other channels it is estimated from
+            what the fit leaves.
+        loss: Loss of a residual over its noise, as of `least_squares`; all but "linear" heed outliers less.
+        f_scale: Residual over noise beyond which a robust loss begins.
+        starts: Searches. One begins where the model is; the others are the best of eight times as many points of Sobol's sequence near it.
+        step: Half width of the differences, relative to positive quantities. Small, because a contact that closes a sample earlier makes
+            a jump, which wide differences take for a slope.
+        max_evaluations: Points that a search may try.
+        threads: As of `Stepper`.
+        seed: Of the sequence of starts.
+        channels: Channels of files to use; None is the sensors of recordings and all of logs.
+        columns: What columns of files are called here.
+        start: Keyframe, or (qpos, qvel), where logs begin that do not say so themselves.
+
+    Returns:
+        A distribution: `print` shows it, `Identification.sample` gives `Stepper.randomize` what to draw from it.
+
+    Raises:
+        KeyError: No element, sensor or coordinate of a name.
+        ValueError: Data that do not fit the model; the message has the file or episode, and what to do.
+        MissingPackageError: SciPy is not installed.
+    """
+    optimize = require("scipy.optimize", "to identify parameters")
+    qmc = require("scipy.stats.qmc", "to identify parameters")
+    if starts < 1 or not step > 0 or max_evaluations < 1 or not f_scale > 0:
+        raise ValueError(f"starts, step, max_evaluations, f_scale are {starts}, {step}, {max_evaluations}, {f_scale}, must all be above 0")
+    if loss not in ("linear", "soft_l1", "huber", "cauchy", "arctan"):
+        raise ValueError(f"loss is {loss!r}, must be linear, soft_l1, huber, cauchy or arctan")
+    began = time.perf_counter()
+    blocks = bind(parameters, model)
+    episodes = episodes_of(data, model, channels=channels, columns=columns, start=start)
+    simulator = Simulator(_begun(model, blocks), episodes, blocks, solved(options or Options()), threads=threads, actuators=actuators)
+    residuals = Residuals(simulator, step)
+    if residuals.count <= residuals.n:
+        raise ValueError(f"{residuals.count} readings can't say {residuals.n} numbers; give more data or fewer parameters")
+    known = _given_noise(simulator, noise or {})
+    first = _first_noise(simulator)
+    residuals.sigma = np.where(np.isnan(known), first, known)
+    solver = _Solver(optimize, residuals, loss=loss, f_scale=f_scale, most=max_evaluations)
+    searches = solver.search(_starts(qmc, residuals, starts, seed))
+    for _ in range(5):
+        best = min(searches, key=lambda s: s.cost)
+        sigma = np.where(np.isnan(known), _noise_left(residuals, best.at, loss), known)
+        settled = (np.abs(sigma - residuals.sigma) <= SETTLED * residuals.sigma).all()
+        residuals.sigma = sigma
+        # Which of several minima is the least depends on how channels are weighed.
+        searches = solver.search(_distinct(searches))
+        if settled:
+            break
+    (best,) = solver.search(_distinct(searches)[:1], COARSE * FINE)
+    searches = [best, *sorted(searches, key=lambda s: s.cost)[1:]]
+    return _concluded(model, residuals, best, searches, solver, seconds=time.perf_counter() - began)
+
+
+@dataclass(frozen=True)
+class _Found:
+    x: Array
+    cost: float
+    at: Linearized
+    converged: bool
+
+
+class _Solver:
+    """Searches side by side.
+
+    Attributes:
+        loss, f_scale: As of `identify`.
+        evaluations: Points that were tried so far.
+    """
+
+    def __init__(self, optimize: Any, residuals: Residuals, *, loss: str, f_scale: float, most: int):
+        self._optimize, self._residuals, self.loss, self.f_scale, self._most = optimize, residuals, loss, f_scale, most
+        self.evaluations = 0
+
+    def with_residuals(self, residuals: Residuals) -> _Solver:
+        """Solver with these settings for other residuals."""
+        return _Solver(self._optimize, residuals, loss=self.loss, f_scale=self.f_scale, most=self._most)
+
+    def search(self, starts: Sequence[Array], tolerance: float = COARSE) -> list[_Found]:
+        """Local minima that searches from these points end in, to a relative change of x of a tolerance."""
+        together = Together(self._residuals, len(starts))
+        with ThreadPoolExecutor(len(starts)) as pool:
+            return list(pool.map(lambda k: self._one(together, k, starts[k], tolerance), range(len(starts))))
+
+    def _one(self, together: Together, search: int, x0: Array, tolerance: float) -> _Found:
+        held: dict[bytes, Linearized] = {}
+
+        def at(x: Array) -> Linearized:
+            key = x.tobytes()
+            if key not in held:
+                while len(held) >= 4:  # a trial point, the present one, and their like before
+                    held.pop(next(iter(held)))
+                held[key] = together.ask(search, x.copy())
+                self.evaluations += 1
+            return held[key]
+
+        low, high = self._residuals.low, self._residuals.high
+        try:
+            found = self._optimize.least_squares(
+                lambda x: at(x).residual, np.clip(x0, low, high), lambda x: at(x).jacobian, bounds=(low, high), method="trf", x_scale="jac",
+                loss=self.loss, f_scale=self.f_scale, ftol=tolerance**1.5, xtol=tolerance, gtol=1e-10, max_nfev=self._most,
+            )  # fmt: skip
+            return _Found(found.x, float(found.cost), at(found.x), found.status > 0)
+        finally:
+            together.leave()
+
+
+def _distinct(searches: Sequence[_Found]) -> list[Array]:
+    """Ends of searches that may yet be the best, each once, the best first."""
+    out: list[Array] = []
+    least = min(s.cost for s in searches)
+    for found in sorted(searches, key=lambda s: s.cost):
+        if found.cost <= HOPELESS * least and all(np.abs(found.x - x).max() > SAME for x in out):
+            out.append(found.x)
+    return out
+
+
+def _begun(model: Model, blocks: list[Block]) -> Model:
+    """The model where the search begins, so that it has all that is sought (dry friction, say)."""
+    theta = np.concatenate([block.start for block in blocks])[None]
+    fields = write(blocks, theta, model).fields
+    return model.replace(**{name: array[0] for name, array in fields.items()}) if fields else model
+
+
+def _given_noise(simulator: Simulator, noise: Mapping[str, ArrayLike]) -> Array:
+    known = np.full(simulator.width, np.nan)
+    channels = {channel.name: channel for channel in simulator.channels}
+    for name, given in noise.items():
+        if name not in channels:
+            raise ValueError(f"noise is given of {name!r}, which is no channel of the data; there are: {', '.join(channels)}")
+        known[channels[name].lines] = noise_of(channels[name], given)
+    return known
+
+
+def _first_noise(simulator: Simulator) -> Array:
+    """Scatter of each column of the readings; of what is compared as displacements, that of the readings themselves."""
+    sigma = np.ones(simulator.width)
+    for channel in simulator.channels:
+        rows = np.concatenate([np.asarray(e.readings[channel.name]) for e in simulator.episodes if channel.name in e.readings])
+        scatter = np.nanstd(rows, axis=0) if np.isfinite(rows).any() else np.ones(rows.shape[1])
+        scatter = np.nan_to_num(scatter)
+        whole = max(float(scatter.max()), 1e-3 * float(np.nan_to_num(np.abs(rows)).max()), 1e-9)
+        size = channel.lines.stop - channel.lines.start
+        sigma[channel.lines] = np.maximum(scatter, 0.01 * whole) if size == len(scatter) else whole
+    return sigma
+
+
+def _noise_left(residuals: Residuals, at: Linearized, loss: str) -> Array:
+    """Noise of every column as the fit leaves it, of robust losses by the median."""
+    simulator = residuals.simulator
+    rows = np.concatenate(residuals.whitened(at)) * residuals.sigma
+    sigma = residuals.sigma.copy()
+    free = residuals.count / max(residuals.count - residuals.n, 1)
+    for channel in simulator.channels:
+        largest = max(
+            float(np.nan_to_num(np.abs(np.asarray(e.readings[channel.name]))).max())
+            for e in simulator.episodes
+            if channel.name in e.readings
+        )
+        for j in range(channel.lines.start, channel.lines.stop):
+            column = rows[np.isfinite(rows[:, j]), j]
+            if len(column) > 1:
+                scatter = np.sqrt(np.mean(column**2) * free) if loss == "linear" else 1.4826 * np.median(np.abs(column))
+                sigma[j] = max(float(scatter), QUIETEST * largest, 1e-12)
+    return sigma
+
+
+def _starts(qmc: Any, residuals: Residuals, count: int, seed: int) -> list[Array]:
+    """Where the model is, and the best of eight times as many points around it."""
+    points = [residuals.start]
+    if count > 1:
+        n = residuals.n
+        drawn = qmc.Sobol(n, seed=seed).random(1 << int(np.ceil(np.log2(8 * (count - 1)))))
+        low, high = (
+            np.maximum(residuals.low[:n], residuals.start[:n] - SPREAD),
+            np.minimum(residuals.high[:n], residuals.start[:n] + SPREAD),
+        )
+        around = np.tile(residuals.start, (len(drawn), 1))
+        around[:, :n] = low + drawn * (high - low)
+        costs = (residuals.residuals(around) ** 2).sum(axis=1)
+        points += list(around[np.argsort(costs, kind="stable")[: count - 1]])
+    return points
+
+
+def _concluded(
+    model: Model, residuals: Residuals, best: _Found, searches: list[_Found], solver: _Solver, *, seconds: float
+) -> Identification:
+    n, simulator, loss, f_scale = residuals.n, residuals.simulator, solver.loss, solver.f_scale
+    # The same slopes from twice the step: where they differ, the motion is not smooth there.
+    (twice,) = residuals.linearize([best.x], 2 * residuals.step)
+    data = slice(None, best.at.data)
+    here, there = best.at.jacobian[data, :n], twice.jacobian[data, :n]
+    size = np.linalg.norm(here, axis=0)
+    roughness = np.where(size > 0, np.linalg.norm(here - there, axis=0) / np.where(size > 0, size, 1.0), 0.0)
+    span = (residuals.high - residuals.low)[:n] / 2
+    reach = np.where(np.isfinite(span), span, 100.0)
+    sure = uncertainty(best.at.jacobian, best.at.residual, residuals.times(), reach, loss=loss, f_scale=f_scale)
+    weights = weights_of(loss, (best.at.residual[data] / f_scale) ** 2)
+    found = Identification(
+        model=model,
+        parameters=tuple(block.parameter for block in residuals.blocks),
+        theta=best.x[:n] * residuals.scale,
+        covariance=sure.covariance * np.outer(residuals.scale, residuals.scale),
+        information=sure.information / np.outer(residuals.scale, residuals.scale),
+        scale=residuals.scale,
+        freedom=max(residuals.count - residuals.n, 1),
+        noise=_by_channel(simulator, residuals.sigma),
+        residual=_by_channel(simulator, residuals.sigma * _rms(residuals, best.at)),
+        searches=tuple(Search(s.x[:n] * residuals.scale, s.cost, s.converged) for s in searches),
+        evaluations=solver.evaluations,
+        steps=simulator.steps,
+        seconds=seconds,
+        warnings=(),
+    )
+    shifts = _shift_warnings(residuals, best, solver)
+    others = warnings_of(
+        residuals, best.x, sure, reach=reach, roughness=roughness, searches=searches, converged=best.converged, weights=weights
+    )
+    return found.warned((*shifts, *others))
+
+
+def _shift_warnings(residuals: Residuals, best: _Found, solver: _Solver) -> tuple[str, ...]:
+    """Warnings about readings that fit better one sample earlier or later."""
+    if not suspicious(residuals.whitened(best.at)):
+        return ()
+    tried = []
+    for shift in (LATE, EARLY):
+        other = residuals.shifted(shift)
+        if other.count > other.n:
+            found = min(solver.with_residuals(other).search([best.x, residuals.start]), key=lambda s: s.cost)
+            tried.append((found.cost / other.count / max(best.cost / residuals.count, 1e-300), shift))
+    ratio, shift = min(tried, default=(1.0, 0))
+    return (finding_of_fit(shift, ratio, _freed_ratio(residuals, best, solver)),) if ratio < RATIO else ()
+
+
+def _freed_ratio(residuals: Residuals, best: _Found, solver: _Solver) -> float | None:
+    """Mean square residual with an estimated initial state, over that of the fit; None if the fit estimates that of every episode."""
+    other = residuals.freed(FREED_STD)
+    if other is None or other.count <= other.n:
+        return None
+    # The parameters start from both ends, and the displacement of each start from none.
+    points = [np.concatenate([x[: other.n], other.start[other.n :]]) for x in (best.x, residuals.start)]
+    found = min(solver.with_residuals(other).search(points), key=lambda s: s.cost)
+    return found.cost / max(best.cost, 1e-300)
+
+
+def _rms(residuals: Residuals, at: Linearized) -> Array:
+    rows = np.concatenate(residuals.whitened(at))
+    counts = np.isfinite(rows).sum(axis=0)
+    return np.asarray(np.sqrt(np.nansum(rows**2, axis=0) / np.maximum(counts, 1)))
+
+
+def _by_channel(simulator: Simulator, values: Array) -> dict[str, list[float]]:
+    return {channel.name: [float(v) for v in values[channel.lines]] for channel in simulator.channels}

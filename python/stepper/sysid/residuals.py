@@ -1,0 +1,255 @@
+"""Residuals and their Jacobian: predictions minus readings over their noise, for several points of a search in one batch."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from stepper.sysid.data import Episode
+from stepper.sysid.inertia import Array
+from stepper.sysid.shift import shifted
+from stepper.sysid.simulate import Simulator
+
+JUMP = 0.5
+"""Slopes on both sides of a point that differ by more than this share are those of a jump on one side."""
+
+
+@dataclass(frozen=True)
+class Linearized:
+    """Residuals at a point.
+
+    Attributes:
+        residual: Of all readings that were measured, episode after episode and row after row, and then of what was known before, (m,).
+        jacobian: (m, n + starts).
+        data: How many of them are readings.
+    """
+
+    residual: Array
+    jacobian: Array
+    data: int
+
+
+class Residuals:
+    """Residuals as a function of x: theta over its scale, and then what is not known of each episode's start over its standard deviation.
+
+    Args:
+        simulator: What predicts.
+        step: Half width of central differences, in the scale of every number.
+
+    Attributes:
+        sigma: Noise of every column of the readings, (width,).
+        n: Count of parameters. x has those of starts behind them.
+        low, high, start: Bounds of x, and where the search begins.
+    """
+
+    def __init__(self, simulator: Simulator, step: float):
+        self.simulator, self.step, self.blocks = simulator, step, simulator.blocks
+        self.scale = np.concatenate([block.scale for block in self.blocks])
+        self.n = len(self.scale)
+        self._starts, self._places = _unknown_starts(simulator.episodes, self.n)
+        extra = self._places[-1].stop - self.n if self._places else 0
+        free = np.full(extra, np.inf)
+        self.low, self.high, self.start = (
+            np.concatenate([np.concatenate([getattr(block, end) for block in self.blocks]) / self.scale, other])
+            for end, other in (("low", -free), ("high", free), ("start", np.zeros(extra)))
+        )
+        self.priors = _priors(self.blocks, self.scale)
+        self.masks = [np.isfinite(m) for m in simulator.measured]
+        self.sigma = np.ones(simulator.width)
+        self.count = sum(int(mask.sum()) for mask in self.masks)
+
+    def shifted(self, shift: int) -> Residuals:
+        """Those of the same episodes whose readings stand one row earlier or later, with the same noise."""
+        out = Residuals(self.simulator.with_episodes([shifted(episode, shift) for episode in self.simulator.episodes]), self.step)
+        out.sigma = self.sigma
+        return out
+
+    def freed(self, start_std: tuple[float, float]) -> Residuals | None:
+        """Residuals of the same episodes and noise, with estimated starts in place of exact ones; None if no start is exact."""
+        episodes = self.simulator.episodes
+        exact = [start is None for start in self._starts]
+        if not any(exact):
+            return None
+        own = [replace(e, start_std=start_std).checked(self.simulator.model) if x else e for e, x in zip(episodes, exact, strict=True)]
+        out = Residuals(self.simulator.with_episodes(own), self.step)
+        out.sigma = self.sigma
+        return out
+
+    def linearize(self, points: Sequence[Array], step: float | None = None) -> list[Linearized]:
+        """Residuals and Jacobians at several points, from one batch of environments.
+
+        Args:
+            points: Each (n + starts,).
+            step: Another half width of the differences.
+        """
+        width = max((len(s) for s in self._starts if s is not None), default=0)
+        asked = [self._around(x, self.step if step is None else step, width) for x in points]
+        made = self._predict(np.concatenate([rows for rows, _ in asked]))
+        each = 1 + 2 * (self.n + width)
+        return [self._assemble(x, [y[k * each : (k + 1) * each] for y in made], asked[k][1], width) for k, x in enumerate(points)]
+
+    def residuals(self, points: Array) -> Array:
+        """Residuals alone, (count, m), of points (count, n + starts)."""
+        compact = np.zeros((len(points), self.n + self._wide()))
+        compact[:, : self.n] = points[:, : self.n]
+        made = self._predict(compact, points)
+        return np.stack([self._with_priors(x, [y[k] for y in made]) for k, x in enumerate(points)])
+
+    def whitened(self, linearized: Linearized) -> list[Array]:
+        """Residuals of the readings by episode, (T, width); NaN where nothing was measured."""
+        out, at = [], 0
+        for mask in self.masks:
+            rows = np.full(mask.shape, np.nan)
+            rows[mask] = linearized.residual[at : at + mask.sum()]
+            at += mask.sum()
+            out.append(rows)
+        return out
+
+    def times(self) -> np.ndarray[Any, np.dtype[np.int64]]:
+        """Of every reading the episode, row and column, (count, 3)."""
+        return np.concatenate([np.insert(np.argwhere(mask), 0, e, axis=1) for e, mask in enumerate(self.masks)])
+
+    def _wide(self) -> int:
+        return max((len(s) for s in self._starts if s is not None), default=0)
+
+    def _around(self, x: Array, step: float, width: int) -> tuple[Array, Array]:
+        """A point, then each of its coordinates above and below (of starts in all episodes at once); and the widths of the differences."""
+        rows = np.zeros((1 + 2 * (self.n + width), self.n + width))
+        rows[:, : self.n] = x[: self.n]
+        spans = np.full((self.n + width, 2), step)
+        for j in range(self.n + width):
+            up, down = (x[j] + step, x[j] - step) if j < self.n else (step, -step)
+            if j < self.n:
+                up, down = min(up, self.high[j]), max(down, self.low[j])
+                spans[j] = up - x[j], x[j] - down
+            rows[1 + 2 * j, j], rows[2 + 2 * j, j] = up, down
+        # Starts of episodes differ, so a point's own are kept beside the displacement that is common to them.
+        return np.concatenate([rows, np.tile(x[self.n :], (len(rows), 1))], axis=1), spans
+
+    def _predict(self, rows: Array, points: Array | None = None) -> list[Array]:
+        width = self._wide()
+        own = rows[:, self.n + width :] if points is None else points[:, self.n :]
+        starts: list[tuple[Array, Array] | None] = []
+        for std, place in zip(self._starts, self._places, strict=True):
+            if std is None:
+                starts.append(None)
+                continue
+            nv = self.simulator.model.nv
+            shift = np.zeros((len(rows), 2 * nv))
+            chosen = std[:, 0].astype(int)
+            mine = slice(place.start - self.n, place.stop - self.n)
+            shift[:, chosen] = (own[:, mine] + rows[:, self.n : self.n + len(chosen)]) * std[:, 1]
+            starts.append((shift[:, :nv], shift[:, nv:]))
+        return self.simulator.predict(rows[:, : self.n] * self.scale, starts if any(s is not None for s in starts) else None)
+
+    def _with_priors(self, x: Array, y: list[Array]) -> Array:
+        parts = [((p - m) / self.sigma)[mask] for p, m, mask in zip(y, self.simulator.measured, self.masks, strict=True)]
+        parts += [np.array([(x[j] - mean) / std]) for j, mean, std in self.priors]
+        return np.concatenate([*parts, x[self.n :]])
+
+    def _assemble(self, x: Array, made: list[Array], spans: Array, width: int) -> Linearized:
+        residual = self._with_priors(x, [y[0] for y in made])
+        jacobian = np.zeros((len(residual), len(x)))
+        at = 0
+        for y, mask, std, place in zip(made, self.masks, self._starts, self._places, strict=True):
+            own = slopes(y, spans) / self.sigma
+            here = slice(at, at + int(mask.sum()))
+            jacobian[here, : self.n] = own[: self.n][:, mask].T
+            if std is not None:
+                jacobian[here, place] = own[self.n : self.n + len(std)][:, mask].T
+            at = here.stop
+        for k, (j, _, deviation) in enumerate(self.priors):
+            jacobian[at + k, j] = 1 / deviation
+        jacobian[at + len(self.priors) :, self.n :] = np.eye(len(x) - self.n)
+        return Linearized(residual, jacobian, self.count)
+
+
+def slopes(y: Array, spans: Array) -> Array:
+    """Derivatives of readings by central differences; where a reading jumps on one side (a contact closes a sample earlier), the other's.
+
+    Args:
+        y: Readings at a point, and then by coordinate above and below, (1 + 2 k, T, width).
+        spans: Distances above and below, (k, 2).
+    """
+    # Near a bound one side has hardly a width, and the other counts.
+    wide = (spans > 0.1 * spans.max(axis=1, keepdims=True))[..., None, None]
+    widths = np.maximum(spans, 1e-300)[..., None, None]
+    above, below = (y[1::2] - y[0]) / widths[:, 0], (y[0] - y[2::2]) / widths[:, 1]
+    above, below = np.where(wide[:, 0], above, below), np.where(wide[:, 1], below, above)
+    larger = np.maximum(np.abs(above), np.abs(below))
+    calm = np.where(np.abs(above) < np.abs(below), above, below)
+    return np.asarray(np.where(np.abs(above - below) > JUMP * larger, calm, (above + below) / 2))
+
+
+def _unknown_starts(episodes: Sequence[Episode], n: int) -> tuple[list[Array | None], list[slice]]:
+    """Of each episode (coordinate, standard deviation) of what is not known of its start, (k, 2), and where that is in x."""
+    starts: list[Array | None] = []
+    places = []
+    at = n
+    for episode in episodes:
+        std = np.concatenate([np.asarray(s) for s in episode.start_std]) if episode.start_std is not None else np.zeros(0)
+        chosen = np.flatnonzero(std)
+        starts.append(np.stack([chosen, std[chosen]], axis=1) if len(chosen) else None)
+        places.append(slice(at, at + len(chosen)))
+        at += len(chosen)
+    return starts, places
+
+
+def _priors(blocks: Sequence[object], scale: Array) -> list[tuple[int, float, float]]:
+    """(coordinate of x, mean, standard deviation) of what is known beforehand."""
+    out, at = [], 0
+    for block in blocks:
+        prior = getattr(block, "prior", None)
+        size = int(getattr(block, "size", 0))
+        if prior is not None:
+            out += [(at + k, float(prior[0][k] / scale[at + k]), float(prior[1][k] / scale[at + k])) for k in range(size)]
+        at += size
+    return out
+
+
+class Together:
+    """Lets searches that run side by side have their points evaluated in one batch: the last of them to ask evaluates for all.
+
+    Args:
+        residuals: What evaluates.
+        searches: How many there are.
+    """
+
+    def __init__(self, residuals: Residuals, searches: int):
+        self._residuals, self._active = residuals, searches
+        self._asked: dict[int, Array] = {}
+        self._answers: dict[int, Linearized | BaseException] = {}
+        self._turn = threading.Condition()
+
+    def ask(self, search: int, x: Array) -> Linearized:
+        """The residuals at x, once all other searches have asked too or ended."""
+        with self._turn:
+            self._asked[search] = x
+            self._answer()
+            self._turn.wait_for(lambda: search in self._answers)
+            answer = self._answers.pop(search)
+        if isinstance(answer, BaseException):
+            raise answer
+        return answer
+
+    def leave(self) -> None:
+        """A search has ended."""
+        with self._turn:
+            self._active -= 1
+            self._answer()
+
+    def _answer(self) -> None:
+        if not self._asked or len(self._asked) < self._active:
+            return
+        searches = sorted(self._asked)
+        try:
+            answers: list[Linearized | BaseException] = list(self._residuals.linearize([self._asked[k] for k in searches]))
+        except BaseException as error:
+            answers = [error] * len(searches)
+        self._answers.update(zip(searches, answers, strict=True))
+        self._asked.clear()
+        self._turn.notify_all()

@@ -1,0 +1,273 @@
+"""What was identified: a distribution of parameters, which `Stepper.randomize` takes."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from stepper._stepper import Model
+from stepper.actuators import ActuatorModel
+from stepper.shared.fields import RANDOMIZED
+from stepper.shared.machine import require
+from stepper.sysid.findings import undetermined
+from stepper.sysid.inertia import Array
+from stepper.sysid.parameters import Block, FitParameter, bind, natural, split, write
+
+FORMAT = 1
+
+
+@dataclass(frozen=True)
+class Search:
+    """Where a search from one start ended.
+
+    Attributes:
+        theta: Parameters.
+        cost: Half the sum of losses.
+        converged: Whether it ended before it ran out of evaluations.
+    """
+
+    theta: Array
+    cost: float
+    converged: bool
+
+
+@dataclass(frozen=True)
+class Identification:
+    """A normal distribution of theta: logarithms of what is positive, log-Cholesky parameters of inertias, other numbers as they are.
+
+    Attributes:
+        model: The model that was given.
+        parameters: What was sought.
+        theta: Estimate, (n,).
+        covariance: Of theta, (n, n). Where data say nothing it is that of the bounds.
+        information: Inverse covariance by the data and priors alone, with white noise, (n, n).
+        scale: Size of a change of theta that matters, (n,).
+        freedom: Readings minus parameters.
+        noise: Standard deviation of the readings by channel, as given or as estimated.
+        residual: Root mean square of what the fit leaves, by channel.
+        searches: Ends of the searches, each once.
+        evaluations: Points that were tried, each with its Jacobian.
+        steps: Environments times steps.
+        seconds: Time that it took.
+        warnings: What data do not say, and what the model does not explain.
+    """
+
+    model: Model
+    parameters: tuple[FitParameter, ...]
+    theta: Array
+    covariance: Array
+    information: Array
+    scale: Array
+    freedom: int
+    noise: Mapping[str, list[float]]
+    residual: Mapping[str, list[float]]
+    searches: tuple[Search, ...]
+    evaluations: int
+    steps: int
+    seconds: float
+    warnings: tuple[str, ...]
+
+    def warned(self, warnings: tuple[str, ...]) -> Identification:
+        """The same with warnings."""
+        return replace(self, warnings=warnings)
+
+    @cached_property
+    def blocks(self) -> list[Block]:
+        """Pieces of theta by parameter."""
+        return bind(self.parameters, self.model)
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """What each value is: "mass:box"."""
+        return tuple(label for block in self.blocks for label in block.labels)
+
+    @property
+    def units(self) -> tuple[str, ...]:
+        """Units of the values."""
+        return tuple(unit for block in self.blocks for unit in block.units)
+
+    @property
+    def values(self) -> Array:
+        """Estimates in their units, (n,)."""
+        return natural(self.blocks, self.theta)
+
+    @property
+    def std(self) -> Array:
+        """Standard deviations of the values to first order, (n,)."""
+        G = self._slopes()
+        return np.asarray(np.sqrt(np.einsum("ij,jk,ik->i", G, self.covariance, G)))
+
+    @property
+    def determined(self) -> np.ndarray[Any, np.dtype[np.bool_]]:
+        """Whether the data determine each number of theta, (n,)."""
+        reach = np.concatenate([(block.high - block.low) / 2 for block in self.blocks]) / self.scale
+        reach = np.where(np.isfinite(reach), reach, 100.0)
+        return ~undetermined(self.blocks, np.sqrt(np.diag(self.covariance)) / self.scale, reach)
+
+    def interval(self, confidence: float = 0.95) -> Array:
+        """Confidence intervals of the values, (n, 2).
+
+        Of a positive quantity it is that of its logarithm; bounds cut it off.
+
+        Raises:
+            ValueError: A confidence that is not between 0 and 1.
+        """
+        if not 0 < confidence < 1:
+            raise ValueError(f"confidence is {confidence}, must be between 0 and 1")
+        t = float(require("scipy.stats", "for intervals").t.ppf((1 + confidence) / 2, self.freedom))
+        spread = np.sqrt(np.diag(self.covariance))
+        pieces = zip(self.blocks, *(split(self.blocks, x) for x in (self.theta, spread, self.values, self.std)), strict=True)
+        out = []
+        for block, theta, of_theta, value, of_value in pieces:
+            if block.parameter.kind in ("inertia", "moments"):
+                out.append(np.stack([value - t * of_value, value + t * of_value], axis=1))
+            else:
+                ends = [np.clip(theta + sign * t * of_theta, block.low, block.high) for sign in (-1, 1)]
+                out.append(np.stack([block.natural(end) for end in ends], axis=1))
+        return np.concatenate(out)
+
+    def __getitem__(self, label: str) -> float:
+        """The estimate of a label, as `result["mass:box"]`."""
+        if label not in self.labels:
+            raise KeyError(f"there is no {label!r}, there are: {', '.join(self.labels)}")
+        return float(self.values[self.labels.index(label)])
+
+    @property
+    def estimate(self) -> Model:
+        """The model with the estimates in it; biases and delays are no part of a model, see `drives`."""
+        fields = write(self.blocks, self.theta[None], self.model).fields
+        return self.model.replace(**{name: array[0] for name, array in fields.items()}) if fields else self.model
+
+    def drives(self, known: ActuatorModel | None = None) -> ActuatorModel | None:
+        """What is known of drives, with the delays that were identified; None where no delay was sought."""
+        made = write(self.blocks, self.theta[None], self.model).actuators(known, np.zeros(1, int))
+        if made is None or known is None:
+            return made
+        return ActuatorModel({**known.named, **made.named}, default=known.default)
+
+    def draw(self, count: int, seed: int = 0) -> Array:
+        """Draws of theta, (count, n), within bounds."""
+        low, high = (np.concatenate([getattr(block, end) for block in self.blocks]) for end in ("low", "high"))
+        root = np.linalg.cholesky(self.covariance + 1e-14 * np.diag(np.diag(self.covariance)))
+        drawn = self.theta + np.random.default_rng(seed).standard_normal((count, len(self.theta))) @ root.T
+        return np.clip(drawn, low, high)
+
+    def sample(self, count: int, *, seed: int = 0, actuators: ActuatorModel | None = None) -> dict[str, Any]:
+        """Parameters drawn from the distribution: `sim.randomize(**result.sample(sim.num_envs))`.
+
+        The stepper's model is `result.estimate`, or another that has all that was sought.
+
+        Args:
+            count: Environments.
+            seed: Of the draws.
+            actuators: What the stepper's drives are, for delays.
+
+        Raises:
+            ValueError: The principal axes of an inertia were sought, which all environments of a stepper share: see `models`.
+        """
+        variants = write(self.blocks, self.draw(count, seed), self.model)
+        if shared := sorted(set(variants.fields) - RANDOMIZED.keys()):
+            raise ValueError(f"all environments of a stepper share {', '.join(shared)}; make a stepper of each of result.models({count})")
+        delays = variants.actuators(actuators)
+        return {**variants.fields, **({} if delays is None else {"actuators": delays})}
+
+    def models(self, count: int, *, seed: int = 0) -> list[Model]:
+        """Models with the draws of `sample`, for what environments cannot have of their own."""
+        fields = write(self.blocks, self.draw(count, seed), self.model).fields
+        return [self.model.replace(**{name: array[k] for name, array in fields.items()}) for k in range(count)]
+
+    def weakest(self) -> tuple[float, dict[str, float]]:
+        """The combination that is known least: its standard deviation over its scale, and what it is made of, the largest first.
+
+        Of two positive quantities {"mass:box": 0.7, "friction:box": -0.7} is their ratio.
+        """
+        labels = [f"{block.parameter}[{k}]" if block.size > 1 else block.labels[0] for block in self.blocks for k in range(block.size)]
+        values, vectors = np.linalg.eigh(self.covariance / np.outer(self.scale, self.scale))
+        direction = vectors[:, -1] * np.sign(vectors[np.abs(vectors[:, -1]).argmax(), -1])
+        parts = sorted(zip(labels, direction, strict=True), key=lambda part: -abs(part[1]))
+        return float(np.sqrt(values[-1])), {label: float(part) for label, part in parts if abs(part) > 0.1}
+
+    def advice(self) -> str:
+        """Suggestion for the next measurement."""
+        std, parts = self.weakest()
+        first = next(iter(parts))
+        block = next(b for b in self.blocks for k in range(b.size) if first in (b.labels[0], f"{b.parameter}[{k}]"))
+        what = f"parameter is {first}"
+        if len(parts) > 1:
+            what = "combination is " + " ".join(f"{part:+.2f} {label}" for label, part in parts.items())
+        return f"the least certain {what} (standard deviation {std:.2g} of its scale): {block.hint}"
+
+    def table(self, confidence: float = 0.95) -> str:
+        """Values, intervals and what they are of, as a Markdown table."""
+        lines = [f"| | value | {100 * confidence:g} % interval | unit | in the model |", "|---|---|---|---|---|"]
+        start = natural(self.blocks, np.concatenate([block.start for block in self.blocks]))
+        rows = zip(self.labels, self.values, self.interval(confidence), self.units, start, self.determined, strict=True)
+        for label, value, (low, high), unit, before, known in rows:
+            said = f"{low:.5g} to {high:.5g}" if known else "not determined"
+            lines.append(f"| {label} | {value:.5g} | {said} | {unit} | {before:.5g} |")
+        return "\n".join(lines)
+
+    def __str__(self) -> str:
+        left = ", ".join(f"{name} {' '.join(f'{x:.3g}' for x in values)}" for name, values in self.residual.items())
+        lines = [self.table(), f"residuals (root mean square): {left}", f"next: {self.advice()}"]
+        return "\n".join([*lines, *(f"warning: {text}" for text in self.warnings)])
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Writes a JSON file, which `load` reads."""
+        kept = {
+            "format": FORMAT,
+            "model": self.model.digest,
+            "parameters": [asdict(parameter) for parameter in self.parameters],
+            "searches": [{"theta": s.theta.tolist(), "cost": s.cost, "converged": s.converged} for s in self.searches],
+            "values": dict(zip(self.labels, self.values.tolist(), strict=True)),
+            "interval": dict(zip(self.labels, self.interval().tolist(), strict=True)),
+        }
+        for name in ("theta", "covariance", "information", "scale"):
+            kept[name] = getattr(self, name).tolist()
+        for name in ("freedom", "noise", "residual", "evaluations", "steps", "seconds", "warnings"):
+            kept[name] = getattr(self, name)
+        Path(path).write_text(json.dumps(kept, indent=2) + "\n", encoding="utf-8")
+
+    @classmethod
+    def load(cls, path: str | os.PathLike[str], model: Model) -> Identification:
+        """Reads what `save` wrote.
+
+        Raises:
+            ValueError: Another format, or another model; the message says which.
+        """
+        try:
+            kept = json.loads(Path(path).read_text(encoding="utf-8"))
+            if kept.get("format") != FORMAT:
+                raise ValueError(f"it has format {kept.get('format')}, this version reads {FORMAT}")
+            if kept["model"] != model.digest:
+                raise ValueError(f"it is of model {kept['model'][:12]}, the model given is {model.digest[:12]}")
+            parameters = tuple(
+                FitParameter(
+                    p["kind"], tuple(p["of"]), p["start"], *(None if p[name] is None else tuple(p[name]) for name in ("bounds", "prior"))
+                )
+                for p in kept["parameters"]
+            )
+            numbers: dict[str, Any] = {name: np.array(kept[name]) for name in ("theta", "covariance", "information", "scale")}
+            numbers |= {name: kept[name] for name in ("freedom", "noise", "residual", "evaluations", "steps", "seconds")}
+            return cls(
+                model=model,
+                parameters=parameters,
+                searches=tuple(Search(np.array(s["theta"]), s["cost"], s["converged"]) for s in kept["searches"]),
+                warnings=tuple(kept["warnings"]),
+                **numbers,
+            )
+        except (KeyError, TypeError, AttributeError, ValueError) as error:
+            raise ValueError(f"{path} is no identification of this model: {error}") from error
+
+    def _slopes(self) -> Array:
+        """Derivatives of the values after theta, (n, n), by central differences."""
+        h = 1e-6 * self.scale
+        up, down = (natural(self.blocks, self.theta + sign * np.diag(h)) for sign in (1, -1))
+        return np.asarray((up - down).T / (2 * h))

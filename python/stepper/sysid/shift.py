@@ -1,0 +1,206 @@
+"""Detection of readings that are one row late or early relative to their controls.
+
+A reading belongs to the end of the period in which its row's control is in force. Logs are often off by one row, and then a fit finds
+parameters that imitate the delay. A fit with white residuals is not off by one. Otherwise both neighbouring rows are tried.
+"""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from stepper.sysid.data import Episode
+from stepper.sysid.inertia import Array
+
+LATE, EARLY = 1, -1
+RATIO = 0.75
+"""Mean square residual with a shift, over that without it, below which the shift is reported."""
+COLOURED = 0.3
+"""Correlation of consecutive residuals above which shifts are tried, if it is also above chance."""
+LOUD = 1.5
+"""Mean square of residuals over the given noise above which shifts are tried."""
+RECENT = 15
+"""Number of samples over which a tracker's surprise is averaged."""
+STRANGE = 3.0
+"""Mean surprise above which the tracker's model does not explain the readings."""
+STRETCH = 100
+"""Number of samples after which the copy from which shifted trackers start is renewed."""
+CAUGHT_UP = 2
+"""Number of past samples that each shifted tracker processes per update, until it has caught up."""
+FREED_STD = (0.1, 1.0)
+"""Standard deviations of displacement (m, rad) and velocity (m/s, rad/s) with which the initial state is estimated for comparison."""
+OF_TRACKER = "A wrong initial state can look the same: stepper.sysid.identify with the same readings tries both, and says which fits better"
+"""Remark of a tracker, which does not estimate other initial states in hindsight."""
+_WORDS = {
+    LATE: ("late: the readings of row k + 1 fit the control of row k", "Pair ctrl[:-1] with readings[1:]"),
+    EARLY: (
+        "early: the readings of row k fit the control of row k + 1",
+        "Pair ctrl[1:] with readings[:-1], and give the initial state one row later",
+    ),
+}
+
+
+def finding(shift: int, ratio: float, remark: str = OF_TRACKER) -> str:
+    """Warning about a shift: the problem, the evidence, the remedy.
+
+    Args:
+        shift: `LATE` or `EARLY`.
+        ratio: Mean square residual with the shift over that without it.
+        remark: Sentence about initial states, without its full stop.
+    """
+    problem, remedy = _WORDS[shift]
+    return (
+        f"readings are one sample {problem} (the mean square residual falls to {_percent(ratio)}). {remedy}, or model the delay of one "
+        f"period. Do not use these values and intervals. {remark}"
+    )
+
+
+def finding_of_fit(shift: int, ratio: float, freed: float | None) -> str:
+    """Warning about a shift, a wrong initial state, or both where they explain the readings equally well.
+
+    Args:
+        shift: `LATE` or `EARLY`.
+        ratio: Mean square residual with the shift over that without it.
+        freed: The same ratio with an estimated initial state and no shift; None if the initial state was estimated from the beginning.
+    """
+    if freed is None:
+        return finding(shift, ratio, "A wrong initial state is not the cause: it was estimated")
+    if ratio < RATIO * freed:
+        return finding(shift, ratio, f"A wrong initial state explains less: with an estimated one the residual falls to {_percent(freed)}")
+    remedy = (
+        f"Correct qpos and qvel of the episode, or estimate them with Episode(start_std={FREED_STD}). Do not use these values and intervals"
+    )
+    evidence = (
+        f"the mean square residual falls to {_percent(freed)} with an estimated initial state, and to {_percent(ratio)} with the shift"
+    )
+    if freed < RATIO * ratio:
+        return f"the initial state is wrong, which looks like a shift of the readings by one sample ({evidence}). {remedy}"
+    problem, pairing = _WORDS[shift]
+    return (
+        f"the initial state is wrong, or readings are one sample {problem}; these data do not tell which ({evidence}). {remedy}. For a "
+        f"shift: {pairing[0].lower()}{pairing[1:]}"
+    )
+
+
+def _percent(ratio: float) -> str:
+    return f"{100 * ratio:.2g} %"
+
+
+def shifted(episode: Episode, shift: int) -> Episode:
+    """Episode with each row's readings taken from the row after (`LATE`) or before (`EARLY`), NaN where there is no such row."""
+    moved = {}
+    for name, given in episode.readings.items():
+        rows = np.full(np.shape(given), np.nan)
+        if shift == LATE:
+            rows[:-1] = np.asarray(given)[1:]
+        else:
+            rows[1:] = np.asarray(given)[:-1]
+        moved[name] = rows
+    return replace(episode, readings=moved)
+
+
+def suspicious(whitened: list[Array]) -> bool:
+    """Whether residuals over their noise, (T, width) by episode, are large or correlated in time."""
+    square = np.concatenate([rows[np.isfinite(rows)] for rows in whitened])
+    if len(square) and float(np.mean(square**2)) > LOUD:
+        return True
+    for rows in whitened:
+        for column in rows.T:
+            one, other = column[:-1], column[1:]
+            both = np.isfinite(one) & np.isfinite(other)
+            power = float((one[both] ** 2).sum())
+            # The standard deviation by chance is 1 / sqrt(rows); five of them are significant.
+            if both.sum() > 2 and power > 0 and float((one[both] * other[both]).sum()) / power > max(COLOURED, 5 / np.sqrt(both.sum())):
+                return True
+    return False
+
+
+class Watch:
+    """Comparison of a tracker with two copies that get shifted readings, run when its model does not explain the readings.
+
+    Attributes:
+        found: Detected shift and the ratio of the mean squares; None before one is found.
+    """
+
+    def __init__(self) -> None:
+        self.found: tuple[int, float] | None = None
+        self._origin: Any = None
+        self._samples: list[tuple[Array, Mapping[str, Array]]] = []
+        self._surprise: list[float] = []
+        self._twins: dict[int, _Twin] = {}
+
+    def begin(self, tracker: Any) -> None:
+        """Called before each sample: copies the tracker at the beginning of each stretch of samples."""
+        if self._origin is None or (len(self._samples) >= STRETCH and not self._twins):
+            self._origin = twin_of(tracker)
+            self._samples, self._surprise = [], self._surprise[-RECENT:]
+
+    def look(self, ctrl: Array, readings: Mapping[str, Array], surprise: float) -> bool:
+        """Adds a sample; returns whether the model explains the recent readings."""
+        self._samples.append((ctrl, readings))
+        self._surprise.append(surprise)
+        if self.found is not None:
+            return False
+        recent = self._surprise[-RECENT:]
+        strange = len(recent) == RECENT and float(np.mean(recent)) > STRANGE
+        if strange and not self._twins:
+            self._twins = {shift: _Twin(copy.copy(self._origin), shift) for shift in (LATE, EARLY)}
+        if self._twins:
+            self._follow()
+            return False
+        return not strange
+
+    def _follow(self) -> None:
+        """Advances the copies, and compares them once they have caught up."""
+        for twin in self._twins.values():
+            for _ in range(CAUGHT_UP):
+                twin.take(self._samples)
+        if not all(twin.done(self._samples) for twin in self._twins.values()):
+            return
+        own = float(np.mean(self._surprise[-len(self._samples) :]))
+        shift, left = min(((shift, twin.left()) for shift, twin in self._twins.items()), key=lambda pair: pair[1])
+        if left < RATIO * own:
+            self.found = shift, left / own
+        self._twins, self._origin = {}, None
+
+
+class _Twin:
+    """Copy of a tracker that gets the readings of the row after or before."""
+
+    def __init__(self, tracker: Any, shift: int):
+        self._tracker, self._shift, self._at = twin_of(tracker), shift, 0
+        self._surprise: list[float] = []
+
+    def take(self, samples: list[tuple[Array, Mapping[str, Array]]]) -> None:
+        """Processes one more sample, if there is one."""
+        if self.done(samples):
+            return
+        k = self._at
+        beside = k + self._shift
+        absent = {name: np.full(np.shape(row), np.nan) for name, row in samples[k][1].items()}
+        try:
+            now = self._tracker.update(samples[k][0], samples[beside][1] if beside >= 0 else absent)
+            self._surprise.append(now.surprise)
+        except (FloatingPointError, np.linalg.LinAlgError):
+            self._surprise.append(np.inf)
+        self._at += 1
+
+    def done(self, samples: list[tuple[Array, Mapping[str, Array]]]) -> bool:
+        """Whether all available samples are processed: with `LATE`, the last row has no reading yet."""
+        return self._at >= len(samples) - (self._shift == LATE)
+
+    def left(self) -> float:
+        """Mean surprise of the processed samples."""
+        return float(np.mean(self._surprise)) if self._surprise else np.inf
+
+
+def twin_of(tracker: Any) -> Any:
+    """Independent copy of a tracker. Both use the same environments, because each sets their state before use."""
+    twin = copy.copy(tracker)
+    twin._watch = None
+    twin._samples, twin._bounds = copy.copy(tracker._samples), dict(tracker._bounds)
+    return twin

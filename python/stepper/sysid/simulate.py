@@ -1,0 +1,389 @@
+"""Predictions: what a model would have read in the episodes, for many parameters at once, each environment its own.
+
+Environments are variants times episodes. What `Stepper.randomize` takes goes into lanes; fields that all environments of a stepper share
+(principal axes of an inertia) get a stepper for each of their values.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from stepper._hints import near_or_all
+from stepper._options import Options
+from stepper._status import Status
+from stepper._stepper import Model, Stepper
+from stepper.actuators import ActuatorModel, Drive
+from stepper.shared.fields import RANDOMIZED
+from stepper.sysid.data import COORDINATES, Episode
+from stepper.sysid.inertia import Array
+from stepper.sysid.parameters import READING, Block, Variants, split, write
+
+ROOM = 64 << 20
+"""Bytes of predictions that one call of `rollout` may make; more are made in several calls."""
+TOLERANCE = 1e-9
+"""m/s: residual at which steps are solved unless options say otherwise; differences divide what is left of it by their step."""
+UNTRUSTED = Status.NOT_CONVERGED | Status.NON_FINITE | Status.CONTACTS_FULL | Status.TUNNELLED
+"""Flags of steps that predictions should not rest on."""
+
+
+@dataclass(frozen=True)
+class Channel:
+    """A channel of the data: where its prediction is.
+
+    Attributes:
+        name: Its name.
+        field: Field of `rollout` that it is read from.
+        columns: Columns of that field.
+        dofs: For "qpos", degrees of freedom in which displacements are measured.
+        quaternion: Whether the reading is a quaternion.
+        lines: Slice of the rows' columns.
+        sensor: Index of its sensor, or -1.
+    """
+
+    name: str
+    field: str
+    columns: tuple[int, ...]
+    dofs: tuple[int, ...]
+    quaternion: bool
+    lines: slice
+    sensor: int
+
+
+def channels_of(model: Model, episodes: Sequence[Episode]) -> list[Channel]:
+    """All channels of the episodes.
+
+    Raises:
+        KeyError: Nothing in the model has a channel's name.
+        ValueError: A channel with another number of columns than the model's.
+    """
+    found: dict[str, Channel] = {}
+    width = 0
+    for episode in episodes:
+        for name, given in episode.readings.items():
+            if name not in found:
+                found[name] = _channel(model, name, width)
+                width = found[name].lines.stop
+            if np.shape(given)[1] != len(found[name].columns):
+                raise ValueError(f"{episode.name}: channel {name!r} has {np.shape(given)[1]} columns, must have {len(found[name].columns)}")
+    return list(found.values())
+
+
+def _channel(model: Model, name: str, width: int) -> Channel:
+    if name in model.sensor_names:
+        sensor = model.sensor(name)
+        quaternion = model.sensors[sensor.id]["datatype"] == "quaternion"
+        dim = 3 if quaternion else sensor.dim
+        return Channel(
+            name, "sensordata", tuple(range(sensor.adr, sensor.adr + sensor.dim)), (), quaternion, slice(width, width + dim), sensor.id
+        )
+    head, _, joint = name.partition(":")
+    if head in COORDINATES and not joint:
+        size = {"qpos": model.nq, "qvel": model.nv, "act": model.na}[head]
+        dofs = tuple(range(model.nv)) if head == "qpos" else ()
+        return Channel(name, head, tuple(range(size)), dofs, False, slice(width, width + (len(dofs) or size)), -1)
+    if head in ("qpos", "qvel") and joint in model.joint_names:
+        own = model.joint(joint)
+        dofs = tuple(range(own.dofadr, own.dofadr + own.nv))
+        columns = tuple(range(own.qposadr, own.qposadr + own.nq)) if head == "qpos" else dofs
+        return Channel(name, head, columns, dofs if head == "qpos" else (), False, slice(width, width + own.nv), -1)
+    known = [*(n for n in model.sensor_names if n), *COORDINATES, *(f"qpos:{n}" for n in model.joint_names if n)]
+    raise KeyError(f"no sensor or coordinate is named {name!r}{near_or_all(name, known)}")
+
+
+def find_channels(model: Model, names: Iterable[str]) -> list[Channel]:
+    """Channels of these names, one after another.
+
+    Raises:
+        KeyError: Nothing in the model has a channel's name.
+    """
+    found: list[Channel] = []
+    for name in names:
+        found.append(_channel(model, name, found[-1].lines.stop if found else 0))
+    return found
+
+
+def noise_of(channel: Channel, given: ArrayLike) -> Array:
+    """Standard deviation of each column of a channel; `inf` is a column that is not looked at.
+
+    Raises:
+        ValueError: One that is not above 0, or another number of them.
+    """
+    value = np.asarray(given, np.float64)
+    size = channel.lines.stop - channel.lines.start
+    if value.shape not in ((), (size,)) or not (value > 0).all():
+        raise ValueError(f"noise of {channel.name!r} is {value.tolist()}, must be above 0, one number or {size}")
+    return np.broadcast_to(value, (size,))
+
+
+def compared(model: Model, channel: Channel, rows: Array, measured: Array) -> Array:
+    """Predictions of a channel, (T, count, dim): as they are, or as displacements from what was measured.
+
+    Args:
+        model: The model.
+        channel: The channel.
+        rows: Its field, (T, count, columns of the field).
+        measured: Its readings, (T, columns of the channel); where one is NaN, the displacement is 0.
+    """
+    own = rows[..., list(channel.columns)]
+    if not channel.dofs and not channel.quaternion:
+        return own
+    target = measured[:, None]
+    target = np.where(np.isfinite(target).all(axis=-1, keepdims=True), target, own)
+    if channel.quaternion:
+        return _turn(target, own)
+    whole = rows.copy()
+    whole[..., list(channel.columns)] = target
+    return np.asarray(model.differentiate_pos(whole, rows)[..., list(channel.dofs)])
+
+
+def solved(options: Options) -> Options:
+    """Options with a tolerance that differences can be taken at."""
+    return options if options.tolerance is not None else replace(options, tolerance=TOLERANCE)
+
+
+class Simulator:
+    """Predicts readings of episodes.
+
+    Args:
+        model: The model, with what is sought where the search begins.
+        episodes: Checked episodes.
+        blocks: What is sought.
+        options, threads, actuators: As of `Stepper`.
+
+    Attributes:
+        measured: Readings of each episode, (T, width); NaN was not measured. Coordinates and quaternions are compared as displacements, and
+            are 0 where there was a reading.
+        untrusted: Share of the steps of the last call with a flag of `UNTRUSTED`.
+        steps: Environments times steps so far.
+    """
+
+    def __init__(
+        self,
+        model: Model,
+        episodes: Sequence[Episode],
+        blocks: Sequence[Block],
+        options: Options,
+        *,
+        threads: int,
+        actuators: ActuatorModel | None,
+    ):
+        self.model, self.episodes, self.blocks, self.options, self.threads = model, list(episodes), list(blocks), options, threads
+        self.channels = channels_of(model, episodes)
+        self.width = self.channels[-1].lines.stop
+        self.fields = sorted({channel.field for channel in self.channels})
+        self._drives = _room_for_delays(actuators, self.blocks)
+        self._known = actuators
+        self._steppers: dict[tuple[str, int], Stepper] = {}
+        self.timestep = float(Stepper(model, options=options).timestep)
+        self._readers = [block for block in self.blocks if block.parameter.kind in READING]
+        self._fine = any(block.parameter.kind == "lag" for block in self.blocks)
+        for block in self._readers:
+            if unread := [name for name in block.names if name not in {channel.name for channel in self.channels}]:
+                raise ValueError(
+                    f"{block.parameter}: the data have no channel {unread[0]!r}, there are: {', '.join(c.name for c in self.channels)}"
+                )
+        self.nstep = [self._nstep(episode) for episode in episodes]
+        self.measured = [self._measured(episode) for episode in episodes]
+        self.untrusted, self.steps = 0.0, 0
+
+    def with_episodes(self, episodes: Sequence[Episode]) -> Simulator:
+        """The same simulator of other episodes."""
+        return Simulator(self.model, episodes, self.blocks, self.options, threads=self.threads, actuators=self._known)
+
+    def _nstep(self, episode: Episode) -> int:
+        ratio = episode.period / self.timestep
+        if round(ratio) < 1 or abs(ratio - round(ratio)) > 1e-3 * ratio:
+            near = episode.period / max(1, round(ratio))
+            raise ValueError(
+                f"{episode.name}: a sample every {episode.period:g} s is no whole number of time steps of {self.timestep:g} s; "
+                f"choose options=stepper.Options(timestep={near:.6g})"
+            )
+        return round(ratio)
+
+    def _measured(self, episode: Episode) -> Array:
+        out = np.full((len(np.asarray(episode.ctrl)), self.width), np.nan)
+        for channel in self.channels:
+            given = episode.readings.get(channel.name)
+            if given is None:
+                continue
+            array = np.asarray(given)
+            if channel.dofs or channel.quaternion:
+                out[:, channel.lines] = np.where(np.isfinite(array).all(axis=1, keepdims=True), 0.0, np.nan)
+            else:
+                out[:, channel.lines] = array
+        return out
+
+    def predict(self, theta: Array, starts: Sequence[tuple[Array, Array] | None] | None = None) -> list[Array]:
+        """Readings of every episode, (count, T, width) each.
+
+        Args:
+            theta: Parameters, (count, n).
+            starts: Of each episode displacements of qpos (count, nv) and of qvel (count, nv) at its start; None is as given.
+        """
+        # What a sensor makes of a motion needs no motion of its own.
+        moving = np.array([block.parameter.kind not in READING for block in self.blocks for _ in range(block.size)])
+        key = theta * moving
+        if starts is not None:
+            key = np.concatenate([key, *(np.concatenate(s, axis=1) for s in starts if s is not None)], axis=1)
+        _, first, back = np.unique(key, axis=0, return_index=True, return_inverse=True)
+        back = back.reshape(-1)
+        kept = [None] * len(self.episodes) if starts is None else [None if s is None else (s[0][first], s[1][first]) for s in starts]
+        out: list[Array] = [np.empty(0)] * len(self.episodes)
+        flagged = total = 0
+        for group in self._groups():
+            made, bad, all_ = self._run(theta[first], group, [kept[e] for e in group])
+            flagged, total = flagged + bad, total + all_
+            for e, y in zip(group, made, strict=True):
+                out[e] = y
+        self.untrusted = flagged / max(total, 1)
+        return [self._read(y[back], theta, nstep) for y, nstep in zip(out, self.nstep, strict=True)]
+
+    def _groups(self) -> list[list[int]]:
+        """Episodes that one rollout can make."""
+        groups: dict[Any, list[int]] = {}
+        for e, episode in enumerate(self.episodes):
+            groups.setdefault((self.nstep[e], tuple(sorted(episode.applied))), []).append(e)
+        return list(groups.values())
+
+    def _run(self, theta: Array, group: list[int], starts: list[tuple[Array, Array] | None]) -> tuple[list[Array], int, int]:
+        variants = write(self.blocks, theta, self.model)
+        shared = {name: array for name, array in variants.fields.items() if name not in RANDOMIZED}
+        count = len(theta)
+        kinds = np.zeros(count, int)
+        if shared:
+            rows = np.concatenate([array.reshape(count, -1) for array in shared.values()], axis=1)
+            kinds = np.unique(rows, axis=0, return_inverse=True)[1].reshape(-1)
+        length = max(len(np.asarray(self.episodes[e].ctrl)) for e in group) * (self.nstep[group[0]] if self._fine else 1)
+        size = 8 * length * len(group) * (self.model.nq + self.model.nv + self.model.nsensordata + 2)
+        out = [np.empty((count, len(self.measured[e]) * (self.nstep[e] if self._fine else 1), self.width)) for e in group]
+        flagged = total = 0
+        for kind in range(kinds.max() + 1):
+            mine = np.flatnonzero(kinds == kind)
+            model = self.model.replace(**{name: array[mine[0]] for name, array in shared.items()}) if shared else self.model
+            for part in np.array_split(mine, max(1, -(-size * len(mine) // ROOM))):
+                bad, all_ = self._roll(model, variants, part, group, starts=starts, out=out)
+                flagged, total = flagged + bad, total + all_
+        return out, flagged, total
+
+    def _roll(
+        self,
+        model: Model,
+        variants: Variants,
+        part: np.ndarray[Any, Any],
+        group: list[int],
+        *,
+        starts: list[tuple[Array, Array] | None],
+        out: list[Array],
+    ) -> tuple[int, int]:
+        """One rollout of some variants, all of one compiled model, in all episodes of a group."""
+        E, episodes, nstep = len(group), [self.episodes[e] for e in group], self.nstep[group[0]]
+        index = np.repeat(part, E)
+        sim = self._stepper(model, len(index))
+        own = {name: array[index] for name, array in variants.fields.items() if name in RANDOMIZED}
+        actuators = variants.actuators(self._known, index)
+        if own or actuators is not None:
+            drawn: dict[str, Any] = {**own, **({} if actuators is None else {"actuators": actuators})}
+            sim.randomize(**drawn)
+        qpos, qvel, act = (np.tile(np.stack([np.asarray(getattr(e, name)) for e in episodes]), (len(part), 1, 1)) for name in COORDINATES)
+        for k, start in enumerate(starts):
+            if start is not None:
+                qpos[:, k] = model.integrate_pos(qpos[:, k], start[0][part])
+                qvel[:, k] += start[1][part]
+        sim.reset()
+        sim.set_state(*(x.reshape(len(index), -1) for x in (qpos, qvel)), act=act.reshape(len(index), -1), time=0.0)
+        T = max(len(np.asarray(e.ctrl)) for e in episodes)
+
+        def padded(arrays: list[Any]) -> Array:
+            rows = np.stack([np.concatenate([a, np.repeat(a[-1:], T - len(a), axis=0)]) for a in map(np.asarray, arrays)], axis=1)
+            return np.tile(rows, (1, len(part), *(1,) * (rows.ndim - 2)))
+
+        ctrl = padded([e.ctrl for e in episodes])
+        applied = {name: padded([e.applied[name] for e in episodes]) for name in episodes[0].applied}
+        made = _rollout(sim, ctrl, nstep, fields=self.fields, applied=applied, fine=self._fine)
+        alive = np.stack([np.arange(T) < len(np.asarray(e.ctrl)) for e in episodes], axis=1)
+        status = made["status"].reshape(T, -1, len(part), E)
+        bad = int((((status & int(UNTRUSTED)) != 0) & alive[:, None, None]).sum())
+        self.steps += T * nstep * len(index)
+        for k, e in enumerate(group):
+            n = len(out[k][0])
+            rows = {name: made[name].reshape(-1, len(part), E, made[name].shape[-1])[:n, :, k] for name in self.fields}
+            for channel in self.channels:
+                given = self.episodes[e].readings.get(channel.name)
+                if given is None:
+                    out[k][part, :, channel.lines] = 0.0
+                    continue
+                measured = np.repeat(np.asarray(given), n // len(np.asarray(given)), axis=0)
+                value = compared(self.model, channel, rows[channel.field], measured)
+                out[k][part, :, channel.lines] = value.transpose(1, 0, 2)
+        return bad, int(alive.sum()) * len(part) * (nstep if self._fine else 1)
+
+    def _stepper(self, model: Model, count: int) -> Stepper:
+        key = (model.digest, count)
+        if key not in self._steppers:
+            if len(self._steppers) >= 8:
+                self._steppers.pop(next(iter(self._steppers)))
+            self._steppers[key] = Stepper(model, count, options=self.options, threads=self.threads, actuators=self._drives)
+        return self._steppers[key]
+
+    def _read(self, y: Array, theta: Array, nstep: int) -> Array:
+        """What sensors of unknown bias, scale and delay make of their readings; one row for every sample."""
+        for block, piece in zip(self.blocks, split(self.blocks, theta), strict=True):
+            for channel in self.channels:
+                if block not in self._readers or channel.name not in block.names:
+                    continue
+                lines = channel.lines
+                if block.parameter.kind == "lag":
+                    y[..., lines] = _delayed(y[..., lines], piece[:, 0] / self.timestep)
+                elif block.parameter.kind == "scale":
+                    y[..., lines] *= block.natural(piece)[:, :, None]
+                else:
+                    y[..., lines] += piece[:, None, :]
+        return y[:, nstep - 1 :: nstep] if self._fine else y
+
+
+def _rollout(sim: Stepper, ctrl: Array, nstep: int, *, fields: list[str], applied: dict[str, Array], fine: bool) -> dict[str, Any]:
+    """`Stepper.rollout` with applied forces and mocap poses that change, and a row for every step if `fine`."""
+    held, each = (nstep, 1) if fine else (1, nstep)
+    if not applied:
+        return sim.rollout(np.repeat(ctrl, held, axis=0), each, fields=fields)
+    parts = []
+    for k, row in enumerate(ctrl):
+        for name, array in applied.items():
+            setattr(sim, name, array[k])
+        parts.append(sim.rollout(np.repeat(row[None], held, axis=0), each, fields=fields))
+    return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+
+
+def _delayed(y: Array, steps: Array) -> Array:
+    """Rows (count, T, dim) as they were some steps before, interpolated; before the first one stands the first."""
+    at = np.clip(np.arange(y.shape[1]) - steps[:, None], 0, None)
+    low = np.minimum(at.astype(int), y.shape[1] - 1)
+    part = (at - low)[..., None]
+    rows = np.arange(len(y))[:, None]
+    return np.asarray((1 - part) * y[rows, low] + part * y[rows, np.minimum(low + 1, y.shape[1] - 1)])
+
+
+def _turn(a: Array, b: Array) -> Array:
+    """Rotation vectors from quaternions a to b, in the frame of a."""
+    w = (a * b).sum(axis=-1, keepdims=True)
+    v = a[..., :1] * b[..., 1:] - b[..., :1] * a[..., 1:] - np.cross(a[..., 1:], b[..., 1:])
+    v = v * np.where(w < 0, -1.0, 1.0)
+    s = np.linalg.norm(v, axis=-1, keepdims=True)
+    return np.asarray(np.where(s > 1e-12, 2 * np.arctan2(s, np.abs(w)) / np.maximum(s, 1e-300), 2.0) * v)
+
+
+def _room_for_delays(known: ActuatorModel | None, blocks: Sequence[Block]) -> ActuatorModel | None:
+    """Drives with delay lines as long as a search may ask for."""
+    longest = {name: float(block.high[0]) for block in blocks if block.parameter.kind == "delay" for name in block.names}
+    if not longest:
+        return known
+    drives = dict(known.named) if known is not None else {}
+    for name, delay in longest.items():
+        drive = (known.drive_of(name) if known is not None else None) or Drive()
+        drives[name] = Drive(**{**{f: getattr(drive, f) for f in drive.__dataclass_fields__}, "delay": delay})
+    return ActuatorModel(drives, default=known.default if known is not None else None)

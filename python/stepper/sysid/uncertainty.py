@@ -1,0 +1,194 @@
+"""How sure an estimate is: its covariance with noise that may be correlated in time, and what the data do not say.
+
+The estimate solves sum_t s_t = 0 of the scores s_t = J_t^T psi(r_t), so its covariance is the sandwich H^-1 S H^-1 with H = J^T W J and
+S the covariance of the scores' sum: of white noise S = H, of correlated noise (coloured sensors, what the model leaves out) it is larger.
+S is estimated twice, and the larger counts:
+
+- as sum_c J_c^T Gamma_c J_c with the autocovariance Gamma_c of each column of the readings, that of an autoregression of its residuals
+  whose order is Akaike's (as Den Haan and Levin 1997 do for scores), corrected for its bias in short series (Kendall 1954). The Jacobian
+  is known, and only the noise is estimated, so that a hundred samples suffice;
+- as the long-run covariance of the scores themselves, with Bartlett's kernel (Newey and West 1987) after a first-order whitening (Andrews
+  and Monahan 1992), which needs more data, but sees residuals that are large where the Jacobian is.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from stepper.shared.machine import require
+from stepper.sysid.inertia import Array
+
+LARGEST_AUTOCORRELATION = 0.97
+"""Bound of the autoregression, as Andrews and Monahan advise."""
+LONGEST_MEMORY = 10
+"""Highest order of an autoregression of residuals,"""
+ROWS_PER_ORDER = 10
+"""of which each needs so many rows."""
+
+
+@dataclass(frozen=True)
+class Uncertainty:
+    """What data say of parameters x.
+
+    Attributes:
+        covariance: Of x, (n, n), finite also where data say nothing: there it is the bounds'.
+        information: H of the data and what was known before, (n, n), without bounds.
+        inflation: Standard deviations over those of white noise, (n,).
+        effect: Root of the sum of squares of how the readings change with each parameter, in standard deviations of their noise, (n,).
+    """
+
+    covariance: Array
+    information: Array
+    inflation: Array
+    effect: Array
+
+
+def weights_of(loss: str, z: Array) -> Array:
+    """Derivative of SciPy's loss rho at z = (r / f_scale)^2."""
+    if loss == "linear":
+        return np.ones_like(z)
+    if loss == "soft_l1":
+        return (1 + z) ** -0.5
+    if loss == "huber":
+        return np.where(z <= 1, 1.0, np.maximum(z, 1.0) ** -0.5)
+    if loss == "cauchy":
+        return np.asarray(1 / (1 + z))
+    return np.asarray(1 / (1 + z**2))  # arctan
+
+
+def slopes_of(loss: str, r: Array) -> Array:
+    """Derivative of the score r rho'(r^2), at least a little above 0."""
+    step = 1e-4
+    up, down = r + step, r - step
+    return np.maximum((up * weights_of(loss, up**2) - down * weights_of(loss, down**2)) / (2 * step), 1e-3)
+
+
+def uncertainty(J: Array, r: Array, times: np.ndarray[Any, np.dtype[np.int64]], reach: Array, *, loss: str, f_scale: float) -> Uncertainty:
+    """Covariance of the parameters, the first n of the columns of a Jacobian.
+
+    Args:
+        J: Jacobian of the residuals, (m, n + others). Columns beyond n (starts of episodes) are eliminated.
+        r: Residuals, (m,): readings first, then what was known before.
+        times: Episode, row and column of each reading, (k, 3).
+        reach: Half of the width of the bounds, (n,): a priori standard deviation where data say nothing.
+        loss: As of `least_squares`.
+        f_scale: Residual beyond which a robust loss begins.
+    """
+    n = len(reach)
+    k = len(times)
+    bread, weight = np.ones(len(r)), np.ones(len(r))
+    bread[:k], weight[:k] = slopes_of(loss, r[:k] / f_scale), weights_of(loss, (r[:k] / f_scale) ** 2)
+    effect = np.sqrt((bread[:k, None] * J[:k, :n] ** 2).sum(axis=0))
+    if J.shape[1] > n:
+        own, other = J[:, :n], J[:, n:]
+        coupling = np.linalg.lstsq(np.sqrt(bread)[:, None] * other, np.sqrt(bread)[:, None] * own, rcond=None)[0]
+        J = own - other @ coupling
+    H = (bread[:, None] * J).T @ J
+    known = (J[k:]).T @ J[k:] + np.diag(reach**-2.0)
+    scores = _by_time((weight[:k] * r[:k])[:, None] * J[:k], times)
+    white = sum((s.T @ s for s in scores), np.zeros((n, n)))
+    inverse = np.linalg.inv(H + np.diag(reach**-2.0))
+    plain = inverse @ (white + known) @ inverse
+    # Noise as large as was said, or as the fit leaves it, whatever is larger.
+    plain = _at_least(np.asarray(plain), np.asarray(inverse))
+    coloured = _coloured(weight[:k] * r[:k], J[:k], times)
+    covariance = _at_least(np.asarray(inverse @ (coloured + known) @ inverse), plain)
+    covariance = _at_least(covariance, np.asarray(inverse @ (_long_run(scores) + known) @ inverse))
+    inflation = np.sqrt(np.diag(covariance) / np.diag(inverse))
+    return Uncertainty((covariance + covariance.T) / 2, H, inflation, effect)
+
+
+def _at_least(covariance: Array, other: Array) -> Array:
+    """A covariance whose standard deviations are those of another where they were smaller."""
+    grow = np.sqrt(np.maximum(1.0, np.diag(other) / np.diag(covariance)))
+    return np.asarray(grow[:, None] * covariance * grow)
+
+
+def _by_time(rows: Array, times: np.ndarray[Any, np.dtype[np.int64]]) -> list[Array]:
+    """Sums of the rows of each time, by episode."""
+    places = _places(times)
+    out = []
+    for e in np.unique(times[:, 0]):
+        mine = times[:, 0] == e
+        summed = np.zeros((int(places[mine].max()) + 1, rows.shape[1]))
+        np.add.at(summed, places[mine], rows[mine])
+        out.append(summed)
+    return out
+
+
+def _places(times: np.ndarray[Any, np.dtype[np.int64]]) -> np.ndarray[Any, np.dtype[np.int64]]:
+    """Row of each reading from its episode's first, counted in the rows between readings: a sensor may be read at every tenth row only."""
+    _, episode = np.unique(times[:, 0], return_inverse=True)
+    first = np.full(int(episode.max()) + 1, np.iinfo(np.int64).max)
+    np.minimum.at(first, episode, times[:, 1])
+    rows = times[:, 1] - first[episode]
+    return np.asarray(rows // max(1, int(np.gcd.reduce(rows))))
+
+
+def _coloured(r: Array, J: Array, times: np.ndarray[Any, np.dtype[np.int64]]) -> Array:
+    """Covariance of J^T r, (n, n), of residuals whose columns are stationary and independent of one another."""
+    toeplitz = require("scipy.linalg", "to identify parameters").matmul_toeplitz
+    S = np.zeros((J.shape[1],) * 2)
+    for column in np.unique(times[:, 2]):
+        series = []
+        of_column = np.flatnonzero(times[:, 2] == column)
+        places = _places(times[of_column])
+        for episode in np.unique(times[of_column, 0]):
+            own = times[of_column, 0] == episode
+            mine, rows = of_column[own], places[own]
+            # What was not measured is 0 in both, and adds nothing.
+            whole, slope = np.zeros(rows.max() + 1), np.zeros((rows.max() + 1, J.shape[1]))
+            whole[rows], slope[rows] = r[mine], J[mine]
+            series.append((whole, slope))
+        gamma = _autocovariance([whole for whole, _ in series], len(of_column))
+        for _, slope in series:
+            S += slope.T @ toeplitz(gamma[: len(slope)], slope)
+    return S
+
+
+def _autocovariance(series: list[Array], count: int) -> Array:
+    """Autocovariance at all lags of a column's residuals, by an autoregression; `count` of them were measured."""
+    solve = require("scipy.linalg", "to identify parameters").solve_toeplitz
+    longest = max(map(len, series))
+    most = min(LONGEST_MEMORY, count // ROWS_PER_ORDER, longest - 1)
+    lags = np.array([sum(float(x[lag:] @ x[: len(x) - lag]) for x in series if len(x) > lag) for lag in range(most + 1)]) / count
+    if not lags[0] > 0:
+        return np.zeros(longest)
+    fits = [(np.zeros(0), float(lags[0]))]
+    for order in range(1, most + 1):
+        a = solve(lags[:order], lags[1 : order + 1])
+        fits.append((a, float(lags[0] - a @ lags[1 : order + 1])))
+    a, left = min(fits, key=lambda fit: count * np.log(max(fit[1], 1e-12 * lags[0])) + 2 * len(fit[0]))
+    left *= count / max(count - len(a) - 1, 1)
+    rho = float(a.sum())
+    if rho > 0:
+        # Its expectation is too small by (1 + 3 rho) / count.
+        larger = a * min(rho + (1 + 3 * rho) / count, max(rho, LARGEST_AUTOCORRELATION)) / rho
+        a = larger if np.abs(np.roots([1.0, *-larger])).max() < 1 else a
+    # Of the spectrum, at so many frequencies that what is remembered does not come round.
+    size = 1 << int(np.ceil(np.log2(8 * longest + 1024)))
+    gamma = np.fft.irfft(left / np.abs(np.fft.rfft([1.0, *-a], size)) ** 2, size)
+    return np.asarray(gamma[:longest])
+
+
+def _long_run(scores: list[Array]) -> Array:
+    """Covariance of the sum of the scores of all episodes, (n, n)."""
+    n = scores[0].shape[1]
+    before = sum((s[:-1] ** 2).sum(axis=0) for s in scores)
+    rho = sum((s[1:] * s[:-1]).sum(axis=0) for s in scores) / np.where(before > 0, before, 1.0)
+    rho = np.clip(rho, 0.0, LARGEST_AUTOCORRELATION)
+    # The first score of an episode has no other before it.
+    whitened = [np.concatenate([s[:1] * np.sqrt(1 - rho**2), s[1:] - rho * s[:-1]]) for s in scores]
+    longest = max(map(len, scores))
+    lags = min(int(4 * (longest / 100) ** (2 / 9)), longest - 1)
+    S = np.zeros((n, n))
+    for u in whitened:
+        S += u.T @ u
+        for lag in range(1, min(lags, len(u) - 1) + 1):
+            C = u[lag:].T @ u[:-lag]
+            S += (1 - lag / (lags + 1)) * (C + C.T)
+    colour = 1 / (1 - rho)
+    return np.asarray(colour[:, None] * S * colour)

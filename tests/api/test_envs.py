@@ -1,0 +1,265 @@
+"""Environments that `envs` selects: what is copied, given away, reset and stepped of some, and what stays as it is."""
+
+import pickle
+
+import numpy as np
+import pytest
+import stepper
+from hypothesis import given
+from hypothesis import strategies as hypothesis
+from models import STATE, simulate, stepper_model
+
+HOPPER = "dm_control/hopper"
+DELAYED = stepper.SensorModel(default=stepper.Transfer(delay=0.013))
+DRIVES = stepper.ActuatorModel(default=stepper.Drive(delay=0.017, lag=0.02))
+
+
+def batch(num_envs=7, steps=9, **settings):
+    """Environments that are in different states, with delay lines."""
+    sim = stepper.Stepper(stepper_model(HOPPER), num_envs, sensors=DELAYED, actuators=DRIVES, **settings)
+    for ctrl in np.random.default_rng(1).uniform(-1, 1, (steps, num_envs, sim.model.nu)):
+        sim.step(ctrl, nstep=5)
+    return sim
+
+
+def all_of(sim):
+    return {name: np.array(getattr(sim, name)) for name in STATE}
+
+
+def same(found, expected, rows=slice(None), of=None):
+    for name, value in expected.items():
+        np.testing.assert_array_equal(found[name][rows], value[rows if of is None else of], name)
+
+
+@pytest.mark.parametrize("precision", ["f64", "f32"])
+def test_environments_go_on_as_their_sources(precision):
+    sim, plain = batch(precision=precision), batch(precision=precision)
+    sources = np.array([3, 3, 2, 0, 6, 6, 1])
+    sim.copy_state(sources)
+    same(all_of(sim), all_of(plain), of=sources)
+    ctrl = np.random.default_rng(2).uniform(-1, 1, (7, sim.model.nu))
+    sim.step(ctrl[sources], nstep=30)
+    plain.step(ctrl, nstep=30)
+    same(all_of(sim), all_of(plain), of=sources)
+
+
+def test_one_source_for_some():
+    sim, plain = batch(), batch()
+    sim.copy_state(4, [0, 2])
+    expected = all_of(plain)
+    same(all_of(sim), expected, [0, 2], [4, 4])
+    same(all_of(sim), expected, [1, 3, 4, 5, 6])
+    sim.copy_state([1, 0], [0, 1])  # They change places.
+    same(all_of(sim), expected, [0, 1], [1, 4])
+
+
+def test_some_are_kept_and_given_to_another_stepper():
+    sim, other = batch(), batch(4, steps=3)
+    untouched = all_of(other)
+    kept = pickle.loads(pickle.dumps([sim.get_state(k) for k in (1, 3, 5)]))
+    other.set_state([kept[2], kept[0], kept[2]], envs=[3, 1, 0])
+    same(all_of(other), all_of(sim), [3, 1, 0], [5, 1, 5])
+    same(all_of(other), untouched, [2])
+    other.set_state(kept[0])
+    same(all_of(other), all_of(sim), of=[1, 1, 1, 1])
+
+
+def test_some_are_reset_by_their_indices():
+    sim, masked = batch(), batch()
+    qpos = np.tile(sim.model.qpos0, (2, 1))
+    qpos[:, 1] += [0.1, 0.2]
+    sim.reset([5, 2], qpos=qpos, qvel=np.full(sim.model.nv, 0.3), seed=[8, 9])
+    every = np.zeros((7, sim.model.nq))
+    every[:], every[[5, 2]] = sim.model.qpos0, qpos
+    seeds = np.zeros(7, dtype=np.int64)
+    seeds[[5, 2]] = 8, 9
+    masked.reset(np.isin(np.arange(7), [2, 5]), qpos=every, qvel=np.full(sim.model.nv, 0.3), seed=seeds)
+    assert sim.get_state() == masked.get_state()
+    assert sim.qpos[5, 1] != sim.qpos[2, 1]
+
+
+def test_some_are_stepped_and_the_others_stay():
+    sim, plain = batch(), batch()
+    before = all_of(sim)
+    ctrl = np.random.default_rng(3).uniform(-1, 1, (3, sim.model.nu))
+    every = np.array(plain.ctrl)
+    every[[6, 0, 3]] = ctrl
+    sim.step(ctrl, nstep=4, envs=[6, 0, 3])
+    plain.step(every, nstep=4)
+    same(all_of(sim), all_of(plain), [6, 0, 3])
+    same(all_of(sim), before, [1, 2, 4, 5])
+    sim.step(envs=np.arange(7) != 1)  # The others hold theirs.
+    plain.step()
+    same(all_of(sim), all_of(plain), [6, 0, 3])
+    same(all_of(sim), before, [1])
+
+
+HAND_MOVED = """
+<mujoco><option timestep="0.005"/><worldbody>
+  <geom type="plane" size="5 5 0.1"/>
+  <body name="hand" mocap="true" pos="0 0 0.3"><geom type="box" size="0.3 0.3 0.02"/></body>
+  <body pos="0.05 0 0.45"><freejoint/><geom type="box" size="0.1 0.1 0.1"/></body>
+</worldbody></mujoco>"""
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+@pytest.mark.parametrize("settings", [
+    {"options": stepper.Options()},
+    {"options": stepper.Options(contact="mujoco"), "precision": "f32"},
+    {"sensors": DELAYED, "actuators": DRIVES},
+])  # fmt: skip
+def test_a_mask_steps_its_environments_alone(settings, threads):
+    """Groups of environments none, some and all of which step: all state is that of a step of all after which the others are put back."""
+    sim, twin = (stepper.Stepper(stepper_model(HOPPER), 40, threads=threads, **settings) for _ in range(2))
+    rng = np.random.default_rng(5)
+    masks = [np.arange(40) < 17, np.arange(40) % 3 == 0, np.zeros(40, bool), np.ones(40, bool), rng.uniform(size=40) < 0.1]
+    for mask in masks * 4:
+        ctrl = rng.uniform(-1, 1, (40, sim.model.nu))
+        held = np.where(mask[:, None], ctrl, twin.ctrl)
+        before = twin.get_state()
+        twin.step(held, nstep=3)
+        twin.set_state(before, envs=~mask)
+        sim.step(np.where(mask[:, None], ctrl, np.nan), nstep=3, envs=mask)  # Rows of the others are not read.
+        same(all_of(sim), all_of(twin))
+        np.testing.assert_array_equal(sim.ctrl, twin.ctrl)
+        assert sim.get_state() == twin.get_state()
+    assert len(set(sim.time)) > 2
+
+
+def test_a_mask_moves_the_mocap_bodies_of_its_environments(tmp_path):
+    sim, twin = (simulate(stepper.load(HAND_MOVED), 5) for _ in range(2))
+    mask = np.array([True, False, True, False, False])
+    with twin.record(tmp_path / "run"):  # All step, and the others are put back: it replays.
+        for k in range(30):
+            for s in (sim, twin):
+                s.mocap_pos = np.tile([0.0, 0.0, 0.3 + 0.002 * k], (5, 1, 1))
+                s.step(envs=mask)
+            assert sim.get_state() == twin.get_state()
+    twin.recorder = None
+    assert sim.qpos[0, 2] > sim.qpos[1, 2] + 0.02
+    twin.step(envs=mask)
+    with pytest.raises(ValueError, match="envs has shape"):
+        sim.step(envs=mask[:3])
+
+
+def test_a_rollout_begins_where_it_is_told_to():
+    plant, planner = batch(1), batch(5, steps=2)
+    ctrl = np.random.default_rng(4).uniform(-1, 1, (6, 5, plant.model.nu))
+    found = planner.rollout(ctrl, 2, initial=plant.get_state(0), fields=["qpos", "sensordata"])
+    mine = plant.get_state()
+    for k in range(5):
+        plant.set_state(mine)
+        for t in range(6):
+            plant.step(ctrl[t, k], nstep=2)
+            np.testing.assert_array_equal(found["qpos"][t, k], plant.qpos[0])
+            np.testing.assert_array_equal(found["sensordata"][t, k], plant.sensordata[0])
+    again = planner.rollout(ctrl, 2, initial=[planner.get_state(k) for k in range(5)][::-1])
+    assert again["qpos"].shape == (6, 5, plant.model.nq)
+
+
+@pytest.mark.parametrize(("call", "error", "said"), [
+    (lambda sim: sim.copy_state([0, 1]), ValueError, "sources has 2 environments, must have 7"),
+    (lambda sim: sim.copy_state(7), IndexError, "sources has 7, there are environments 0 to 6"),
+    (lambda sim: sim.copy_state(0.5), TypeError, "sources has 0.5"),
+    (lambda sim: sim.set_state([sim.get_state(0), sim.get_state(1)]), ValueError, "there are 2 states, must be 7"),
+    (lambda sim: sim.reset([0, 1], qpos=np.zeros((3, 7))), ValueError, r"qpos has shape \(3, 7\), must be \(2, 7\) or \(7,\)"),
+    (lambda sim: sim.reset([0, 1], qpos=np.zeros((2, 3))), ValueError, r"qpos has shape \(2, 3\), must be \(2, 7\)"),
+    (lambda sim: sim.reset([0, 1], seed=[1, 2, 3]), ValueError, r"seed has shape \(3,\), must be \(2,\)"),
+    (lambda sim: sim.set_state(time=[1.0, 2.0, 3.0], envs=[0, 1]), ValueError, r"time has shape \(3,\), must be \(2,\)"),
+    (lambda sim: sim.step(np.zeros((2, 4)), envs=[0, 1, 2]), ValueError, r"ctrl has shape \(2, 4\), must be \(3, 4\)"),
+    (lambda sim: sim.randomize([0, 1], gravity=np.zeros((7, 3))), ValueError, r"gravity has shape \(7, 3\), must be \(2, 3\)"),
+])  # fmt: skip
+def test_what_is_wrong_is_said(call, error, said):
+    sim = simulate(stepper_model(HOPPER), 7)
+    before = sim.get_state()
+    with pytest.raises(error, match=said):
+        call(sim)
+    assert sim.get_state() == before
+
+
+def test_nothing_changes_where_a_state_is_of_another_model():
+    sim = simulate(stepper_model(HOPPER), 3)
+    sim.step(np.random.default_rng(0).uniform(-1, 1, (3, sim.model.nu)), nstep=5)
+    assert not np.array_equal(sim.qpos[0], sim.qpos[2])
+    before = sim.get_state()
+    other = simulate(stepper_model("dm_control/walker"), 3)
+    with pytest.raises(ValueError, match=r"state 1, of environment 1: .*another"):
+        sim.set_state([sim.get_state(2), other.get_state(0)], envs=[0, 1])
+    assert sim.get_state() == before
+
+
+TAKERS = {
+    "reset": lambda sim, envs: sim.reset(envs),
+    "step": lambda sim, envs: sim.step(envs=envs),
+    "set_state": lambda sim, envs: sim.set_state(qvel=np.full(sim.model.nv, 0.5), envs=envs),
+    "set_state of a State": lambda sim, envs: sim.set_state(sim.get_state(0), envs=envs),
+    "randomize": lambda sim, envs: sim.randomize(envs, gravity=None),
+    "copy_state": lambda sim, envs: sim.copy_state(0, envs),
+    "contacts": lambda sim, envs: sim.contacts(envs),
+}
+"""Calls that take `envs`, by name."""
+
+
+@pytest.mark.parametrize("call", TAKERS)
+@pytest.mark.parametrize(("envs", "error", "said"), [
+    ([0.0, 2.0], TypeError, r"envs has 0\.0, of type float64"),
+    ([3, 1, 3], ValueError, "envs has environment 3 more than once"),
+    ([1, 7], IndexError, "envs has 7, there are environments 0 to 6"),
+    ([-1], IndexError, "envs has -1"),
+    ([10**30], IndexError, "envs has 1000000"),
+    (np.array([2**63 + 1], np.uint64), IndexError, str(2**63 + 1)),
+    ([True, False], ValueError, r"envs has shape \(2,\), must be \(7,\)"),
+    ([[1, 2]], ValueError, r"envs has shape \(1, 2\), must be a mask"),
+    ("abc", TypeError, "envs has 'abc'"),
+])  # fmt: skip
+def test_wrong_environments_are_named_by_every_call(call, envs, error, said):
+    sim = batch(steps=2)
+    before = sim.get_state()
+    with pytest.raises(error, match=said):
+        TAKERS[call](sim, envs)
+    assert sim.get_state() == before
+
+
+@pytest.mark.parametrize("call", TAKERS)
+@pytest.mark.parametrize("envs", [[], (), np.zeros(0, int), np.zeros(7, bool)])
+def test_an_empty_selection_does_nothing(call, envs):
+    sim = batch(steps=2)
+    before, said = sim.get_state(), all_of(sim)
+    TAKERS[call](sim, envs)
+    assert sim.get_state() == before
+    same(all_of(sim), said)
+    assert not sim.randomized
+
+
+@given(hypothesis.data())
+def test_indices_and_masks_select_the_same(data):
+    """Rows for each index, in their order, are the rows of these environments in arrays of all."""
+    order = data.draw(hypothesis.lists(hypothesis.integers(0, 6), unique=True, min_size=1))
+    kind = data.draw(hypothesis.sampled_from([list, tuple, np.array, lambda x: np.array(x, np.uint8)]))
+    one, other = batch(steps=1), batch(steps=1)
+    rng = np.random.default_rng(data.draw(hypothesis.integers(0, 99)))
+    qvel, ctrl, time = rng.normal(size=(7, one.model.nv)), rng.uniform(-1, 1, (7, one.model.nu)), rng.uniform(size=7)
+    gravity, seed, mask = rng.normal(size=(7, 3)), rng.integers(0, 9, 7), np.isin(np.arange(7), order)
+    one.reset(kind(order), seed=seed[order])
+    one.set_state(qvel=qvel[order], time=time[order], envs=kind(order))
+    one.randomize(kind(order), gravity=gravity[order])
+    one.step(ctrl[order], envs=kind(order))
+    other.reset(mask, seed=seed if mask.any() else None)
+    other.set_state(qvel=qvel, time=time, envs=mask)
+    other.randomize(mask, gravity=gravity)
+    other.step(ctrl, envs=mask)
+    assert one.get_state() == other.get_state()
+    np.testing.assert_array_equal(one.randomized["gravity"], other.randomized["gravity"])
+    assert [int(env) for env in dict.fromkeys(one.contacts(kind(order))["env"].tolist())] == [e for e in order if len(one.contacts(e))]
+
+
+def test_a_recording_with_indices_replays(tmp_path):
+    sim = batch(4, steps=1)
+    with sim.record(tmp_path / "run"):
+        sim.step(np.full((2, sim.model.nu), 0.3), nstep=2, envs=[3, 1])
+        sim.reset([2, 0], qvel=np.full((2, sim.model.nv), 0.1), seed=[5, 6])
+        sim.set_state(time=[1.0, 2.0], envs=[3, 0])
+        sim.randomize([3, 1], gravity=[[0, 0, -1.0], [0, 0, -2.0]])
+        sim.copy_state([0, 0], [2, 3])
+        sim.step(nstep=3)
+    assert stepper.replay(tmp_path / "run").difference is None

@@ -1,0 +1,114 @@
+"""The public interface is the one that public_names.txt lists: a change of a name or a signature is a line of the diff.
+
+After a change that is meant:
+
+    PYTHONPATH=python:tests .venv/bin/python tests/api/test_public_names.py
+"""
+
+from __future__ import annotations
+
+import difflib
+import importlib
+import inspect
+import re
+from collections.abc import Iterator
+from enum import Flag
+from pathlib import Path
+from typing import Any
+
+import pytest
+import stepper
+from stepper import _stepper
+from stepper._hints import _IN, _NEW_NAMES, _ROOT_NAMES
+
+LISTED = Path(__file__).with_name("public_names.txt")
+RENEW = "PYTHONPATH=python:tests .venv/bin/python tests/api/test_public_names.py"
+MODULES = ("actuators", "adapters", "derivatives", "envs", "lab", "policies", "recording", "sensors", "sysid", "viewer")
+ROOT = {
+    *("load", "Model", "Stepper", "Options", "Status", "State", "ModelError", "ModelWarning", "SensorModel", "Transfer"),
+    *("ActuatorModel", "Drive", "Recorder", "replay", "__version__"),
+}
+"""Names of the engine, in `stepper` itself."""
+
+
+def listing() -> list[str]:
+    """All public names with signatures, sorted: of `stepper`, its submodules, and classes of the binary."""
+    found = [line for name in ROOT for line in lines_of(f"stepper.{name}", getattr(stepper, name))]
+    for module in MODULES:
+        names = getattr(importlib.import_module(f"stepper.{module}"), "__all__", ())
+        found += [f"stepper.{module}"]
+        found += [line for name in names for line in lines_of(f"stepper.{module}.{name}", getattr(getattr(stepper, module), name))]
+    elements = set(_stepper.__all__) - ROOT - {"selected"}
+    found += [line for name in elements for line in lines_of(f"stepper._stepper.{name}", getattr(_stepper, name))]
+    return sorted(set(found))
+
+
+def lines_of(name: str, thing: Any) -> Iterator[str]:
+    """Lines of a name: with its signature, and of a class those of its public attributes."""
+    if inspect.isclass(thing):
+        yield f"{name}{signature_of(thing)}"
+        if issubclass(thing, Flag):
+            yield from (f"{name}.{flag.name} = {flag.value}" for flag in thing)
+            return
+        fields = getattr(thing, "__annotations__", {})
+        for attribute in sorted({*vars(thing), *fields}):
+            if not attribute.startswith("_"):
+                yield from member(f"{name}.{attribute}", inspect.getattr_static(thing, attribute, None))
+    elif inspect.ismodule(thing):
+        yield f"{name} (module)"
+    elif callable(thing):
+        yield f"{name}{signature_of(thing)}"
+    else:
+        yield name
+
+
+def member(name: str, thing: Any) -> Iterator[str]:
+    """Line of an attribute of a class."""
+    if isinstance(thing, staticmethod | classmethod):
+        thing = thing.__func__
+    yield f"{name}{signature_of(thing)}" if inspect.isroutine(thing) and callable(thing) else name
+
+
+def signature_of(thing: Any) -> str:
+    """Names and defaults of parameters, without annotations, which differ between versions of Python."""
+    try:
+        signature = inspect.signature(thing)
+    except (TypeError, ValueError):
+        return ""
+    bare = [parameter.replace(annotation=inspect.Parameter.empty) for parameter in signature.parameters.values()]
+    text = str(signature.replace(parameters=bare, return_annotation=inspect.Signature.empty))
+    return re.sub(r" at 0x[0-9a-f]+", "", text)
+
+
+def test_the_public_names_are_those_that_are_listed():
+    listed, found = LISTED.read_text().splitlines(), listing()
+    changes = [line for line in difflib.ndiff(listed, found) if line[0] in "+-"]
+    assert not changes, "the public interface changed:\n" + "\n".join(changes) + f"\nIf that is meant, renew {LISTED.name}: {RENEW}"
+
+
+def test_the_root_has_the_engine_and_submodules_alone():
+    assert set(stepper.__all__) == set(dir(stepper)) == ROOT | set(MODULES)
+
+
+def test_earlier_names_are_gone_and_the_message_says_where_they_are():
+    for place, names in _IN.items():
+        for name in names:
+            assert hasattr(getattr(stepper, place), name), f"stepper.{place}.{name}"
+    for name, hint in _ROOT_NAMES.items():
+        assert not hasattr(stepper, name)
+        with pytest.raises(AttributeError, match=f"^module 'stepper' has no attribute {name!r}; use {re.escape(hint)}$"):
+            getattr(stepper, name)
+
+
+def test_other_names_of_attributes_of_a_stepper_are_hints():
+    sim = stepper.Stepper(stepper.load("<mujoco><worldbody><geom size='.1'/></worldbody></mujoco>"))
+    for name, present in _NEW_NAMES["Stepper"].items():
+        assert hasattr(stepper.Stepper, re.match(r"\w+", present)[0]), present
+        with pytest.raises(AttributeError, match=f"no attribute '{name}'; did you mean {re.escape(present)}\\?"):
+            getattr(sim, name)
+    with pytest.raises(stepper.ModelError, match=r"Stepper\.randomize: there is no field 'mask'; did you mean envs"):
+        sim.randomize(mask=None)
+
+
+if __name__ == "__main__":
+    LISTED.write_text("\n".join(listing()) + "\n")

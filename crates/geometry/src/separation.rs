@@ -14,7 +14,7 @@
 //! Repeated, this climbs to the nearest local maximum of s, on smooth surfaces by the factor (depth + gap) / (radius of curvature + gap)
 //! each time, and there is always an answer: it starts from the best of the faces and axes of both shapes.
 //!
-//! An overlap may have a shorter way out elsewhere. There is certainly none where a nearest point is as deep below the other shape's surface,
+//! An overlap may have a shorter way out elsewhere. There is certainly none where a nearest point is as deep below the other's surface,
 //! or where the ball of the depth's radius about the origin lies in a ball that rolls within the difference, or in what is known of it
 //! (`recall.rs`). Else a search of the difference (`expand.rs`) shows that no way out is shorter, or finds one.
 

@@ -80,6 +80,36 @@ fn search(pair: &Pair<'_>, shift: V, mut simplex: Simplex, mut v: V, enough: imp
 }
 
 impl Nearest {
+    /// The corner of the difference that is furthest along `normal`.
+    pub(super) fn corner(pair: &Pair<'_>, normal: V) -> Self {
+        let vertex = pair.support(normal, [0.0; 3]);
+        let mut simplex = Simplex { count: 1, ..Simplex::default() };
+        (simplex.vertex[0], simplex.weight[0]) = (vertex, 1.0);
+        Self { v: vertex.w, simplex }
+    }
+
+    /// The same places of the sets without the shift of the second.
+    pub(super) fn moved_back(mut self, shift: V) -> Self {
+        self.v = add(self.v, shift);
+        for vertex in &mut self.simplex.vertex[..self.simplex.count] {
+            vertex.y = sub(vertex.y, shift);
+            vertex.w = sub(vertex.x, vertex.y);
+        }
+        self
+    }
+
+    /// Distance of the nearest point from the outline of the triangle around it, m; 0 where there is no triangle, or where it leans from
+    /// the plane at right angles to `normal` by more than `flat`, m.
+    pub(super) fn room_on_facet(&self, normal: V, flat: f64) -> f64 {
+        let [a, b, c] = [0, 1, 2].map(|k| self.simplex.vertex[k].w);
+        let edges = [sub(c, b), sub(a, c), sub(b, a)];
+        if self.simplex.count != 3 || edges.iter().any(|e| dot(*e, normal).abs() > flat) {
+            return 0.0;
+        }
+        let twice = norm(cross(edges[0], edges[1]));
+        (0..3).map(|k| self.simplex.weight[k] * twice / norm(edges[k])).fold(f64::INFINITY, f64::min)
+    }
+
     /// Corners of the smallest simplex that holds the nearest point; a tetrahedron holds the origin.
     pub(super) fn vertices(&self) -> &[Vertex] {
         self.simplex.vertices()

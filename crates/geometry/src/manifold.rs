@@ -245,6 +245,10 @@ impl Clipper {
                 let y = (x - s) / (t - s);
                 let at = |e: &[[f64; 3]; 2], w: f64, k: usize| e[0][k] + (e[1][k] - e[0][k]) * w;
                 let (a, b) = (std::array::from_fn::<f64, 3, _>(|k| at(&p, x, k)), std::array::from_fn::<f64, 3, _>(|k| at(&q, y, k)));
+                if (a[0] - b[0]).hypot(a[1] - b[1]) > ALONG * uu.max(vv).sqrt() {
+                    // The lines pass beside one another: others are nearest.
+                    return;
+                }
                 self.shared.push(Shared { x: 0.5 * (a[0] + b[0]), y: 0.5 * (a[1] + b[1]), h: [a[2], b[2]], id });
             }
         }

@@ -216,7 +216,8 @@ pub(super) fn edge(shape: &ConvexShape, d: V, corner: u32, tolerance: f64) -> Op
             (d[2].abs() < tolerance).then_some([[x, y, -h], [x, y, *h]])
         }
         ConvexShape::Box { half } => {
-            let k = (0..3).find(|&k| d[k].abs() < tolerance)?;
+            // Beside a face that leans a little, two edges are nearly at right angles to the direction.
+            let k = (0..3).min_by(|&i, &j| d[i].abs().total_cmp(&d[j].abs())).filter(|&k| d[k].abs() < tolerance)?;
             let mut ends = [shape.support(d); 2];
             (ends[0][k], ends[1][k]) = (-half[k], half[k]);
             Some(ends)

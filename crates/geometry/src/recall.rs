@@ -154,7 +154,7 @@ fn edges([p, q]: [V; 2], [r, s]: [V; 2], towards: V) -> Option<(Separation, [f64
 }
 
 /// Whether a facet is the nearest of all, see above.
-fn is_certain(pair: &Pair<'_>, facet: &Separation, room: f64) -> bool {
+pub(super) fn is_certain(pair: &Pair<'_>, facet: &Separation, room: f64) -> bool {
     let depth = -facet.separation;
     if room <= OUTLINE * pair.size {
         return false;
@@ -165,6 +165,6 @@ fn is_certain(pair: &Pair<'_>, facet: &Separation, room: f64) -> bool {
     let along = dot(facet.normal, pair.apart);
     let below = along + depth;
     let beside = norm(add_scaled(pair.apart, facet.normal, -along));
-    let ball = pair.a.least() + pair.b.least();
+    let ball = pair.a.ball() + pair.b.ball();
     2.0 * depth < below && depth * (below + 2.0 * beside) < SURE * room.min(ball) * below
 }

@@ -13,6 +13,10 @@
 //!
 //! Repeated, this climbs to the nearest local maximum of s, on smooth surfaces by the factor (depth + gap) / (radius of curvature + gap)
 //! each time, and there is always an answer: it starts from the best of the faces and axes of both shapes.
+//!
+//! An overlap may have a shorter way out elsewhere. There is certainly none where a nearest point is as deep below the other's surface,
+//! or where the ball of the depth's radius about the origin lies in a ball that rolls within the difference, or in what is known of it
+//! (`recall.rs`). Else a search of the difference (`expand.rs`) shows that no way out is shorter, or finds one.
 
 use crate::expand::Polytope;
 use crate::facing::{ALIKE, Facing, GAP, Separation};
@@ -20,7 +24,7 @@ use crate::gjk::{self, Nearest};
 use crate::linear_algebra::*;
 use crate::pair::Pair;
 use crate::reach::Reach;
-use crate::recall::{facet, recall};
+use crate::recall::{facet, is_certain, recall};
 use crate::shape::ConvexShape;
 use crate::vectors::{V, neg, unit_or};
 
@@ -28,9 +32,10 @@ use crate::vectors::{V, neg, unit_or};
 const CLEAR: f64 = 1e-9;
 /// Climbing steps at most; two to four are usual.
 const CLIMBS: usize = 12;
-/// Overlaps beyond this share of the least extent are deep: several ways out are tried, with a gap of [`FAR`].
-const DEEP: f64 = 0.01;
-const FAR: f64 = 0.5;
+/// Depth by which another way out of an overlap must be shorter to be looked for, as a share of the size.
+const SHALLOWER: f64 = 3e-8;
+/// Room on a facet beyond which its corners are where the search for shorter ways begins, as a share of the size.
+const WIDE: f64 = 0.01;
 /// Directions within this of a face's normal (sine) may be taken for it.
 const NEAR_FACE: f64 = 0.05;
 /// Nearest points further beside one another than this share of the size are not one over the other.
@@ -51,7 +56,7 @@ pub(super) fn nearest(pair: &Pair<'_>, reach: &Reach, polytope: &mut Polytope) -
 
 fn search(pair: &Pair<'_>, reach: &Reach, polytope: &mut Polytope) -> Facing {
     let distance = reach.prediction + pair.thickness();
-    let found = if pair.is_polytope() { of_polytopes(pair, distance, polytope) } else { of_round_bodies(pair, distance) };
+    let found = if pair.is_polytope() { of_polytopes(pair, distance, polytope) } else { of_round_bodies(pair, distance, polytope) };
     // Rounding of the search is left behind: the normal is the facet's own.
     let own = if reach.is_beyond(pair, &found) { None } else { facet(pair, found.normal, reach) };
     own.unwrap_or_else(|| Facing::new(pair, found))
@@ -63,40 +68,47 @@ fn of_polytopes(pair: &Pair<'_>, reach: f64, polytope: &mut Polytope) -> Separat
         return first.separation(normal);
     }
     // Only a tetrahedron holds the origin.
-    polytope.nearest_facet(pair, first.vertices()).unwrap_or_else(|| pushed_out(pair, &first))
+    polytope.nearest_facet(pair, first.vertices()).unwrap_or_else(|| of_overlap(pair, &first, polytope))
 }
 
-fn of_round_bodies(pair: &Pair<'_>, reach: f64) -> Separation {
+fn of_round_bodies(pair: &Pair<'_>, reach: f64, polytope: &mut Polytope) -> Separation {
     let gap = GAP * pair.least;
     let first = gjk::nearest(pair, [0.0; 3], neg(pair.apart), reach.max(gap));
-    first.normal(gap).map_or_else(|| pushed_out(pair, &first), |normal| first.separation(normal))
+    first.normal(gap).map_or_else(|| of_overlap(pair, &first, polytope), |normal| first.separation(normal))
 }
 
-/// By climbing, see above; `first` is what the search without a gap found.
-fn pushed_out(pair: &Pair<'_>, first: &Nearest) -> Separation {
-    let gap = GAP * pair.least;
-    let mut starts = suggested(pair);
+/// By climbing, see above, and from a shorter way out again, if there is one; `first` is what the search without a gap found.
+fn of_overlap(pair: &Pair<'_>, first: &Nearest, polytope: &mut Polytope) -> Separation {
+    let mut best = suggested(pair);
     if let Some(normal) = first.normal(0.0) {
-        starts.offer(pair, normal);
+        best.offer(pair, normal);
     }
-    let [best, others @ ..] = starts.0;
-    let mut found = climb(pair, best, gap);
-    if found.separation < -DEEP * pair.least {
-        // There may be a shorter way out elsewhere: look from further away.
-        for start in [best].into_iter().chain(others).filter(|c| c.separation.is_finite()) {
-            let far = climb(pair, start, FAR * pair.least);
-            let near = climb(pair, Candidate { normal: far.normal, separation: far.separation }, gap);
-            if near.separation > found.separation + 1e-9 * pair.size {
-                found = near;
-            }
-        }
+    let (mut found, near) = climb(pair, best);
+    let least = SHALLOWER * pair.size;
+    let room = near.room_on_facet(found.normal, least);
+    if -found.separation <= certain_depth(pair, &found) + least || is_certain(pair, &found, room) {
+        return found;
+    }
+    // A small facet would be among narrow ones.
+    polytope.enclose(pair, first.vertices(), if room > WIDE * pair.size { near.vertices() } else { &[] });
+    for _ in 0..CLIMBS {
+        let Some(normal) = polytope.shallower(pair, -found.separation, least) else { break };
+        found = climb(pair, Candidate { normal, separation: pair.separation(normal) }).0;
     }
     found
 }
 
+/// Depth that no way out of an overlap is shorter than, m: that of a nearest point below the other shape's surface, or the radius of a ball
+/// that rolls within the difference.
+fn certain_depth(pair: &Pair<'_>, found: &Separation) -> f64 {
+    let [x, y] = found.points;
+    let of_points = pair.a.depth_of(y).max(pair.b.depth_of(rotate_back(&pair.mat, sub(x, pair.pos))));
+    of_points.max(pair.a.roll() + pair.b.roll())
+}
+
 /// The best of the directions that the shapes suggest.
-fn suggested(pair: &Pair<'_>) -> Best {
-    let mut best = Best([Candidate { normal: [0.0, 0.0, 1.0], separation: f64::NEG_INFINITY }; 3]);
+fn suggested(pair: &Pair<'_>) -> Candidate {
+    let mut best = Candidate { normal: [0.0, 0.0, 1.0], separation: f64::NEG_INFINITY };
     best.offer(pair, unit_or(pair.apart, [0.0, 0.0, 1.0]));
     pair.a.directions(pair.apart, |n| best.offer(pair, n));
     pair.b.directions(neg(rotate_back(&pair.mat, pair.apart)), |n| best.offer(pair, neg(rotate(&pair.mat, n))));
@@ -124,37 +136,37 @@ struct Candidate {
     separation: f64,
 }
 
-/// The best few, best first.
-struct Best([Candidate; 3]);
-
-impl Best {
+impl Candidate {
+    /// Takes a direction instead, if it separates more.
     fn offer(&mut self, pair: &Pair<'_>, normal: V) {
         let separation = pair.separation(normal);
-        if let Some(k) = self.0.iter().position(|c| separation > c.separation) {
-            self.0[k..].rotate_right(1);
-            self.0[k] = Candidate { normal, separation };
+        if separation > self.separation {
+            *self = Self { normal, separation };
         }
     }
 }
 
-fn climb(pair: &Pair<'_>, start: Candidate, gap: f64) -> Separation {
+/// The local maximum of the separation that a climb from `start` reaches, and the nearest points across the gap there.
+fn climb(pair: &Pair<'_>, start: Candidate) -> (Separation, Nearest) {
+    let gap = GAP * pair.least;
     let mut best = start;
-    let mut points = [pair.a.support(best.normal), pair.support_b(neg(best.normal))];
     // What a step gains at rest is rounding.
     let enough = 1e-14 * pair.size;
+    let mut near = Nearest::corner(pair, best.normal);
+    let mut points = near.points();
     for _ in 0..CLIMBS {
         let shift = scale(best.normal, gap - best.separation);
-        let near = gjk::nearest(pair, shift, neg(best.normal), f64::INFINITY);
-        let Some(normal) = near.normal(0.0) else { break };
+        let across = gjk::nearest(pair, shift, neg(best.normal), f64::INFINITY);
+        let Some(normal) = across.normal(0.0) else { break };
+        let [x, y] = across.points();
+        (near, points) = (across.moved_back(shift), [x, sub(y, shift)]);
         let next = Candidate { normal, separation: pair.separation(normal) };
-        let [x, y] = near.points();
-        points = [x, sub(y, shift)];
         if next.separation <= best.separation + enough {
             break;
         }
         best = next;
     }
-    Separation { normal: best.normal, separation: best.separation, points }
+    (Separation { normal: best.normal, separation: best.separation, points }, near)
 }
 
 /// Whether nearest points are beside one another as seen along a face's normal: what is nearest is not over the face then, and clipped with

@@ -170,6 +170,30 @@ impl ConvexShape {
         }
     }
 
+    /// Radius of a ball that touches the core's surface from inside at any place without crossing it, m.
+    pub(super) fn roll(&self) -> f64 {
+        let Self::Ellipsoid { radii: [x, y, z] } = *self else { return 0.0 };
+        let shortest = x.min(y).min(z);
+        shortest * shortest / x.max(y).max(z)
+    }
+
+    /// Depth of a point below the surface of a box or cylinder, m; 0 of other shapes.
+    pub(super) fn depth_of(&self, p: V) -> f64 {
+        match self {
+            Self::Box { half } => (0..3).map(|k| half[k] - p[k].abs()).fold(f64::INFINITY, f64::min),
+            Self::Cylinder { radius, half_length } => (radius - p[0].hypot(p[1])).min(half_length - p[2].abs()),
+            _ => 0.0,
+        }
+    }
+
+    /// Radius of a ball about the shape's centre within the core, m.
+    pub(super) fn ball(&self) -> f64 {
+        match self {
+            Self::Sphere { .. } | Self::Capsule { .. } | Self::Triangle(_) => 0.0,
+            _ => self.least(),
+        }
+    }
+
     /// The outward normal of the flat face around `corner`, the one furthest along `d`, that faces `d` most; `None` where there is no such
     /// face.
     pub(super) fn flat(&self, d: V, corner: u32) -> Option<V> {

@@ -32,13 +32,13 @@ def _pyramid(levels: int) -> list[tuple[float, float]]:
 def test_most_steps_of_a_stack_at_rest_accept_the_impulses_of_the_step_before(precision: str, places: list, offset: float) -> None:
     sim = stepper.Stepper(_model(places, offset), precision=precision)
     sim.step(nstep=300)
-    sweeps = []
+    iterations = []
     for _ in range(STEPS):
         sim.step()
-        sweeps.append(int(sim.sweeps))
+        iterations.append(int(sim.iterations))
     # One Gauss-Seidel iteration finds that nothing is left to solve. Slow creep may need an occasional solve: in 0 to 30 % of the steps.
     # Changing names of contact points, or gaps from rounding, need one in every step.
-    assert np.mean(np.array(sweeps) == 1) > 0.5
+    assert np.mean(np.array(iterations) == 1) > 0.5
 
 
 @pytest.mark.parametrize("offset", [0.0, 3.0])

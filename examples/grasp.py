@@ -76,11 +76,12 @@ def grip(net: train.ActorCritic) -> None:
 
 
 def by_derivatives(rollouts: int, seed: int = 1, **given: Any) -> Iterator[Score]:
-    """Learns with gradients through whole episodes; yields a score after every update."""
+    """Learns with gradients through whole episodes; yields a score before learning and after every update."""
     plan = Plan(**{"num_envs": 8, "horizon": ACTIONS, "rate": 5e-3, "seed": seed, **given})
     envs = gymnasium.make_vec(NAME, num_envs=plan.num_envs, autoreset_mode=gymnasium.vector.AutoresetMode.DISABLED)
     learner, spent = Learner(envs, TASK, plan), 0.0
     grip(learner.net)
+    yield score(learner.policy(), 0, 0.0)
     while (made := learner.updates * plan.num_envs) < rollouts:
         learner.slow(made / rollouts)
         spent -= time.process_time()

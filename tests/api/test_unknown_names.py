@@ -136,7 +136,7 @@ def test_attributes_of_another_class_are_found(attribute, hint):
 
 
 def test_every_public_name_of_one_class_is_found_from_the_other():
-    """What only a model has is named by a stepper, and the other way round."""
+    """Attributes of a model alone are named in the error of a stepper, and the other way round."""
     for owner, other, place in ((MODEL, stepper.Stepper, "sim."), (SIM, stepper.Model, "sim.model.")):
         for name in dir(other):
             if name.startswith("_") or hasattr(type(owner), name):

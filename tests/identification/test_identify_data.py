@@ -1,4 +1,4 @@
-"""What `stepper.sysid.identify` reads: recordings, CSV and npz files; and what it says of those that do not fit."""
+"""Data of `stepper.sysid.identify`: recordings, CSV and npz files, and the errors about those that do not fit."""
 
 import subprocess
 import sys

@@ -88,7 +88,7 @@ impl Nearest {
         Self { v: vertex.w, simplex }
     }
 
-    /// The same places of the sets without the shift of the second.
+    /// Nearest places of the sets without the shift of the second set.
     pub(super) fn moved_back(mut self, shift: V) -> Self {
         self.v = add(self.v, shift);
         for vertex in &mut self.simplex.vertex[..self.simplex.count] {

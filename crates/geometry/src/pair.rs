@@ -57,7 +57,7 @@ impl<'a> Pair<'a> {
         Self { a, b, pos, mat, apart, size: a.bound() + b.bound(), least, tolerance: EQUAL * (a.bound() + b.bound()) }
     }
 
-    /// The same pair with poses that have the relative rounding error `epsilon`.
+    /// Pair with the tolerance of poses whose relative rounding error is `epsilon`.
     pub(super) fn rounded(mut self, epsilon: f64, pose_a: &Pose, pose_b: &Pose) -> Self {
         let coordinates: f64 = pose_a.pos.iter().chain(&pose_b.pos).map(|x| x.abs()).sum();
         self.tolerance = self.tolerance.max(POSE_ROUNDINGS * epsilon * (coordinates + self.size));

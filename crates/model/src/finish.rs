@@ -48,7 +48,7 @@ impl Description {
         Ok(Model { description: self, hulls })
     }
 
-    /// The numbers of a finished model in which fields of [`RANDOMIZABLE`](crate::RANDOMIZABLE) are others.
+    /// Checks of the numbers of a finished model, after some of them changed.
     pub(super) fn check_parameters(&self) -> Result<(), ModelError> {
         check::parameters(self)
     }

@@ -27,6 +27,8 @@ pub trait Scalar:
     const ONE: Self;
     /// The distance from 1 to the next larger number.
     const EPSILON: Self;
+    /// Whether this is the type of single precision.
+    const IS_SINGLE: bool = size_of::<Self>() < size_of::<f64>();
     /// The largest finite number.
     const MAX: Self;
     /// The smallest positive normal number.

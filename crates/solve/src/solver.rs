@@ -115,7 +115,7 @@ fn solve_system<R: Real>(
         // moves): there sweeps bring the motion to rest, and change the distribution of the load too little to matter.
         rest = lanes.and_not(hyperstatic.and(outcome.residual.le(tolerance)).and(tolerance.gt(goal)));
     }
-    let wide = <R::Scalar as Scalar>::EPSILON.to_f64() < 1e-12;
+    let wide = !<R::Scalar as Scalar>::IS_SINGLE;
     let first_sweeps = if newton_steps > 0 && wide { sweeps.min(FIRST_SWEEPS) } else { sweeps };
     sweep_lanes(system, iterate, SweepSettings { sweeps: first_sweeps, tolerance }, rest, &mut outcome);
     let mut left = lanes.and(outcome.residual.gt(newton_threshold));

@@ -190,7 +190,7 @@ class Task(ABC):
         """The scene."""
 
     def sensors(self) -> SensorModel | None:
-        """What sensors make of the truth, for tasks that observe `now.sensordata`; None is ideal ones.
+        """Sensor models, for tasks that observe `now.sensordata`. None: ideal sensors.
 
         Their random numbers follow from the seed of an environment and from its place in the batch.
         """

@@ -12,7 +12,7 @@ use crate::math::spatial::*;
 use crate::stages::s01_actuate::actuate;
 use crate::stages::s02_smooth::Smooth;
 
-/// What is asked of the smooth dynamics of some environments, one a lane. The workspace of each is made at its first use.
+/// Requests for the smooth dynamics of some environments, one per lane. The workspace of each is made at its first use.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct SmoothDynamics<R: Real> {
     inertia: Option<FullMass<R>>,

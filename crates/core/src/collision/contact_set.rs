@@ -9,9 +9,6 @@ use crate::math::spatial::*;
 /// Change of a tangent from which on it is a jump of its choice: far more than contacts turn within a difference.
 const TANGENT_JUMP: f64 = 1e-2;
 
-/// Relative rounding above which a scalar has single precision.
-const SINGLE: f64 = 1e-10;
-
 /// Share of the weight above which an error of a normal force matters.
 const FORCE_ERROR: f64 = 0.01;
 
@@ -211,7 +208,7 @@ impl<R: Real> Contacts<R> {
     /// Joint angles round the positions of links up to a metre away. Gaps below that rounding are closed if closing them within the step
     /// would change the normal force noticeably. `drop` is what gravity covers in the step, g h^2, m.
     pub(crate) fn close_rounded_gaps(&mut self, drop: R) {
-        if R::Scalar::EPSILON.to_f64() < SINGLE {
+        if !R::Scalar::IS_SINGLE {
             return;
         }
         R::vectorize(

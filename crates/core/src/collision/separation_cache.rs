@@ -1,7 +1,7 @@
 //! What one step leaves to the next about hulls that are near one another: a normal, where the next search begins, and what parts them for
 //! a while.
 //!
-//! It saves time and changes no contact, see [`Reach::known`](stepper_geometry::Reach::known) and
+//! The cache saves time and changes no contact, see [`Reach::known`](stepper_geometry::Reach::known) and
 //! [`SeparatingPlane`]. Still it is state, so that a step is a function of its state whatever rounding does.
 
 use serde::{Deserialize, Serialize};

@@ -94,7 +94,7 @@ impl<S: Scalar> Source<'_, S> {
         listed.map(contact)
     }
 
-    /// What every geom brings into a contact, where pairs are dynamic.
+    /// Contact parameters of every geom, in models with dynamic pairs.
     fn members(&self) -> impl Iterator<Item = ContactParams<f64>> {
         let geoms = if self.structure.dynamic_pairs.is_some() { &self.model.geoms[..] } else { &[] };
         geoms.iter().map(|g| {

@@ -326,7 +326,7 @@ impl<R: Real> Constraints<R> {
 /// Ratio of the squared length of a row after elimination to that before, below which the row is projected twice. In 32 bits one projection
 /// leaves an error of 1e-6 along the equalities there. That error moves a light body relative to the heavy one it is coupled to.
 fn reprojection_threshold<R: Real>() -> f64 {
-    if <R::Scalar as Scalar>::EPSILON.to_f64() > 1e-12 { 1e-2 } else { MIN_REMAINING_LENGTH }
+    if <R::Scalar as Scalar>::IS_SINGLE { 1e-2 } else { MIN_REMAINING_LENGTH }
 }
 
 /// Squared lengths of rows in the metric of G, 1/kg.

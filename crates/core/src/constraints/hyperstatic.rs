@@ -380,7 +380,7 @@ impl<R: Real> Patches<R> {
 
 /// 0 in 64 bits, 1 in 32.
 fn precision<R: Real>() -> usize {
-    usize::from(R::Scalar::EPSILON.to_f64() > 1e-12)
+    usize::from(R::Scalar::IS_SINGLE)
 }
 
 /// Speed of a contact across its normal, m/s.

@@ -124,9 +124,9 @@ impl<R: Real> StrikeSearch<R> {
         let (mut once, mut several) = (R::Mask::splat(false), R::Mask::splat(false));
         for candidate in pairs.iter_mut() {
             let pair = compiled.pair(candidate.pair);
-            let gap = farthest_closing_gap(query, constraints, rates, candidate);
+            let (gap, touch) = farthest_closing_gap(query, constraints, rates, candidate);
             let least = -(gap.distance + time * gap.rate) * R::of(query.margin);
-            candidate.tolerance = pair_tolerance(query, constraints, candidate);
+            candidate.tolerance = resting_overlap(query, constraints, candidate) + touch;
             let tolerance = candidate.tolerance.max(least);
             (candidate.lanes, candidate.time) = swept.find_touch(&path(candidate.pair, pair), candidate.lanes, gap, tolerance);
             several = several.or(once.and(candidate.lanes));
@@ -165,14 +165,15 @@ impl<R: Real> StrikeSearch<R> {
     }
 }
 
-/// Linearised gap of a pair, taken from the deferred contact that overlaps most at the end of the path.
+/// Linearised gap of a pair and its [`touch_tolerance`], m, of the deferred contact that overlaps most at the end of the path.
 #[inline(always)]
 fn farthest_closing_gap<R: Real>(
     query: &StrikeQuery<'_, R>,
     constraints: &Constraints<R>,
     rates: &[(R, R::Mask)],
     candidate: &CandidatePair<R>,
-) -> Gap<R> {
+) -> (Gap<R>, R) {
+    let mut touch = R::zero();
     let mut gap = Gap { distance: R::zero(), rate: R::zero() };
     let mut farthest = R::of(f64::INFINITY);
     for (contact, &(rate, closes)) in constraints.deferred.iter().zip(rates) {
@@ -183,18 +184,16 @@ fn farthest_closing_gap<R: Real>(
                 let here = R::Mask::from_bits(lanes).and(end.lt(farthest));
                 farthest = R::select(here, end, farthest);
                 gap = Gap { distance: R::select(here, distance, gap.distance), rate: R::select(here, rate, gap.rate) };
+                touch = R::select(here, touch_tolerance(query, constraints, contact.slot), touch);
             }
         }
     }
-    gap
+    (gap, touch)
 }
 
-/// Overlap below which a pair does not collide, m.
-///
-/// The tolerance is the overlap of resting contacts nearby, at most the slop, plus [`touch_tolerance`]. A body that slides over flush
-/// supports keeps its overlap from one support to the next.
+/// Overlap of resting contacts nearby, at most the slop, m. A body that slides over flush supports keeps it from one support to the next.
 #[inline(always)]
-fn pair_tolerance<R: Real>(query: &StrikeQuery<'_, R>, constraints: &Constraints<R>, candidate: &CandidatePair<R>) -> R {
+fn resting_overlap<R: Real>(query: &StrikeQuery<'_, R>, constraints: &Constraints<R>, candidate: &CandidatePair<R>) -> R {
     let compiled = query.compiled;
     let frames_of = |pair: usize| compiled.pair_geoms(pair).expect("made from this compiled").map(|g| compiled.geoms[g].frame);
     let mut overlap = R::zero();
@@ -202,15 +201,7 @@ fn pair_tolerance<R: Real>(query: &StrikeQuery<'_, R>, constraints: &Constraints
         let deepest = constraints.resting_overlap(query.contacts, frames_of, frames_of(candidate.pair), lane);
         overlap.set_lane(lane, R::of(deepest).lane(lane));
     }
-    let mut touch = R::zero();
-    for contact in &constraints.deferred {
-        for (pair, lanes) in query.contacts.pairs(contact.slot, contact.lanes.and(candidate.lanes).bits()) {
-            if pair == candidate.pair {
-                touch = R::select(R::Mask::from_bits(lanes), touch_tolerance(query, constraints, contact.slot), touch);
-            }
-        }
-    }
-    overlap.min(R::of(query.options.slop)) + touch
+    overlap.min(R::of(query.options.slop))
 }
 
 /// Overlap at the end of the path that counts as touch, m: the motion of a resting contact, or the rounding of positions if larger.

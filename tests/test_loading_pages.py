@@ -1,4 +1,4 @@
-"""What docs/terrain.md and docs/robot_files.md show runs."""
+"""What docs/how-to/terrain.md and docs/how-to/urdf.md show runs."""
 
 import re
 import warnings

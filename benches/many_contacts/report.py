@@ -1,4 +1,4 @@
-"""The table, on the terminal and in docs/many_contacts.md."""
+"""The table, on the terminal and in docs/benchmarks/many_contacts.md."""
 
 from __future__ import annotations
 
@@ -240,7 +240,7 @@ class Report:
         return f"{said}\n\n{table}"
 
     def page(self, scenes: Iterable[Scene]) -> str:
-        """The page docs/many_contacts.md."""
+        """The page docs/benchmarks/many_contacts.md."""
         about = [[s.name, s.about, _timed(s), f"{s.target[0]:g} / {s.target[1]:g}"] for s in scenes]
         came_from = self.came_from
         versions = ", ".join(f"{name} {came_from['versions'][name]}" for name in ("stepper", "mujoco-core", "python"))

@@ -1051,7 +1051,7 @@ class Stepper:
         """Sets configuration, velocity, activations or time; or, given a `State`, everything that survives a step.
 
         The next state is a function of `qpos`, `qvel`, `act` and the controls; what the solver starts from moves it by some 1e-7 of a
-        velocity (docs/decisions/visible_state.md). The other memory of an environment is that of its drives (delay lines, lags,
+        velocity (docs/development/decisions/visible_state.md). The other memory of an environment is that of its drives (delay lines, lags,
         integrals) and sensors (bias, drift, delay lines, samples held).
 
         Args:
@@ -1205,7 +1205,7 @@ class Stepper:
         environments and columns are stepped together, in lanes and on the stepper's threads, with its options and all that environments
         have of their own, but to a tighter tolerance; the stepper is only read, and keeps room for copies for the next call. With contact
         the step is smooth only between kinks: see `Linearization.near_kink`
-        and docs/derivatives.md.
+        and docs/how-to/derivatives.md.
 
         Args:
             wrt: "qpos", "qvel", "act", "ctrl", and fields of `Stepper.randomize`, whole ("body_mass") or of some elements

@@ -1,4 +1,4 @@
-"""What docs/quantities.md shows runs, on a humanoid that others wrote."""
+"""What docs/reference/quantities.md shows runs, on a humanoid that others wrote."""
 
 import re
 from pathlib import Path
@@ -6,7 +6,7 @@ from pathlib import Path
 import mujoco
 from models import SOURCES
 
-PAGE = (Path(__file__).parents[2] / "docs/quantities.md").read_text()
+PAGE = (Path(__file__).parents[2] / "docs/reference/quantities.md").read_text()
 
 
 def test_its_snippets_run(tmp_path, monkeypatch):
@@ -16,6 +16,6 @@ def test_its_snippets_run(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     names = {}
     for snippet in re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL):
-        exec(compile(snippet, "docs/quantities.md", "exec"), names)
+        exec(compile(snippet, "docs/reference/quantities.md", "exec"), names)
     assert names["depth"].shape == names["geoms"].shape == (64, 187)
     assert len(names["some"]) == 2

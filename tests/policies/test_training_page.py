@@ -1,4 +1,4 @@
-"""What docs/training.md shows runs, and the policies that are kept act as it says."""
+"""What docs/how-to/train.md shows runs, and the policies that are kept act as it says."""
 
 import importlib
 import re
@@ -13,7 +13,7 @@ from envs.cases import needs_gymnasiums
 from stepper.policies import PolicyWarning, evaluate, load
 
 ROOT = Path(__file__).parents[2]
-PAGE = (ROOT / "docs/training.md").read_text()
+PAGE = (ROOT / "docs/how-to/train.md").read_text()
 KEPT = sorted((ROOT / "examples/policies").glob("*.npz"))
 
 
@@ -24,7 +24,7 @@ def test_its_snippets_run(monkeypatch):
         # It was trained in 32 bits, and with other versions.
         warnings.simplefilter("ignore", PolicyWarning)
         for snippet in re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL):
-            exec(compile(snippet, "docs/training.md", "exec"), names)
+            exec(compile(snippet, "docs/how-to/train.md", "exec"), names)
     assert np.isfinite(names["observation"]).all()
 
 

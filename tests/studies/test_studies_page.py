@@ -1,4 +1,4 @@
-"""docs/studies.md: its first study runs as it says, and its keys are those of the code."""
+"""docs/reference/studies.md: its first study runs as it says, and its keys are those of the code."""
 
 import re
 from dataclasses import fields

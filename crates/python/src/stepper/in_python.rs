@@ -13,7 +13,7 @@ impl Stepper {
     /// environments and columns are stepped together, in lanes and on the stepper's threads, with its options and all that environments
     /// have of their own, but to a tighter tolerance; the stepper is only read, and keeps room for copies for the next call. With contact
     /// the step is smooth only between kinks: see `Linearization.near_kink`
-    /// and docs/derivatives.md.
+    /// and docs/how-to/derivatives.md.
     ///
     /// Args:
     ///     wrt: "qpos", "qvel", "act", "ctrl", and fields of `Stepper.randomize`, whole ("body_mass") or of some elements

@@ -4,9 +4,10 @@ VENV := .venv
 BIN := $(VENV)/bin
 LIBRARIES := .venv-adapters
 MJBATCH := .venv-mjbatch
+DOCS := .venv-docs
 DENY := 0.20.2
 
-.PHONY: demo test wheel bench loading many-contacts floors atlas corpus adapters identify studies study-libraries fuzz training gymnasium viewer check advisories build format clean
+.PHONY: demo test wheel bench loading many-contacts floors docs atlas corpus adapters identify studies study-libraries fuzz training gymnasium viewer check advisories build format clean
 
 # The main job: 1,024 humanoids, beside MuJoCo. It compiles the CPU level of this machine alone, in less than half the time of all levels.
 demo: export STEPPER_ONE_LEVEL := native
@@ -69,6 +70,11 @@ floors: build
 atlas: build $(VENV)/atlas.stamp
 	PYTHONPATH=benches $(BIN)/python -m atlas $(ATLAS)
 	PROPTEST_CASES=20000 cargo test --release -p stepper-geometry --test suite sampling::
+
+# The documentation: a site in out/site, and the pages of the crates in target/doc. It needs no network once its environment is there.
+docs: $(DOCS)/setup.stamp
+	NO_MKDOCS_2_WARNING=1 $(DOCS)/bin/mkdocs build --strict
+	cargo doc --quiet --no-deps -p stepper-core --features stepper-core/nalgebra
 
 # Every robot of twenty packages, in stepper and in MuJoCo: docs/benchmarks/corpus.md, which CORPUS=--update-docs
 # rewrites. Resumes; CORPUS='--package NAME' and more, see --help.
@@ -168,6 +174,12 @@ $(VENV)/check.stamp: $(VENV)/setup.stamp
 	cargo install --quiet --locked --debug --root $(VENV) cargo-deny@$(DENY)
 	touch $@
 
+$(DOCS)/setup.stamp: pyproject.toml
+	$(PYTHON) -m venv $(DOCS)
+	$(DOCS)/bin/python -m pip install --quiet --upgrade 'pip>=25.1'
+	$(DOCS)/bin/python -m pip install --quiet --group docs
+	touch $@
+
 $(VENV)/atlas.stamp: $(VENV)/setup.stamp
 	$(BIN)/python -m pip install --quiet --group atlas
 	touch $@
@@ -193,4 +205,4 @@ $(VENV)/identify.stamp: $(VENV)/setup.stamp
 
 clean:
 	cargo clean
-	rm -rf $(VENV) $(LIBRARIES) $(MJBATCH) out
+	rm -rf $(VENV) $(LIBRARIES) $(MJBATCH) $(DOCS) out

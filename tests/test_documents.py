@@ -2,10 +2,10 @@
 
 import importlib.util
 import re
-import shutil
 import sys
 from pathlib import Path
 
+import command_line
 import gymnasium
 import page_blocks
 import pytest
@@ -93,11 +93,15 @@ def test_every_page_is_in_the_navigation():
     assert listed == {str(page.relative_to(ROOT / "docs")) for page in (ROOT / "docs").rglob("*.md")}
 
 
-@pytest.mark.skipif(shutil.which("sh") is None, reason="needs a shell")
-def test_commands_write_documentation_only_when_asked():
-    """Commands that documents show and that rewrite pages have the option --update-docs."""
-    writers = [path for path in (ROOT / "benches").rglob("*.py") if "docs/benchmarks" in path.read_text() and "write" in path.read_text()]
-    for path in writers:
+def test_the_commands_of_the_reference_are_those_of_the_command_line():
+    told = command_line.PAGE.read_text().partition(command_line.BEGIN)[2].partition(command_line.END)[0].strip()
+    assert told == command_line.table().strip(), "PYTHONPATH=python python tests/command_line.py writes it"
+
+
+def test_only_update_docs_writes_documentation():
+    """Every file of benches/ that names a folder of the documentation and writes has the option."""
+    for path in (ROOT / "benches").rglob("*.py"):
         text = path.read_text()
-        if "__main__" in path.name or "ArgumentParser" in text:
-            assert "--update-docs" in text or "write_text" not in text, named(path)
+        if re.search(r'"docs(/|")', text) and re.search(r"write_text|write_csv|savefig", text):
+            assert "--update-docs" in text, named(path)
+    assert "--update-docs" not in (ROOT / "Makefile").read_text().replace("=--update-docs", "")

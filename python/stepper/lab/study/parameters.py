@@ -50,7 +50,7 @@ class Parameter:
     Attributes:
         target: What it changes, see `stepper.lab.study.parameters`.
         names: Elements that change, by name or pattern: geoms (also "body/geom", and "body/*" for all of a body), explicit pairs (also
-        "geom/geom"), bodies, joints, actuators, sensors, tendons; "#3" is an index.
+            "geom/geom"), bodies, joints, actuators, sensors, tendons; "#3" is an index.
         column: Which number of each element, e.g. 0 for the sliding friction of "geom_friction"; None is all.
         how: "set" to the value, "scale" by it, or "add" it. With body_mass, inertia is scaled alike: the same shape of another density.
         low: Least plausible value.

@@ -41,6 +41,21 @@ def test_links_and_paths_lead_somewhere(document):
     assert missing == []
 
 
+def anchors(document):
+    """Anchors of the headings of a document, as GitHub and MkDocs make them of plain titles."""
+    text = re.sub(r"```.*?```", "", document.read_text(), flags=re.DOTALL)
+    titles = re.findall(r"^#+ (.+)$", text, re.MULTILINE)
+    return {re.sub(r"[^\w\- ]", "", re.sub(r"\[([^\]]*)\]\([^)]*\)", r"\1", title)).strip().lower().replace(" ", "-") for title in titles}
+
+
+@pytest.mark.parametrize("document", DOCUMENTS, ids=named)
+def test_anchors_of_links_exist(document):
+    links = re.findall(r"\]\((?!https?://)([^)#\s]*)#([^)\s]+)\)", document.read_text())
+    targets = {(document.parent / path if path else document, anchor) for path, anchor in links}
+    missing = [f"{path}#{anchor}" for path, anchor in targets if path.suffix == ".md" and anchor not in anchors(path)]
+    assert missing == []
+
+
 @pytest.mark.parametrize("page", WITH_CODE, ids=named)
 @pytest.mark.filterwarnings("ignore::stepper.ModelWarning", "ignore::UserWarning")
 def test_code_blocks_run(page, tmp_path, monkeypatch):

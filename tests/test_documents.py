@@ -81,6 +81,16 @@ def test_languages_of_blocks_are_known(page):
     assert [block.line for block in page_blocks.blocks(page.read_text()) if block.language not in page_blocks.RUN] == []
 
 
+@pytest.mark.parametrize("page", PAGES, ids=named)
+def test_indented_blocks_are_no_python_and_their_commands_exist(page):
+    """Formulas and commands may be indented; Python is fenced, so that it runs."""
+    text = re.sub(r"^[ ]*```.*?^[ ]*```$", "", page.read_text(), flags=re.DOTALL | re.MULTILINE)
+    lines = [line.strip() for line in re.findall(r"^(?: {4}|\t)(.+)$", text, re.MULTILINE)]
+    assert [line for line in lines if re.match(r"(import|from) \w|sim\.|\w+ = (stepper|sim|model)\.", line)] == []
+    for line in page_blocks.commands("\n".join(line for line in lines if line.startswith("stepper "))):
+        page_blocks.check_command(line, named(page))
+
+
 def test_figures_of_the_readme_are_those_of_the_result_files():
     module = figures()
     table = (ROOT / "README.md").read_text().partition(module.BEGIN)[2].partition(module.END)[0]

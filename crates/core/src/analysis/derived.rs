@@ -185,7 +185,7 @@ impl<R: Real> Derivation<R> {
         let one = [R::one(), R::zero(), R::zero(), R::zero()];
         self.orientation.resize(compiled.nframe(), one);
         let kinematics = &mut s.evaluation.kinematics;
-        for (mocap, trajectory) in compiled.mocap.iter().zip(&s.mocap_trajectories) {
+        for (mocap, trajectory) in compiled.mocap.iter().zip(&s.inputs.mocap_trajectories) {
             let [x, y, z, quat @ ..] = trajectory.end();
             kinematics.pos[mocap.frame] = [x, y, z];
             kinematics.mat[mocap.frame] = R::vectorize(

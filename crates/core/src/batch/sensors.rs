@@ -113,7 +113,7 @@ impl<R: Real, P: Probe> Reader<'_, R, P> {
             self.make_step_to_read(group, s, fresh);
         }
         for l in (0..R::LANES).filter(|l| fresh >> l & 1 == 0) {
-            for (i, x) in s.constraints.scalar_impulse.iter_mut().enumerate() {
+            for (i, x) in s.velocity.scalar_impulse.iter_mut().enumerate() {
                 x.set_lane(l, group.scalar_impulse[i * R::LANES + l]);
             }
             if needs.contacts {
@@ -128,7 +128,7 @@ impl<R: Real, P: Probe> Reader<'_, R, P> {
 
     /// Makes a step in the lanes `fresh` for what sensors read of it, and takes its state and time back.
     fn make_step_to_read(&self, group: &Group<R::Scalar>, s: &mut Workspace<R>, fresh: u32) {
-        let elapsed = s.elapsed;
+        let elapsed = s.state.elapsed;
         s.alive = R::Mask::from_bits(fresh);
         step(self.compiled, self.call.settings, s, &mut Devices::none(), self.probe);
         load_other_lanes(&group.sensing.acceleration, &mut s.sensors.acceleration, s.alive);
@@ -137,7 +137,7 @@ impl<R: Real, P: Probe> Reader<'_, R, P> {
         load_or_zero(&group.v, &mut s.state.v);
         load_or_zero(&group.act, &mut s.state.act);
         s.state.time.copy_from_slice(&group.time);
-        s.elapsed = elapsed;
+        s.state.elapsed = elapsed;
     }
 }
 

@@ -313,10 +313,10 @@ impl<R: Real, P: Probe> Worker<R::Scalar> for LaneWorker<R, P> {
 
     fn problem(&mut self, call: &Call<'_, R::Scalar>, group: &mut Group<R::Scalar>, first: usize, lane: usize) -> Vec<u8> {
         self.workspace.current = false;
-        self.workspace.constraints.capture.lane = Some(lane);
+        self.workspace.velocity.capture.lane = Some(lane);
         self.run(call, group, GroupPosition { first, share_first: first, share: None });
         self.workspace.current = false;
-        std::mem::take(&mut self.workspace.constraints.capture.bytes)
+        std::mem::take(&mut self.workspace.velocity.capture.bytes)
     }
 
     fn differentiate(
@@ -335,7 +335,7 @@ impl<R: Real, P: Probe> Worker<R::Scalar> for LaneWorker<R, P> {
         let Self { workspace: s, compiled, derivative, max_contacts, .. } = self;
         let derivative = derivative.get_or_insert_with(|| Box::new(StepDerivative::new(compiled, call.settings, *max_contacts)));
         derivative.differentiate(compiled, call.settings, s, query, rows);
-        s.poses.exchange(&mut group.separation_cache);
+        s.evaluation.poses.exchange(&mut group.separation_cache);
     }
 
     fn forget_state(&mut self) {
@@ -363,13 +363,13 @@ impl<R: Real, P: Probe> LaneWorker<R, P> {
         if call.part.from == 0 {
             clear_call_totals::<R>(group);
         }
-        s.poses.exchange(&mut group.separation_cache);
+        s.evaluation.poses.exchange(&mut group.separation_cache);
     }
 
     /// Brings the state of a group back.
     fn store(&mut self, call: &Call<'_, R::Scalar>, group: &mut Group<R::Scalar>) {
         let s = &mut self.workspace;
-        s.poses.exchange(&mut group.separation_cache);
+        s.evaluation.poses.exchange(&mut group.separation_cache);
         if call.part.to > call.part.from {
             remember(group, s);
             store_state(group, s);
@@ -415,7 +415,7 @@ impl<R: Real, P: Probe> LaneWorker<R, P> {
                 record.sweeps.store(&mut group.sweeps);
                 record.newton_steps.store(&mut group.newton_steps);
                 for lane in each_of(record.not_converged.bits()) {
-                    group.worst[lane] = s.constraints.worst.of_lane(lane).0;
+                    group.worst[lane] = s.velocity.worst.of_lane(lane).0;
                 }
             });
         }

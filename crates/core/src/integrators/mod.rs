@@ -1,25 +1,27 @@
 //! Schemes of integration over shared stages: where a step is taken, its solution, impacts, and what a step is too long for.
 
-pub mod acceptance;
-pub mod corrected_forces;
+pub(crate) mod acceptance;
+pub(crate) mod assemble;
 pub mod devices;
+pub(crate) mod energy_guard;
 pub mod euler;
-pub mod evaluation;
-pub mod free_motion;
-pub(crate) mod held_overlaps;
-pub mod impact;
-pub mod impact_set;
+pub(crate) mod free_motion;
+pub(crate) mod impact;
+pub(crate) mod impact_set;
 pub mod implicit;
 pub mod inputs;
+pub(crate) mod locate;
 pub mod midpoint;
 pub mod mujoco;
 pub mod observation;
 pub(crate) mod overlap_progress;
+pub(crate) mod positions;
+pub(crate) mod predict;
 pub(crate) mod recomputed;
-pub(crate) mod response;
 pub mod rk4;
 pub mod scheme;
-pub mod solution;
+pub(crate) mod solve_velocities;
+pub(crate) mod step_outcome;
 pub mod step_resolution;
 pub(crate) mod strike_search;
 pub(crate) mod struck_contacts;

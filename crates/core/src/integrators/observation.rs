@@ -63,7 +63,7 @@ fn take_acceleration<R: Real>(options: &StepSettings, s: &mut Workspace<R>) {
         || {
             let rate = R::one() / R::of(options.timestep);
             // The buffer of the next state has the velocity before the step.
-            for ((a, &before), &after) in s.sensors.acceleration.iter_mut().zip(&s.next.v).zip(&s.state.v) {
+            for ((a, &before), &after) in s.sensors.acceleration.iter_mut().zip(&s.velocity.v).zip(&s.state.v) {
                 *a = (after - before) * rate;
             }
         },
@@ -83,21 +83,21 @@ pub(crate) fn read_actuator_forces<R: Real>(compiled: &LaneModel<R>, h: R, s: &m
     if compiled.lossy {
         let dynamics = &s.inputs.actuator_dynamics;
         forces.dissipate(compiled, dynamics, false);
-        forces.subtract_losses(compiled, dynamics, &s.constraints.scalar_impulse, h);
+        forces.subtract_losses(compiled, dynamics, &s.velocity.scalar_impulse, h);
     }
 }
 
 /// True readings of the state in `s`, left in `s.sensors.workspace.truth`.
 pub(crate) fn read_sensors<R: Real>(compiled: &LaneModel<R>, options: &StepSettings, s: &mut Workspace<R>) {
     let h = R::of(options.timestep);
-    let elapsed = R::of(s.elapsed);
-    mocap::pose_bodies(compiled, &s.mocap_trajectories, elapsed, &mut s.evaluation.kinematics);
+    let elapsed = R::of(s.state.elapsed);
+    mocap::pose_bodies(compiled, &s.inputs.mocap_trajectories, elapsed, &mut s.evaluation.kinematics);
     if compiled.sensing.needs.actuators {
         read_actuator_forces(compiled, h, s);
     }
     let (kinematics, sensors) = (&mut s.evaluation.kinematics, &mut s.sensors);
     if !sensors.workspace.orientation.is_empty() {
-        for (m, trajectory) in compiled.mocap.iter().zip(&s.mocap_trajectories) {
+        for (m, trajectory) in compiled.mocap.iter().zip(&s.inputs.mocap_trajectories) {
             sensors.workspace.orientation[m.frame] = R::vectorize(
                 #[inline(always)]
                 || trajectory.quat_at(elapsed),
@@ -114,7 +114,7 @@ pub(crate) fn read_sensors<R: Real>(compiled: &LaneModel<R>, options: &StepSetti
         acceleration: &sensors.acceleration,
         actuator_forces: &sensors.actuator_forces,
         xfrc: if compiled.sensing.needs.wrenches { &s.inputs.xfrc } else { &[] },
-        scalar_impulse: &s.constraints.scalar_impulse,
+        scalar_impulse: &s.velocity.scalar_impulse,
         contacts: &s.state.contacts,
     };
     sense(compiled, kinematics, &mut sensors.workspace, &input);

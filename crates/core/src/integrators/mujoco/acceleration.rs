@@ -6,7 +6,7 @@ use stepper_solve::soft::Effort;
 
 use crate::actuation::forces::{ForceState, Implicit};
 use crate::compile::LaneModel;
-use crate::constraints::constraint_set::AssemblyInput;
+use crate::constraints::assembler::{Assembler, AssemblyInput};
 use crate::constraints::equality::RowInput;
 use crate::constraints::soft::SoftInput;
 use crate::dynamics::kinematics::advance;
@@ -47,7 +47,7 @@ pub(super) fn prepare<R: Real>(
     if recomputed == Recomputed::Configuration {
         s.evaluation.q.copy_from_slice(&s.state.q);
         probe.span(Span::Kinematics, || {
-            mocap::pose_bodies(compiled, &s.mocap_trajectories, R::of(s.elapsed), &mut s.evaluation.kinematics);
+            mocap::pose_bodies(compiled, &s.inputs.mocap_trajectories, R::of(s.state.elapsed), &mut s.evaluation.kinematics);
             s.evaluation.kinematics.update(compiled, &s.evaluation.q);
         });
     }
@@ -56,7 +56,7 @@ pub(super) fn prepare<R: Real>(
         _ => free_acceleration(compiled, h, s, recomputed, probe),
     }
     if recomputed == Recomputed::Configuration {
-        let ahead = if s.constraints.solved_overlaps.is_some() { R::of(LOOK_AHEAD) } else { R::zero() };
+        let ahead = if s.evaluation.solved_overlaps.is_some() { R::of(LOOK_AHEAD) } else { R::zero() };
         find_contacts(compiled, ahead, s, probe);
     }
     // What actuator dynamics lose bounds rows of dry friction.
@@ -73,7 +73,7 @@ fn free_acceleration<R: Real>(compiled: &LaneModel<R>, h: R, s: &mut Workspace<R
     if recomputed == Recomputed::Configuration {
         probe.span(Span::MassMatrix, || motion.smooth.assemble_mass(compiled, kinematics, Implicit::<R>::none().weights));
     }
-    if let Some(system) = &mut s.constraints.soft {
+    if let Some(system) = &mut s.problem.soft {
         match recomputed {
             Recomputed::Configuration => system.mass.copy_from_slice(&motion.smooth.mass.entries),
             // Stage 6 adds to the entries what it takes implicitly.
@@ -138,7 +138,7 @@ fn add_tendon_springs<R: Real>(compiled: &LaneModel<R>, q: &[R], v: &[R], forces
 fn find_contacts<R: Real>(compiled: &LaneModel<R>, ahead: R, s: &mut Workspace<R>, probe: impl Probe) {
     let none = R::zero();
     let (kinematics, v) = (&s.evaluation.kinematics, &s.state.v);
-    detect(compiled, kinematics, [v, v], [ahead, none], s.alive, &mut s.poses, &mut s.evaluation.contacts, probe);
+    detect(compiled, kinematics, [v, v], [ahead, none], s.alive, &mut s.evaluation.poses, &mut s.evaluation.contacts, probe);
     probe.span(Span::WarmStart, || s.evaluation.contacts.choose_tangents());
     probe.count(Counter::Contacts, || s.evaluation.contacts.count[..R::LANES].iter().sum::<usize>() as f64);
 }
@@ -156,18 +156,21 @@ fn assemble<R: Real>(compiled: &LaneModel<R>, options: &StepSettings, h: R, s: &
         time_before: R::zero(),
         in_the_middle: false,
         closing_fraction: R::one(),
+        solved_overlaps: s.evaluation.solved_overlaps.as_deref(),
         alive: s.alive,
     };
     let row = RowInput { compiled, options, kinematics: &s.evaluation.kinematics, mass: &s.free_motion.smooth.mass, assembly: &assembly };
-    s.constraints.assemble_soft(SoftInput { row, softness, effective: s.effective.as_ref() }, &mut s.evaluation.contacts);
+    let input = SoftInput { row, softness, effective: s.mujoco.effective.as_ref() };
+    let mut assembler = Assembler { problem: &mut s.problem, velocity: &mut s.velocity, builder: &mut s.builder };
+    assembler.assemble_soft(input, &mut s.evaluation.contacts);
 }
 
 /// Stage 5. The residual is the velocity that what is left of the imbalance of forces makes in a step.
 fn solve<R: Real>(compiled: &LaneModel<R>, options: &StepSettings, h: R, s: &mut Workspace<R>, from_impulse: bool) -> Outcome<R> {
-    let constrained = s.constraints.constrained;
+    let constrained = s.problem.constrained;
     let mut outcome = Outcome { residual: R::zero(), sweeps: R::zero(), newton_steps: R::zero() };
-    let (smooth, constraints, contacts) = (&s.free_motion.smooth, &mut s.constraints, &s.evaluation.contacts);
-    if let Some(system) = &mut constraints.soft {
+    let (smooth, problem, contacts) = (&s.free_motion.smooth, &mut s.problem, &s.evaluation.contacts);
+    if let Some(system) = &mut problem.soft {
         if from_impulse && constrained.any() {
             system.start_from_impulse(compiled, &smooth.mass, &smooth.acc, &s.state.impulse, h);
         }
@@ -179,8 +182,8 @@ fn solve<R: Real>(compiled: &LaneModel<R>, options: &StepSettings, h: R, s: &mut
         }
     }
     if let Some(effort) = compiled.softness.as_ref().and_then(|softness| softness.noslip).filter(|_| constrained.any()) {
-        outcome.sweeps = constraints.remove_slip(compiled, &smooth.mass, &smooth.acc, effort, contacts);
+        outcome.sweeps = problem.remove_slip(compiled, &smooth.mass, &smooth.acc, effort, contacts);
     }
-    constraints.keep_soft_impulses(h, &mut s.evaluation.contacts, &mut s.state.impulse);
+    problem.store_soft_impulses(h, &mut s.evaluation.contacts, &mut s.velocity.scalar_impulse, &mut s.state.impulse);
     outcome
 }

@@ -23,7 +23,7 @@ use crate::stages::s01_actuate::servo_slopes;
 /// The matrix of the step from the assembled mass matrix, and the forces -h K v, which are added to those that are applied. Forces of
 /// actuators must be known.
 pub(super) fn assemble_effective_mass<R: Real>(compiled: &LaneModel<R>, h: R, s: &mut Workspace<R>) {
-    let Some(effective) = &mut s.effective else { unreachable!("made with the workspace for this integrator") };
+    let Some(effective) = &mut s.mujoco.effective else { unreachable!("made with the workspace for this integrator") };
     let (motion, v) = (&mut s.free_motion, &s.state.v);
     let (smooth, forces, applied) = (&mut motion.smooth, &mut motion.actuator_forces, &mut motion.applied);
     R::vectorize(
@@ -68,7 +68,7 @@ pub(super) fn assemble_effective_mass<R: Real>(compiled: &LaneModel<R>, h: R, s:
         #[inline(always)]
         || {
             effective.finish(compiled, &smooth.mass.entries);
-            if let Some(system) = &mut s.constraints.soft {
+            if let Some(system) = &mut s.problem.soft {
                 system.mass.copy_from_slice(&smooth.mass.entries);
             }
             smooth.mass.factor(compiled);
@@ -78,13 +78,13 @@ pub(super) fn assemble_effective_mass<R: Real>(compiled: &LaneModel<R>, h: R, s:
 
 /// Stage 6: v+ = v + h a.
 pub(super) fn integrate_velocity<R: Real>(compiled: &LaneModel<R>, h: R, s: &mut Workspace<R>) {
-    let Some(system) = &mut s.constraints.soft else { return };
-    if let Some(effective) = &s.effective {
+    let Some(system) = &mut s.problem.soft else { return };
+    if let Some(effective) = &s.mujoco.effective {
         for spinner in compiled.spinners.iter().filter(|spinner| spinner.kind == JointKind::Free) {
             let dofs = spinner.dof..spinner.dof + 6;
             let touched = system.problem.touches(dofs.start as u32..dofs.end as u32);
             let (free, mat) = (&s.free_motion.smooth.acc, &s.evaluation.kinematics.mat[spinner.link + 1]);
-            let work = &mut s.work.impulse;
+            let work = &mut s.free_motion.scratch.impulse;
             R::vectorize(
                 #[inline(always)]
                 || {
@@ -105,5 +105,5 @@ pub(super) fn integrate_velocity<R: Real>(compiled: &LaneModel<R>, h: R, s: &mut
             );
         }
     }
-    advance(&s.state.v, &system.acceleration, h, &mut s.next.v);
+    advance(&s.state.v, &system.acceleration, h, &mut s.velocity.v);
 }

@@ -20,9 +20,9 @@ use crate::stages::s01_actuate::servo_damping;
 /// dofs of a simple body, since MuJoCo's mass matrix has no entries there.
 pub(super) fn integrate_velocity<R: Real>(compiled: &LaneModel<R>, h: R, integrator: Integrator, s: &mut Workspace<R>) {
     let all = integrator != Integrator::Euler;
-    let Some(system) = &mut s.constraints.soft else { return };
+    let Some(system) = &mut s.problem.soft else { return };
     let joints = (all || !compiled.explicit_damping) && compiled.params.dofs().iter().any(|dof| dof[0].gt(R::zero()).any());
-    let (work, v) = (&mut s.work.impulse_change, &s.state.v);
+    let (work, v) = (&mut s.free_motion.scratch.impulse_change, &s.state.v);
     let smooth = &mut s.free_motion.smooth;
     R::vectorize(
         #[inline(always)]
@@ -49,19 +49,27 @@ pub(super) fn integrate_velocity<R: Real>(compiled: &LaneModel<R>, h: R, integra
                 || add_tendon_damping(compiled, h, &mut smooth.mass.entries),
             );
         }
-        if let Some(matrix) = &mut s.unsymmetric {
+        if let Some(matrix) = &mut s.mujoco.unsymmetric {
             matrix.solve(compiled, &s.evaluation.kinematics, &smooth.mass.entries, v, h, work);
-            advance(v, work, h, &mut s.next.v);
+            advance(v, work, h, &mut s.velocity.v);
             return;
         }
         R::vectorize(
             #[inline(always)]
             || {
                 if all {
-                    s.work.impulse.copy_from_slice(work);
+                    s.free_motion.scratch.impulse.copy_from_slice(work);
                     for spinner in compiled.spinners.iter().filter(|spinner| spinner.kind == JointKind::Free) {
                         let mat = &s.evaluation.kinematics.mat[spinner.link + 1];
-                        solve_alone(compiled, [&system.mass, &smooth.mass.entries], mat, v, h, spinner.dof, &mut s.work.impulse);
+                        solve_alone(
+                            compiled,
+                            [&system.mass, &smooth.mass.entries],
+                            mat,
+                            v,
+                            h,
+                            spinner.dof,
+                            &mut s.free_motion.scratch.impulse,
+                        );
                     }
                 }
                 if all {
@@ -75,13 +83,13 @@ pub(super) fn integrate_velocity<R: Real>(compiled: &LaneModel<R>, h: R, integra
                 if all {
                     for spinner in compiled.spinners.iter().filter(|spinner| spinner.kind == JointKind::Free) {
                         let dofs = spinner.dof..spinner.dof + 6;
-                        work[dofs.clone()].copy_from_slice(&s.work.impulse[dofs]);
+                        work[dofs.clone()].copy_from_slice(&s.free_motion.scratch.impulse[dofs]);
                     }
                 }
             },
         );
     }
-    advance(v, work, h, &mut s.next.v);
+    advance(v, work, h, &mut s.velocity.v);
 }
 
 /// Adds h times the damping of fixed tendons to the entries of the mass matrix, as far as the matrix has these entries.

@@ -14,6 +14,7 @@ mod implicit;
 mod runge_kutta;
 pub mod stages;
 pub mod unsymmetric;
+pub(crate) mod workspace;
 
 use stepper_real::{Mask, Real, Scalar};
 
@@ -23,7 +24,7 @@ use crate::integrators::mujoco::acceleration::{accelerate, prepare};
 use crate::integrators::mujoco::implicit::integrate_velocity;
 use crate::integrators::mujoco::runge_kutta::runge_kutta;
 use crate::integrators::recomputed::Recomputed;
-use crate::integrators::solution::Solution;
+use crate::integrators::step_outcome::StepOutcome;
 use crate::integrators::workspace::Workspace;
 use crate::options::{Integrator, StepSettings};
 use crate::probe::{Counter, NoProbe, Probe, Span};
@@ -36,9 +37,9 @@ pub(crate) fn solve_step<R: Real>(
     options: &StepSettings,
     s: &mut Workspace<R>,
     probe: impl Probe,
-) -> (Solution<R>, R::Mask) {
+) -> StepOutcome<R> {
     let h = R::of(options.timestep);
-    let outcome = match options.integrator {
+    let solver = match options.integrator {
         Integrator::Rk4 => runge_kutta(compiled, options, h, s, probe),
         _ => {
             let outcome = accelerate(compiled, options, h, s, true, probe);
@@ -47,11 +48,12 @@ pub(crate) fn solve_step<R: Real>(
         }
     };
     [s.free_motion.unresolved, s.free_motion.gains] = [R::Mask::splat(false); 2];
-    let step = TakenStep { velocity: &s.next.v, is_free: false, h, contacts_at_end: options.integrator == Integrator::Rk4 };
-    let tunnelled = probe.span(Span::Tunnelling, || may_have_passed(compiled, &s.evaluation.kinematics, step, s.alive, &mut s.poses));
-    probe.count(Counter::NewtonSteps, || (0..R::LANES).map(|l| outcome.newton_steps.lane(l).to_f64()).sum());
+    let step = TakenStep { velocity: &s.velocity.v, is_free: false, h, contacts_at_end: options.integrator == Integrator::Rk4 };
+    let tunnelled =
+        probe.span(Span::Tunnelling, || may_have_passed(compiled, &s.evaluation.kinematics, step, s.alive, &mut s.evaluation.poses));
+    probe.count(Counter::NewtonSteps, || (0..R::LANES).map(|l| solver.newton_steps.lane(l).to_f64()).sum());
     let none = R::Mask::splat(false);
-    (Solution { outcome, impulses_act: true, ambiguous: none, limited: none, infeasible: none }, tunnelled)
+    StepOutcome { solver, impulses_act: true, ambiguous: none, limited: none, infeasible: none, tunnelled }
 }
 
 /// Stages 6 and 7 by the acceleration.
@@ -61,8 +63,8 @@ fn advance<R: Real>(compiled: &LaneModel<R>, integrator: Integrator, h: R, s: &m
         _ => integrate_velocity(compiled, h, integrator, s),
     });
     probe.span(Span::IntegratePosition, || {
-        integrate_position(compiled, &s.state.q, &s.next.v, h, &mut s.next.q);
-        advance_activation(compiled, &s.state.act, &s.state.act, &s.inputs.ctrl, h, &mut s.next.act);
+        integrate_position(compiled, &s.state.q, &s.velocity.v, h, &mut s.position.q);
+        advance_activation(compiled, &s.state.act, &s.state.act, &s.inputs.ctrl, h, &mut s.position.act);
     });
 }
 
@@ -76,7 +78,7 @@ pub(crate) fn respond_step<R: Real>(
 ) {
     let h = R::of(options.timestep);
     prepare(compiled, options, h, s, recomputed, NoProbe);
-    if let Some(system) = &mut s.constraints.soft {
+    if let Some(system) = &mut s.problem.soft {
         system.acceleration.copy_from_slice(solution);
         system.respond(compiled, &s.free_motion.smooth.mass, &s.free_motion.smooth.acc);
     }

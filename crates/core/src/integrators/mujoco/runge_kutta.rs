@@ -28,7 +28,7 @@ pub(super) fn runge_kutta<R: Real>(
     s: &mut Workspace<R>,
     probe: impl Probe,
 ) -> Outcome<R> {
-    let Some(mut stages) = s.stages.take() else { unreachable!("made with the workspace for this integrator") };
+    let Some(mut stages) = s.mujoco.runge_kutta.take() else { unreachable!("made with the workspace for this integrator") };
     for (kept, now) in stages.start.iter_mut().zip([&s.state.q, &s.state.v, &s.state.act]) {
         kept.copy_from_slice(now);
     }
@@ -52,7 +52,7 @@ pub(super) fn runge_kutta<R: Real>(
         });
         activation_rate(compiled, &s.state.act, &s.inputs.ctrl, &mut stages.rate[1]);
         find_rates(compiled, h * R::of(part), &s.state.v, &mut stages.rate[0]);
-        let acceleration = s.constraints.soft.as_ref().map_or(&s.free_motion.smooth.acc, |system| &system.acceleration);
+        let acceleration = s.problem.soft.as_ref().map_or(&s.free_motion.smooth.acc, |system| &system.acceleration);
         R::vectorize(
             #[inline(always)]
             || {
@@ -72,17 +72,17 @@ pub(super) fn runge_kutta<R: Real>(
     R::vectorize(
         #[inline(always)]
         || {
-            for ((next, &v), &a) in s.next.v.iter_mut().zip(&*v).zip(&stages.sum[1]) {
+            for ((next, &v), &a) in s.velocity.v.iter_mut().zip(&*v).zip(&stages.sum[1]) {
                 *next = v + h * a;
             }
-            for ((next, &act), &rate) in s.next.act.iter_mut().zip(&*act).zip(&stages.sum[2]) {
+            for ((next, &act), &rate) in s.position.act.iter_mut().zip(&*act).zip(&stages.sum[2]) {
                 *next = act + h * rate;
             }
-            clamp_activation(compiled, &mut s.next.act);
+            clamp_activation(compiled, &mut s.position.act);
         },
     );
-    displace(compiled, q, &stages.sum[0], h, &mut s.next.q);
-    s.stages = Some(stages);
+    displace(compiled, q, &stages.sum[0], h, &mut s.position.q);
+    s.mujoco.runge_kutta = Some(stages);
     outcome.unwrap_or(Outcome { residual: R::zero(), sweeps: R::zero(), newton_steps: R::zero() })
 }
 
@@ -114,7 +114,7 @@ fn find_rates<R: Real>(compiled: &LaneModel<R>, time: R, v: &[R], rates: &mut [R
 /// Makes the state in `s.state` that of the next stage: so long from the beginning, by the rates of the last.
 fn move_stage<R: Real>(compiled: &LaneModel<R>, time: R, stages: &RungeKuttaStages<R>, s: &mut Workspace<R>) {
     let [q, v, act] = &stages.start;
-    let acceleration = s.constraints.soft.as_ref().map_or(&s.free_motion.smooth.acc, |system| &system.acceleration);
+    let acceleration = s.problem.soft.as_ref().map_or(&s.free_motion.smooth.acc, |system| &system.acceleration);
     displace(compiled, q, &stages.rate[0], time, &mut s.state.q);
     R::vectorize(
         #[inline(always)]

@@ -29,8 +29,8 @@ CORE_FOLDERS = {
         *("math", "model", "options", "tuning", "probe", "compile", "dynamics", "collision", "actuation", "constraints", "sensing"),
         "stages",
     },
-    "step": {"options", "probe", "compile", "stages", "integrators"},
-    "step_derivative": {"math", "model", "options", "probe", "compile", "dynamics", "integrators", "step"},
+    "step": {"options", "probe", "compile", "constraints", "stages", "integrators"},
+    "step_derivative": {"math", "model", "options", "probe", "compile", "dynamics", "collision", "constraints", "tuning", "stages", "integrators", "step"},
     "analysis": {"math", "model", "error", "probe", "compile", "dynamics", "collision", "actuation", "sensing", "stages", "integrators"},
     "batch": {
         *("math", "model", "error", "options", "probe", "compile", "dynamics", "collision", "actuation", "constraints", "sensing"),

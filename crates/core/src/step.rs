@@ -15,7 +15,8 @@ use crate::integrators::positions::{correct_positions, find_tunnelling, integrat
 use crate::integrators::predict::{predict, reconsider_servos};
 use crate::integrators::solve_velocities::{bound_velocities, solve_velocities};
 use crate::integrators::step_outcome::{StepOutcome, record};
-use crate::integrators::workspace::{Place, StepInput, Workspace};
+use crate::integrators::step_values::{Place, StepInput};
+use crate::integrators::workspace::Workspace;
 use crate::options::{ContactLaw, StepSettings};
 use crate::probe::{Counter, Probe, Span};
 use crate::stages::s05_solve::store_impulses;

@@ -22,7 +22,7 @@ fn least_lever<R: Real>() -> f64 {
     f64::max(1e-5, 1e3 * <R::Scalar as Scalar>::EPSILON.to_f64())
 }
 
-/// Rows of a slot along the normal and the tangents; their entries are in [`RowBuilder::column`](crate::constraints::row_builder::RowBuilder::column).
+/// Rows of a slot along the normal and the tangents. Their entries are in the column of the row builder.
 pub(crate) struct SlidingRows<R: Real> {
     /// What each row demands of velocities and of positions, m/s.
     pub(crate) demands: [[R; 2]; 3],

@@ -59,6 +59,12 @@ impl<R: Real> PositionSolution<R> {
         }
     }
 
+    /// Fills with NaN the vectors that a step computes before it reads them.
+    pub(crate) fn poison(&mut self) {
+        let Self { q, act, v_free, carried, correction, q_corrected, .. } = self;
+        [q, act, v_free, carried, correction, q_corrected].into_iter().for_each(|buffer| buffer.fill(R::of(f64::NAN)));
+    }
+
     /// Copies the rows of the problem.
     pub fn copy_rows(&mut self, problem: &ConstraintProblem<R>) {
         R::vectorize(

@@ -185,11 +185,11 @@ impl<R: Real> ConstraintProblem<R> {
 }
 
 impl<R: Real> PositionSolution<R> {
-    /// Removes impacts from the position solve in the lanes `lanes`: their impulses, and the contacts that did not overlap before. A contact
-    /// that did is pushed out if it does not separate fast enough.
+    /// Removes impacts from the position solve in the lanes `lanes`: their impulses, and the contacts that did not overlap before.
     ///
-    /// `impulses` are those of the velocity solution. Writes to `carried` the velocity that would move the positions within a step as far as
-    /// the impulses do beyond the velocity after the step. `time_before` is the evaluation time of the step of `h` seconds.
+    /// A contact that overlapped is pushed out if it does not separate fast enough. `impulses` are those of the velocity solution. Writes
+    /// to `carried` the velocity that moves the positions within a step as far as the impulses do beyond the velocity after the step.
+    /// `time_before` is the evaluation time of the step of `h` seconds.
     pub(crate) fn remove_impacts(
         &mut self,
         compiled: &LaneModel<R>,

@@ -8,7 +8,7 @@ use crate::compile::LaneModel;
 use crate::constraints::{ConstraintProblem, PositionSolution, VelocitySolution};
 use crate::dynamics::inertia::MassMatrix;
 use crate::dynamics::kinematics::{Kinematics, all_finite};
-use crate::integrators::workspace::{Evaluation, FreeMotion, Place, State, StepInput};
+use crate::integrators::step_values::{Evaluation, FreeMotion, Place, State, StepInput};
 use crate::math::lanes::each_of;
 use crate::math::spatial::*;
 use crate::stages::s05_solve::solve_to;
@@ -101,8 +101,8 @@ pub(crate) fn store_joint_impulse<R: Real>(
 
 /// Makes the next state the state, in the lanes where it is finite, `h` seconds later. Returns these lanes.
 ///
-/// The other lanes keep their state and lose their warm start. Afterwards `velocity.v`, `position.q` and `position.act` hold the state before
-/// the step.
+/// The other lanes keep their state and lose their warm start. Afterwards `velocity.v`, `position.q` and `position.act` hold the state
+/// before the step.
 #[inline(always)]
 pub(crate) fn accept<R: Real>(
     compiled: &LaneModel<R>,

@@ -4,7 +4,7 @@ use crate::constraints::assembler::{Assembler, AssemblyInput};
 use crate::constraints::equality::RowInput;
 use crate::constraints::row_builder::RowBuilder;
 use crate::constraints::{ConstraintProblem, VelocitySolution};
-use crate::integrators::workspace::{Evaluation, FreeMotion, Place, StepInput};
+use crate::integrators::step_values::{Evaluation, FreeMotion, Place, StepInput};
 use crate::probe::{Probe, Span};
 use crate::stages::s04_assemble::assemble;
 use stepper_real::Real;

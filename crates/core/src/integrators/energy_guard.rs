@@ -5,7 +5,7 @@ use stepper_real::{Mask, Real};
 use crate::constraints::{PositionSolution, VelocitySolution};
 use crate::dynamics::kinematics::displace;
 use crate::integrators::step_resolution::StepResolution;
-use crate::integrators::workspace::{Evaluation, FreeMotion, Place, StepInput};
+use crate::integrators::step_values::{Evaluation, FreeMotion, Place, StepInput};
 
 /// Finds the lanes in which the error of the midpoint rule adds energy, before positions are corrected.
 ///

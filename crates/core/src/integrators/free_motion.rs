@@ -5,11 +5,10 @@ use stepper_real::{Mask, Real};
 use crate::actuation::forces::{ActuatorForces, Implicit};
 use crate::compile::LaneModel;
 use crate::dynamics::kinematics::advance;
-use crate::integrators::locate::advance_evaluation;
 use crate::integrators::scheme::Scheme;
-use crate::integrators::workspace::{Evaluation, FreeMotion, Place, StepInput};
+use crate::integrators::step_values::{Evaluation, FreeMotion, Place, StepInput};
 use crate::probe::{Counter, Probe, Span};
-use crate::stages::s01_actuate::{actuate, regather};
+use crate::stages::s01_actuate::{actuate, advance_activation, regather};
 use crate::tuning::SATURATION_PASSES;
 
 /// Stages 1 and 2 at the evaluation point, with forces at the velocity before the step.
@@ -46,6 +45,17 @@ pub(crate) fn recompute_free_motion<R: Real>(input: StepInput<'_, R>, evaluation
     actuate_freely(Place { input, evaluation }, free);
     free.accelerate(compiled, &evaluation.kinematics, &state.v, &state.v);
     advance(&state.v, &free.smooth.acc, scheme.h, &mut free.v);
+}
+
+/// Activations at which forces are evaluated.
+#[inline(always)]
+pub(crate) fn advance_evaluation<R: Real>(input: StepInput<'_, R>, evaluation: &mut Evaluation<R>) {
+    let StepInput { compiled, state, inputs, .. } = input;
+    if evaluation.scheme.in_the_middle {
+        advance_activation(compiled, &state.act, &state.act, &inputs.ctrl, evaluation.scheme.time_before, &mut evaluation.act);
+    } else {
+        evaluation.act.copy_from_slice(&state.act);
+    }
 }
 
 /// Whether servos with bounds are implicit, so that one at a bound changes the mass matrix.

@@ -14,7 +14,7 @@ use crate::constraints::{ConstraintProblem, PositionSolution};
 use crate::dynamics::gyroscopic;
 use crate::dynamics::kinematics::{Kinematics, advance};
 use crate::integrators::impact_set::Impacts;
-use crate::integrators::workspace::{Evaluation, FreeMotion, Place, Scratch, StepInput};
+use crate::integrators::step_values::{Evaluation, FreeMotion, Place, Scratch, StepInput};
 use crate::math::spatial::*;
 use crate::stages::s04_assemble::assemble_demands;
 use crate::tuning::{MAX_RESOLVED_ROTATION, MIN_IMPACT_RATIO, MIN_VELOCITY_ERROR, PLACEMENT_TOLERANCE};
@@ -149,8 +149,8 @@ pub(crate) fn correct_impact_forces<R: Real>(
 
 /// Lanes whose velocity after the step differs from that at which inertial forces were evaluated.
 ///
-/// The `first` solution evaluated them at the mean of the velocities and not half at each. Lanes in which constraints made the velocity jump
-/// then count too.
+/// The `first` solution evaluated them at the mean of the velocities and not half at each. Lanes in which constraints made the velocity
+/// jump then count too.
 fn lanes_with_impacts<R: Real>(
     place: Place<'_, R>,
     free: &FreeMotion<R>,
@@ -181,8 +181,8 @@ fn lanes_with_impacts<R: Real>(
     )
 }
 
-/// Computes the free velocity with inertial forces at the velocity before the step and at `v_next`: half each, or until the impact and after
-/// it. The forces of stage 1 stay, because what depends on the velocity in them is implicit.
+/// Computes the free velocity with inertial forces at the velocity before the step and at `v_next`: half each, or until the impact and
+/// after it. The forces of stage 1 stay, because what depends on the velocity in them is implicit.
 fn compute_inertial_forces<R: Real>(place: Place<'_, R>, free: &mut FreeMotion<R>, problem: &ConstraintProblem<R>, v_next: &[R]) {
     let Place { input: StepInput { compiled, state, .. }, evaluation: Evaluation { scheme, kinematics, impacts, .. } } = place;
     let half = scheme.h * R::of(0.5);

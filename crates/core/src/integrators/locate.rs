@@ -4,19 +4,19 @@ use stepper_real::{Mask, Real};
 
 use crate::dynamics::kinematics::displace;
 use crate::dynamics::mocap;
-use crate::integrators::free_motion::compute_free_motion;
+use crate::integrators::free_motion::{advance_evaluation, compute_free_motion};
 use crate::integrators::impact::first_impacts;
 use crate::integrators::scheme;
-use crate::integrators::workspace::{Evaluation, FreeMotion, Place, StepInput};
+use crate::integrators::step_values::{Evaluation, FreeMotion, Place, StepInput};
 use crate::probe::{Probe, Span};
-use crate::stages::s01_actuate::advance_activation;
 use crate::stages::s03_detect::detect;
 use crate::tuning::MAX_PLACEMENTS;
 
 /// Stages 1 to 3 at the evaluation point: forces, the free velocity and the contacts.
 ///
-/// Euler's rule evaluates a step at its beginning, the midpoint rule in its middle. The loop moves the point of some lanes: to the beginning
-/// of the step where bodies are so fast that they could pass through a thin geom before, and to the time of the first elastic impact.
+/// Euler's rule evaluates a step at its beginning, the midpoint rule in its middle. The loop moves the point of some lanes: to the
+/// beginning of the step where bodies are so fast that they could pass through a thin geom before, and to the time of the first elastic
+/// impact.
 #[inline(always)]
 pub(crate) fn locate<R: Real>(input: StepInput<'_, R>, evaluation: &mut Evaluation<R>, free: &mut FreeMotion<R>, probe: impl Probe) {
     evaluation.scheme = scheme(input.options);
@@ -80,16 +80,5 @@ fn displace_evaluation<R: Real>(input: StepInput<'_, R>, evaluation: &mut Evalua
     advance_evaluation(input, evaluation);
     if evaluation.scheme.looks_ahead {
         displace(compiled, &evaluation.q, &state.v, evaluation.scheme.time_ahead, &mut evaluation.q_ahead);
-    }
-}
-
-/// Activations at which forces are evaluated.
-#[inline(always)]
-pub(crate) fn advance_evaluation<R: Real>(input: StepInput<'_, R>, evaluation: &mut Evaluation<R>) {
-    let StepInput { compiled, state, inputs, .. } = input;
-    if evaluation.scheme.in_the_middle {
-        advance_activation(compiled, &state.act, &state.act, &inputs.ctrl, evaluation.scheme.time_before, &mut evaluation.act);
-    } else {
-        evaluation.act.copy_from_slice(&state.act);
     }
 }

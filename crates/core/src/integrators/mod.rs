@@ -23,6 +23,7 @@ pub mod scheme;
 pub(crate) mod solve_velocities;
 pub(crate) mod step_outcome;
 pub mod step_resolution;
+pub(crate) mod step_values;
 pub(crate) mod strike_search;
 pub(crate) mod struck_contacts;
 pub mod workspace;

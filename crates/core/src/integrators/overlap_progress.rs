@@ -18,7 +18,7 @@ use crate::compile::{LaneModel, ModelStructure};
 use crate::constraints::islands::Islands;
 use crate::constraints::{ConstraintProblem, PositionSolution};
 use crate::dynamics::mocap;
-use crate::integrators::workspace::{Evaluation, StepInput};
+use crate::integrators::step_values::{Evaluation, StepInput};
 use crate::math::lanes::each_of;
 use crate::options::StepSettings;
 use crate::probe::NoProbe;

@@ -7,7 +7,7 @@ use crate::constraints::{ConstraintProblem, PositionSolution, VelocitySolution};
 use crate::integrators::impact::prepare_position_solve;
 use crate::integrators::overlap_progress::revert_ineffective_corrections;
 use crate::integrators::step_outcome::StepOutcome;
-use crate::integrators::workspace::{Evaluation, FreeMotion, Place, StepInput};
+use crate::integrators::step_values::{Evaluation, FreeMotion, Place, StepInput};
 use crate::probe::{Probe, Span};
 use crate::stages::s01_actuate::advance_activation;
 use crate::stages::s07_integrate_position::integrate_position;

@@ -10,9 +10,9 @@ use crate::integrators::assemble::assemble_problem;
 use crate::integrators::free_motion::{compute_free_motion, has_bounded_servos};
 use crate::integrators::scheme::Scheme;
 use crate::integrators::step_resolution::assess_corrector;
+use crate::integrators::step_values::{Evaluation, FreeMotion, Place, Scratch, StepInput};
 use crate::integrators::strike_search::StrikeSearch;
 use crate::integrators::struck_contacts::predict_strikes;
-use crate::integrators::workspace::{Evaluation, FreeMotion, Place, Scratch, StepInput};
 use crate::probe::{Probe, Span};
 use crate::stages::s01_actuate::actuate;
 use crate::stages::s04_assemble::assemble_demands;
@@ -46,8 +46,8 @@ pub(crate) fn reconsider_servos<R: Real>(
     }
 }
 
-/// Compares the servos at their bounds with those at the bounds by an estimate of the impulses. Lanes that differ expect the impulses of the
-/// estimate from then on. Returns whether any lane differs.
+/// Compares the servos at their bounds with those at the bounds by an estimate of the impulses. Lanes that differ expect the impulses of
+/// the estimate from then on. Returns whether any lane differs.
 fn servos_disagree<R: Real>(
     place: Place<'_, R>,
     free: &mut FreeMotion<R>,
@@ -155,8 +155,8 @@ pub(crate) fn compute_smooth_velocity<R: Real>(
     assemble_demands(compiled, &free.smooth.mass, problem, &mut free.scratch.free_change, None, everywhere);
 }
 
-/// Removes the `change` by impulses from the prediction in lanes in which it makes the motion faster than the step resolves. Forces of such a
-/// motion would add energy to it.
+/// Removes the `change` by impulses from the prediction in lanes in which it makes the motion faster than the step resolves. Forces of such
+/// a motion would add energy to it.
 fn leave_out_blows<R: Real>(scheme: &Scheme<R>, v_free: &[R], change: &mut [R]) {
     R::vectorize(
         #[inline(always)]

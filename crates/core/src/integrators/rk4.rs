@@ -10,7 +10,7 @@ use crate::dynamics::kinematics::{Kinematics, displace};
 use crate::integrators::inputs::Inputs;
 use crate::integrators::midpoint;
 use crate::integrators::scheme::Scheme;
-use crate::integrators::workspace::{Evaluation, Place, StepInput};
+use crate::integrators::step_values::{Evaluation, Place, StepInput};
 use crate::math::spatial::*;
 use crate::model::JointKind;
 use crate::stages::s01_actuate::{activation_rate, actuate};

@@ -5,7 +5,7 @@ use stepper_solve::{Outcome, System};
 
 use crate::constraints::ConstraintProblem;
 use crate::constraints::equality_violation::max_equality_violation;
-use crate::integrators::workspace::{FreeMotion, StepInput};
+use crate::integrators::step_values::{FreeMotion, StepInput};
 use crate::stages::s10_record::{DEEP, EQUALITY_VIOLATED, OVER_LIMIT, Record, depth, limit_overshoot};
 
 /// Outcome of the solver and lane sets of a step.

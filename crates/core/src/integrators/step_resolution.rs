@@ -21,7 +21,7 @@ use crate::compile::{LaneModel, ModelStructure};
 use crate::dynamics::inertia::{NewtonEuler, link_forces};
 use crate::dynamics::kinematics::{Kinematics, blend, kinetic_energy};
 use crate::integrators::scheme::Scheme;
-use crate::integrators::workspace::FreeMotion;
+use crate::integrators::step_values::FreeMotion;
 use crate::math::spatial::*;
 use crate::model::JointKind;
 use crate::tuning::{

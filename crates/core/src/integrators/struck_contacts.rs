@@ -6,8 +6,8 @@
 use stepper_real::{Mask, Real};
 
 use crate::constraints::{ConstraintProblem, VelocitySolution};
+use crate::integrators::step_values::{Evaluation, FreeMotion, Place, StepInput};
 use crate::integrators::strike_search::{StrikeQuery, StrikeSearch};
-use crate::integrators::workspace::{Evaluation, FreeMotion, Place, StepInput};
 use crate::stages::s05_solve::Estimate;
 use crate::tuning::{MAX_PREDICTIONS, PREDICTED_MARGIN};
 

@@ -10,7 +10,7 @@ use crate::integrators::devices::Devices;
 use crate::integrators::energy_guard::{find_energy_gain, limit_energy};
 use crate::integrators::locate::locate;
 use crate::integrators::mujoco;
-use crate::integrators::observation::{observe, pass_controls};
+use crate::integrators::observation::{hold_outputs, observe, pass_controls};
 use crate::integrators::positions::{correct_positions, find_tunnelling, integrate_positions};
 use crate::integrators::predict::{predict, reconsider_servos};
 use crate::integrators::solve_velocities::{bound_velocities, solve_velocities};
@@ -54,7 +54,10 @@ fn run_stages<R: Real>(
     }
     s.evaluation.poses.begin();
     // 1 actuate: controls pass through the actuators' pipelines.
-    probe.span(Span::ActuatorPipelines, || pass_controls(compiled, options, s, devices));
+    probe.span(Span::ActuatorPipelines, || {
+        let Workspace { state, user_controls, inputs, alive, .. } = s;
+        pass_controls(compiled, options, state, user_controls, inputs, *alive, devices);
+    });
     let outcome = match options.contact {
         ContactLaw::Hard => solve_step(compiled, options, s, probe),
         // Stages 1 to 7 with MuJoCo's contact law. It needs no stage 8, because remaining depth and loop errors are its softness.
@@ -65,10 +68,11 @@ fn run_stages<R: Real>(
         accept(compiled, state, evaluation, velocity, position, *alive, options.timestep)
     });
     // 9 sense
-    probe.span(Span::Sense, || observe(compiled, options, s, devices));
-    // 10 record
-    let Workspace { state, inputs, free_motion, problem, alive, .. } = s;
+    let Workspace { state, inputs, evaluation, free_motion, problem, velocity, sensors, alive, .. } = s;
+    hold_outputs(compiled, inputs, devices);
     let input = StepInput { compiled, options, state, inputs, alive: *alive };
+    probe.span(Span::Sense, || observe(input, velocity, &mut evaluation.kinematics, sensors, devices));
+    // 10 record
     let record = probe.span(Span::Record, || record(input, free_motion, problem, &outcome, finite));
     problem.remove_deferred(&mut state.contacts);
     record

@@ -279,7 +279,7 @@ impl<R: Real, P: Probe> Worker<R::Scalar> for LaneWorker<R, P> {
     ) {
         assert_eq!(group.lanes, R::LANES, "a worker reads groups of its own width");
         self.load_overrides(call, first);
-        let (reader, h) = (Reader { call, compiled: &self.compiled, first, probe: self.probe }, R::of(call.settings.timestep));
+        let reader = Reader { call, compiled: &self.compiled, first, probe: self.probe };
         // What the last step did may take another step, which leaves poses of its own.
         for of_last_step in [false, true] {
             if quantities.iter().all(|q| q.is_of_last_step() != of_last_step) {
@@ -289,7 +289,7 @@ impl<R: Real, P: Probe> Worker<R::Scalar> for LaneWorker<R, P> {
             reader.load_to_derive(group, &mut self.workspace, of_last_step, contacts);
             self.derivation.begin(&self.compiled, &mut self.workspace);
             for (&quantity, out) in quantities.iter().zip(&mut *out).filter(|(q, _)| q.is_of_last_step() == of_last_step) {
-                self.derivation.derive(&self.compiled, h, &mut self.workspace, quantity, out);
+                self.derivation.derive(&self.compiled, call.settings, &mut self.workspace, quantity, out);
             }
         }
     }

@@ -9,8 +9,8 @@ use crate::constraints::{ConstraintProblem, VelocitySolution};
 use crate::math::spatial::*;
 use crate::options::{Solver, StepSettings};
 use crate::tuning::{
-    ESTIMATE_ERROR, ESTIMATE_ITERATIONS, ESTIMATE_RATIO, MAX_ESTIMATE_TOLERANCE, MIN_TOLERANCE, RELATIVE_TOLERANCE, REST_MOTION,
-    ROUGH_ITERATIONS, ROUGH_MOTION, STRUCTURE_MOTION,
+    ESTIMATE_ERROR, ESTIMATE_ITERATIONS, MAX_ESTIMATE_TOLERANCE, MIN_TOLERANCE, RELATIVE_TOLERANCE, REST_MOTION, ROUGH_ITERATIONS,
+    ROUGH_MOTION, STRUCTURE_MOTION,
 };
 
 /// Solves the lanes `lanes` to the tolerance and leaves the impulses where the next step finds its warm start.
@@ -123,12 +123,14 @@ pub struct Estimate<R: Real> {
 }
 
 impl<R: Real> Estimate<R> {
-    /// That of a step of `h` seconds from the velocity `v`. It is solved for where it decides whether servos are on their bounds, where
-    /// loads are shared, and for who asks for more than the default: for Newton's method, or a smaller tolerance.
+    /// Estimate of a step of `h` seconds from the velocity `v`.
+    ///
+    /// A rough estimate has an error of up to [`ESTIMATE_ERROR`]. The estimate is solved if a smaller error is required, where it decides
+    /// whether servos are at their bounds, where loads are shared, and with Newton's method.
     #[inline(always)]
     pub fn new(compiled: &LaneModel<R>, options: &StepSettings, v: &[R], h: R, velocity: &VelocitySolution<R>) -> Self {
-        let error = if options.is_tight() { ESTIMATE_RATIO * options.tolerance } else { ESTIMATE_ERROR };
-        let exact = compiled.servos_are_bounded || options.is_tight() || options.solver == Solver::Newton;
+        let error = ESTIMATE_ERROR / options.refinement();
+        let exact = compiled.servos_are_bounded || error < ESTIMATE_ERROR || options.solver == Solver::Newton;
         let least = if compiled.ntree > 1 { STRUCTURE_MOTION } else { REST_MOTION };
         R::vectorize(
             #[inline(always)]
@@ -160,7 +162,7 @@ impl<R: Real> Estimate<R> {
             stepper_solve::gauss_seidel::sweep_from_none(rows, impulses, ROUGH_ITERATIONS, rough);
         }
         if solved.any() {
-            let sweeps = if options.is_tight() { ESTIMATE_ITERATIONS.max(options.iterations) } else { ESTIMATE_ITERATIONS };
+            let sweeps = (ESTIMATE_ITERATIONS * options.refinement()) as u32;
             let settings = stepper_solve::gauss_seidel::SweepSettings { sweeps, tolerance: self.tolerance };
             stepper_solve::gauss_seidel::estimate(rows, impulses, settings, solved, solved.and(self.moving));
         }

@@ -23,8 +23,8 @@ use crate::math::spatial::*;
 use crate::model::JointKind;
 use crate::options::{Solver, Stabilization, StepSettings};
 use crate::tuning::{
-    BAUMGARTE_LIMIT, CORRECTION_ARM, CORRECTION_ITERATIONS, CORRECTION_NEWTON_STEPS, CORRECTION_NEWTON_THRESHOLD, CORRECTION_RATIO,
-    CORRECTION_TOLERANCE, DAMPING, MAX_CORRECTION_ROTATION, MAX_SPEED_RATIO, MIN_UNMET_DEMAND, NEGLIGIBLE_CORRECTION,
+    BAUMGARTE_LIMIT, CORRECTION_ARM, CORRECTION_ITERATIONS, CORRECTION_NEWTON_STEPS, CORRECTION_NEWTON_THRESHOLD, CORRECTION_TOLERANCE,
+    DAMPING, MAX_CORRECTION_ROTATION, MAX_SPEED_RATIO, MIN_UNMET_DEMAND, NEGLIGIBLE_CORRECTION,
 };
 
 /// Bounds of the motion of a correction.
@@ -187,25 +187,21 @@ fn correct<R: Real>(
     position: &mut PositionSolution<R>,
 ) -> R::Mask {
     let lanes = input.lanes;
-    damp_rows(compiled, options, input, &velocity.impulses, position);
+    damp_rows(compiled, input, &velocity.impulses, position);
     let [sweeps, newton] = options.effort();
-    let tight = CORRECTION_RATIO * options.tolerance;
-    let (tolerance, sweeps, newton, rough) = match options.is_tight() {
-        true => (tight, sweeps, newton, tight),
-        false => (
-            options.tolerance.max(CORRECTION_TOLERANCE),
-            sweeps.min(CORRECTION_ITERATIONS),
-            newton.min(CORRECTION_NEWTON_STEPS),
-            CORRECTION_NEWTON_THRESHOLD,
-        ),
-    };
+    let refinement = options.refinement();
+    let tolerance = (CORRECTION_TOLERANCE / refinement).max(options.tolerance);
+    let sweeps = sweeps.min((CORRECTION_ITERATIONS * refinement) as u32);
+    let newton = newton.min((CORRECTION_NEWTON_STEPS * refinement) as u32);
+    let rough = CORRECTION_NEWTON_THRESHOLD / refinement.powi(2);
     let newton = if options.solver == Solver::Newton { options.iterations } else { newton };
     let threshold = if options.solver == Solver::Newton { tolerance } else { tolerance.max(rough) };
     let settings = Settings { sweeps, newton_steps: newton, tolerance: R::of(tolerance), newton_threshold: R::of(threshold) };
     let VelocitySolution { impulses, v: v_next, newton, shared, .. } = velocity;
     let PositionSolution { rows, reference, islands, v_free, correction: out, .. } = position;
     let system = rows.system(&input.problem.rows);
-    let system = if options.is_tight() { system } else { system.uncertified() };
+    // The residual of a correction is not reported. Only a smaller tolerance needs its certificate.
+    let system = if tolerance < CORRECTION_TOLERANCE { system } else { system.uncertified() };
     stepper_solve::solve(system, impulses, settings, lanes, newton);
     let bounds = Bounds::new(options, input.h);
     let (fast, lacking) = R::vectorize(
@@ -233,13 +229,12 @@ fn correct<R: Real>(
 #[inline(always)]
 pub(crate) fn damp_rows<R: Real>(
     compiled: &LaneModel<R>,
-    options: &StepSettings,
     input: &PositionInput<'_, R>,
     impulses: &Iterate<R>,
     position: &mut PositionSolution<R>,
 ) {
-    let negligible = R::of(if options.is_tight() { NEGLIGIBLE_CORRECTION } else { 0.0 });
-    let damping = Damping { ratio: R::of(DAMPING), bending: input.h * R::of(1.0 / CORRECTION_ARM), negligible };
+    let damping =
+        Damping { ratio: R::of(DAMPING), bending: input.h * R::of(1.0 / CORRECTION_ARM), negligible: R::of(NEGLIGIBLE_CORRECTION) };
     let PositionSolution { rows, floors, reference, .. } = position;
     R::vectorize(
         #[inline(always)]

@@ -264,7 +264,7 @@ impl<R: Real> HardResponse<R> {
         let corrected = R::Mask::from_bits(self.corrected);
         let (mass, h) = (&free.smooth.mass, self.scheme.h);
         let rows = PositionInput { problem, mass, contacts, lanes: corrected, rebounding: problem.rebounding, h };
-        damp_rows(compiled, options, &rows, &velocity.impulses, position);
+        damp_rows(compiled, &rows, &velocity.impulses, position);
         pass.find_impulses(
             options,
             &mut self.correction,

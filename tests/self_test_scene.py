@@ -1,6 +1,8 @@
-"""The model and the digest of the self-test of `stepper.doctor`. After a change of bits or of the format of saved models:
+"""Model and expected digest of the self-test of `stepper.doctor`.
 
-PYTHONPATH=python:tests .venv/bin/python tests/self_test_scene.py
+After a change of bits or of the format of saved models, this renews both:
+
+    PYTHONPATH=python:tests .venv/bin/python tests/self_test_scene.py
 """
 
 import stepper

@@ -63,7 +63,9 @@ def test_no_two_crates_have_the_same_description():
 def test_no_library_needs_a_newer_rust_than_the_crates_declare():
     """Clippy's lint incompatible_msrv, part of `make check`, says the same of the standard library."""
     declared = version(WORKSPACE["rust-version"])
-    packages = json.loads(cargo("metadata", "--format-version", "1", "--locked", "--filter-platform", "x86_64-unknown-linux-gnu"))["packages"]
+    packages = json.loads(cargo("metadata", "--format-version", "1", "--locked", "--filter-platform", "x86_64-unknown-linux-gnu"))[
+        "packages"
+    ]
     assert len(packages) > 100
     assert {p["name"]: p["rust_version"] for p in packages if version(p["rust_version"] or "1.0") > declared} == {}
     assert max(version(p["rust_version"] or "1.0") for p in packages if p["source"]) == declared, "a lower version would do"

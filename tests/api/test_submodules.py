@@ -1,5 +1,6 @@
 """Submodules are there after `import stepper`, and the command line is one of them."""
 
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -44,3 +45,11 @@ def test_every_adapter_is_an_attribute():
 @pytest.mark.parametrize("module", ["stepper", "stepper.cli"])
 def test_a_module_runs_the_command_line(module):
     assert "demo" in said("-m", module, "--help")
+
+
+def test_a_shell_completes_commands():
+    """`stepper --install-completion` adds to the shell's settings a call like this one."""
+    asked = {"_STEPPER_COMPLETE": "complete_bash", "COMP_WORDS": "stepper do", "COMP_CWORD": "1"}
+    program = "import sys; sys.argv[0] = 'stepper'; from stepper.cli import main; main()"
+    done = subprocess.run([sys.executable, "-c", program], env=os.environ | asked, capture_output=True, text=True, check=True)
+    assert done.stdout == "doctor\n"

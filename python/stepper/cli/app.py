@@ -19,7 +19,7 @@ COMMANDS = (demo, chart, compare, explain, report, sweep, rank, tune, evaluate, 
 def application() -> Typer:
     """The commands with their options. Made here because typer is optional."""
     typer = require("typer", "for the command line")
-    app: Typer = typer.Typer(help=__doc__, add_completion=False, no_args_is_help=True, pretty_exceptions_enable=False)
+    app: Typer = typer.Typer(help=__doc__, no_args_is_help=True, pretty_exceptions_enable=False)
     for command in COMMANDS:
         command.register(app, typer)
     return app

@@ -53,7 +53,8 @@ FOLDERS = {
     "adapters": {"shared", "envs", "derivatives"},
     "sysid": {"shared", "actuators", "recording"},
     "policies": {"shared"},
-    "cli": {"shared", "loading", "recording", "lab", "viewer", "envs", "policies", "sysid"},
+    "doctor": {"shared"},
+    "cli": {"shared", "doctor", "loading", "recording", "lab", "viewer", "envs", "policies", "sysid"},
 }
 """Folders of the Python package, and the others that each may import."""
 BOTTOM = {"_stepper", "_options", "_status", "_hints", "_quantities"}

@@ -204,7 +204,7 @@ _ROOT_NAMES = {
     "bodies": "attributes of a stepper.Stepper, as sim.cinert",
     "quantities": "attributes and methods of a stepper.Stepper, as sim.qpos, sim.read(...), sim.inverse_dynamics(...), sim.rays(...)",
     "states": "methods of a stepper.Stepper with envs=, as sim.reset(envs=[3, 5]), and sim.copy_state(...)",
-    "cpu_levels": "stepper.shared.machine.cpu_levels()",
+    "cpu_levels": "stepper.doctor.cpu_levels()",
     **dict.fromkeys(
         ("MjModel", "from_xml_path", "from_xml_string", "load_model"), "stepper.load(path or text), which gives a stepper.Model"
     ),

@@ -23,7 +23,7 @@ from stepper._hints import _IN, _NEW_NAMES, _ROOT_NAMES
 
 LISTED = Path(__file__).with_name("public_names.txt")
 RENEW = "PYTHONPATH=python:tests .venv/bin/python tests/api/test_public_names.py"
-MODULES = ("actuators", "adapters", "derivatives", "envs", "lab", "policies", "recording", "sensors", "sysid", "viewer")
+MODULES = ("actuators", "adapters", "derivatives", "doctor", "envs", "lab", "policies", "recording", "sensors", "sysid", "viewer")
 ROOT = {
     *("load", "Model", "Stepper", "Options", "Status", "State", "ModelError", "ModelWarning", "SensorModel", "Transfer"),
     *("ActuatorModel", "Drive", "Recorder", "replay", "__version__"),

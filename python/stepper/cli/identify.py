@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from stepper._options import Options
 from stepper.cli.options import OUT
-from stepper.lab.progress import show_files
+from stepper.lab.progress import progress, show_files
 from stepper.loading import load
 from stepper.sysid import KINDS
 from stepper.sysid import identify as run
@@ -57,7 +57,8 @@ def identify(
         "columns": pairs,
         "channels": channels or None,
     }
-    found = run(read, list(data), parameters, start=keyframe, **settings)
+    with progress() as tick:
+        found = run(read, list(data), parameters, start=keyframe, tick=tick, **settings)
     print(found)
     out.mkdir(parents=True, exist_ok=True)
     found.save(out / "identified.json")

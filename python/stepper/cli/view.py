@@ -15,6 +15,7 @@ import numpy as np
 
 from stepper._options import Options
 from stepper._stepper import Stepper
+from stepper.lab.progress import progress
 from stepper.lab.study import Study
 from stepper.lab.study.episode import Episodes
 from stepper.lab.study.journal import diverged
@@ -161,7 +162,8 @@ def _play(folder: Path, asked: Asked, rerun: Path | None) -> None:
     # One environment is what the command shows by default, and a recording has a number of its own.
     envs = asked.envs if asked.envs > 1 else None
     if rerun is not None:
-        moments = log_rerun(folder, rerun, envs=envs, source=asked.looks)
+        with progress() as tick:
+            moments = log_rerun(folder, rerun, envs=envs, source=asked.looks, tick=tick)
         print(f"{rerun} has {moments} moments: rerun {rerun}")
         return
     player = Player(folder, envs=envs, source=asked.looks, host=asked.host, port=asked.port)

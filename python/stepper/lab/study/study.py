@@ -286,11 +286,7 @@ class Study(metaclass=Hinting):
         given = self.setting(setting)
         # Of MuJoCo's rows alone: what stepper does not read makes none of its rows anew.
         compiled = [self._compiled_digest] if given.get("engine") == "mujoco" else []
-        own = {
-            name: [value, p.target, list(p.names), p.column, p.how]
-            for name, value in sorted(theta.items())
-            for p in [self.parameters[name]]
-        }
+        own = {name: [value, str(p.parsed), p.how] for name, value in sorted(theta.items()) for p in [self.parameters[name]]}
         return _digest([self._identity_digest, own, given, episode, *compiled])
 
     @cached_property

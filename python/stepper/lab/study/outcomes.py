@@ -100,12 +100,12 @@ def words_of(text: str) -> Measure:
     """
     kind, *rest = text.split()
     readers = {
-        "body": lambda now, name: now.body(name),
-        "site": lambda now, name: now.site(name),
-        "joint": lambda now, name: now.joint(name),
-        "jointvel": lambda now, name: now.joint_velocity(name),
-        "sensor": lambda now, name: now.truth(name),
-        "force": lambda now, name: now.contact_force(name)[:, :3],
+        "body": lambda now, name: now.read("xpos", name),
+        "site": lambda now, name: now.read("site_xpos", name),
+        "joint": lambda now, name: now.read("qpos", name),
+        "jointvel": lambda now, name: now.read("qvel", name),
+        "sensor": lambda now, name: now.read("sensordata_ideal", name),
+        "force": lambda now, name: now.read("body_contact_force", name)[:, :3],
     }
     if kind not in readers or not 1 <= len(rest) <= 2:
         raise ValueError(

@@ -51,7 +51,7 @@ _REMEDIES = {
         _NOTHING,
     ),
 }  # fmt: skip
-_CALL = re.compile(r"[\w.]+(\(.*\))?")
+_CALL = re.compile(r"[\w.]+(\([^()]*\)(\.\w+)?)?")
 """A name or a call, without words."""
 _LISTED = 12
 """Names that a message lists."""

@@ -702,6 +702,46 @@ def test_a_drive_that_reads_another_parameter_is_told_which_there_are():
         tray(drive=lambda now: now.theta["puhs"]).episode()
 
 
+def shove(now):
+    """Pushes the object with 2 N."""
+    now.xfrc_applied[:, 1, 0] = 2.0
+
+
+def test_a_selector_with_a_range_is_a_parameter_of_a_sweep(tmp_path):
+    """The rows are those of a study that has the parameter, to the key."""
+    text = "body_mass[object]=0.5..1.5"
+    own = tray(parameters={"mass": Parameter("body_mass[object]", low=0.5, high=1.5)}, episodes=1, drive=shove)
+    none = tray(parameters={}, episodes=1, drive=shove)
+    one = stepper.lab.sweep(own, tmp_path / "one", cliffs=False).sweep.table.rows
+    other = stepper.lab.sweep(none, tmp_path / "other", parameters=[text], cliffs=False).sweep.table.rows
+    assert [row["outcomes"] for row in one] == [row["outcomes"] for row in other]
+    assert [row["theta"].get("body_mass[object]") for row in other] == [None, 0.5, 0.75, 1.0, 1.25, 1.5]
+    with pytest.raises(ValueError, match=r"no parameter 'mas'; did you mean mass\? there are: mass; or give a selector with its range"):
+        stepper.lab.sweep(own, tmp_path, parameters=["mas"])
+    with pytest.raises(ValueError, match=r"the range is '2', must be two numbers"):
+        stepper.lab.sweep(own, tmp_path, parameters=["gravity[2]=2"])
+
+
+def test_a_study_at_other_values_by_selector():
+    study = tray(parameters={"mass": Parameter("body_mass[object]", how="scale", low=0.5, high=1.5)}, drive=shove)
+    row = study.episode({"mass": 1.5, "geom_friction[*][0]": 0.3})
+    moved = study.at({"mass": 1.5, "geom_friction[*][0]": 0.3})
+    assert moved.nominal == {"mass": 1.5, "geom_friction[*][0]": 0.3}
+    assert moved.episode()["outcomes"] == row["outcomes"] != study.episode()["outcomes"]
+    with pytest.raises(ValueError, match="there is no parameter 'frction'"):
+        study.at({"frction": 0.3})
+    with pytest.raises(ValueError, match="must be a finite number"):
+        study.at({"gravity[2]": "low"})
+
+
+def test_earlier_keys_of_a_parameter_are_named(tmp_path):
+    with pytest.raises(TypeError, match=r"stepper\.lab\.Parameter\(\) takes no 'target': use selector, as 'geom_friction"):
+        Parameter(target="geom_friction", column=0, low=0.1, high=1.0)
+    (tmp_path / "study.toml").write_text(f'model = """{ARM}"""\n[parameters.mu]\ntarget = "geom_friction"\nlow = 0.1\nhigh = 1.0\n')
+    with pytest.raises(ValueError, match="parameter 'mu' has no 'target': use selector, as"):
+        Study.from_file(tmp_path / "study.toml")
+
+
 def test_intervals():
     # R. G. Newcombe, Statistics in Medicine 17 (1998), table I: 81 of 263, 15 of 148, 0 of 20, 1 of 29.
     for (k, n), (low, high) in {

@@ -101,6 +101,18 @@ def parse_start(text: str, where: str = "selector") -> tuple[Selector, str]:
     return _parsed(text, where)
 
 
+def parse_range(text: str, where: str = "selector") -> tuple[Selector, tuple[float, float] | None]:
+    """A selector with the range behind it, as "geom_friction[floor][0]=0.1..2", or without one; see `parse`."""
+    selector, rest = parse_start(text, where)
+    if not rest:
+        return selector, None
+    try:
+        low, high = (float(end) for end in rest.removeprefix("=").split(".."))
+    except ValueError:
+        raise ValueError(f"{where} has {text!r}: the range is '{rest[1:]}', must be two numbers, as '0.1..2'") from None
+    return selector, (low, high)
+
+
 @functools.lru_cache(maxsize=1024)
 def _parsed(text: str, where: str) -> tuple[Selector, str]:
     found = _TEXT.match(text)

@@ -17,7 +17,7 @@ from stepper._stepper import Model
 from stepper.actuators import ActuatorModel, Drive
 from stepper.shared.fields import OF_PAIRS, check_pairs
 from stepper.shared.rotations import matrices
-from stepper.shared.selectors import Selector, parse, parse_start, parts_of, rows_of
+from stepper.shared.selectors import Selector, parse, parse_range, parts_of, rows_of
 from stepper.sysid import inertia as shape
 from stepper.sysid.inertia import Array
 
@@ -125,14 +125,7 @@ class FitParameter:
     @classmethod
     def parse(cls, text: str) -> FitParameter:
         """A parameter from text: "body_mass[box]", with bounds "geom_friction[floor,box][0]=0.1..2"."""
-        selector, rest = parse_start(text, "parameters")
-        bounds = None
-        if rest:
-            try:
-                low, high = (float(end) for end in rest.removeprefix("=").split(".."))
-            except ValueError:
-                raise ValueError(f'"{text}": the bounds are "{rest[1:]}", must be two numbers as in "0.1..2"') from None
-            bounds = (low, high)
+        selector, bounds = parse_range(text, "parameters")
         return cls(str(selector), bounds=bounds)
 
     def __str__(self) -> str:

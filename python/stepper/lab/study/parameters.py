@@ -28,7 +28,7 @@ from stepper._stepper import Model
 from stepper.actuators import PID, ActuatorModel, DCMotor, Drive
 from stepper.sensors import SensorModel, Transfer
 from stepper.shared.fields import COMPOUNDS, FIELDS, OF_PAIRS, check_pairs
-from stepper.shared.selectors import Selector, parse, parts_of, rows_of
+from stepper.shared.selectors import Selector, parse, parse_range, parts_of, rows_of
 
 Array = NDArray[np.float64]
 Value = float | str
@@ -152,6 +152,52 @@ class Parameter:
 
 def _is_number(value: Any) -> bool:
     return isinstance(value, int | float | np.number) and not isinstance(value, bool) and math.isfinite(value)
+
+
+def asked_for(parameters: Mapping[str, Parameter], wanted: Sequence[str]) -> dict[str, Parameter]:
+    """Parameters by the texts that a user gives: names of a study's parameters, or selectors with a range.
+
+    Raises:
+        ValueError: A text that is neither.
+    """
+    found = {}
+    for text in wanted:
+        if text in parameters:
+            found[text] = parameters[text]
+            continue
+        selector, bounds = parse_range(text, "parameters") if _selects(text) else (None, None)
+        if selector is None or bounds is None:
+            raise ValueError(_no_parameter(text, parameters, "give a selector with its range, as 'geom_friction[floor][0]=0.2..1'"))
+        found[str(selector)] = Parameter(str(selector), low=bounds[0], high=bounds[1])
+    return found
+
+
+def _no_parameter(text: str, parameters: Mapping[str, Parameter], otherwise: str) -> str:
+    """Error message for a text that is neither a name nor a selector."""
+    known = ", ".join(parameters) or "none"
+    return f"there is no parameter {text!r}{near(text, parameters) or ','} there are: {known}; or {otherwise}"
+
+
+def _selects(text: str) -> bool:
+    """Whether a text begins with the field of a selector."""
+    field = text.partition("=")[0].partition("[")[0]
+    return field in FIELDS or field in COMPOUNDS or field.partition(".")[0] in _HEADS[:3]
+
+
+def moved(parameters: Mapping[str, Parameter], values: Mapping[str, Value]) -> dict[str, Parameter]:
+    """Parameters with these nominal values, by name or selector.
+
+    Raises:
+        ValueError: A text that is neither, or a value that a parameter may not have.
+    """
+    found = dict(parameters)
+    for text, value in values.items():
+        if text not in parameters and not _selects(text):
+            raise ValueError(_no_parameter(text, parameters, "give a selector, as 'geom_friction[floor][0]'"))
+        own = parameters.get(text) or Parameter(text, values=(value,))
+        own.check_value(value, f"parameter {text!r}")
+        found[text] = dataclasses.replace(own, nominal=value)
+    return found
 
 
 def check(parameters: Mapping[str, Parameter], model: Model) -> None:

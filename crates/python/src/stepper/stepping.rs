@@ -4,7 +4,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use stepper_core::{AppliedInput, Precision, StepInputs};
 
-use crate::arguments::{Whole, no_others};
+use crate::arguments::Whole;
 use crate::array::{array, with_numbers};
 use crate::error::value_error;
 use crate::selection::Selection;
@@ -138,15 +138,8 @@ impl Stepper {
     ///         made the same number of steps, the exception's `steps`, and all is as a call with that `nstep` leaves it; but mocap
     ///         bodies are where their way has brought them, and a recording in which they were under way replays up to this call
     ///         only. What another signal's handler raises ends the call alike.
-    #[pyo3(signature = (ctrl=None, nstep=Whole::Number(1), envs=None, **others), text_signature = "($self, ctrl=None, nstep=1, envs=None)")]
-    fn step(
-        slf: &Bound<'_, Self>,
-        ctrl: Option<&Bound<'_, PyAny>>,
-        nstep: Whole<'_>,
-        envs: Option<&Bound<'_, PyAny>>,
-        others: Option<&Bound<'_, PyDict>>,
-    ) -> PyResult<()> {
-        no_others("Stepper.step", others, &["ctrl", "nstep", "envs"])?;
+    #[pyo3(signature = (ctrl=None, nstep=Whole::Number(1), envs=None), text_signature = "($self, ctrl=None, nstep=1, envs=None)")]
+    fn step(slf: &Bound<'_, Self>, ctrl: Option<&Bound<'_, PyAny>>, nstep: Whole<'_>, envs: Option<&Bound<'_, PyAny>>) -> PyResult<()> {
         let mut this = borrow(slf)?;
         let nstep = nstep.from(0, "nstep")? as usize;
         let interrupted = match envs {

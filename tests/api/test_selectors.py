@@ -192,6 +192,42 @@ def test_one_selector_is_for_everything():
     assert str(stepper.sysid.FitParameter.parse(f"{text}=0.1..2")) == text
 
 
+DERIVED = ("mass_matrix", "subtree_com", "xipos", "geom_xpos", "qfrc_bias", "qacc_smooth", "actuator_force")
+"""Quantities of a state."""
+FOLLOW = {
+    "gravity": {"qfrc_bias", "qacc_smooth"},
+    "body_mass": {"mass_matrix", "subtree_com", "qfrc_bias", "qacc_smooth"},
+    "body_ipos": {"mass_matrix", "subtree_com", "xipos", "qfrc_bias", "qacc_smooth"},
+    "body_inertia": {"mass_matrix", "qfrc_bias", "qacc_smooth"},
+    "geom_pos": {"geom_xpos"},
+    "jnt_stiffness": {"qacc_smooth"},
+    "dof_damping": {"qacc_smooth"},
+    "dof_armature": {"mass_matrix", "qacc_smooth"},
+    "actuator_gain": {"qacc_smooth", "actuator_force"},
+    "actuator_bias": {"qacc_smooth", "actuator_force"},
+}
+"""Those that follow a field; the other fields act in constraints alone."""
+
+
+@pytest.mark.parametrize("field", RANDOMIZED)
+def test_what_is_derived_follows_and_nothing_else(field):
+    """The column "derived quantities": geoms have no part in masses, nor a mass in the inertia."""
+    sim = stepper.Stepper(MODEL)
+    qpos = np.array(MODEL.qpos0)
+    qpos[7] = 0.3
+    sim.set_state(qpos, np.linspace(0.5, 1.0, MODEL.nv))
+    sim.step([0.7, 0.2])
+
+    def read():
+        return {name: np.array(found() if callable(found := getattr(sim, name)) else found) for name in DERIVED}
+
+    before = read()
+    values = 1.1 * np.asarray(getattr(MODEL, field))
+    sim.randomize(**{field: values}, **({"pair_friction": MODEL.pair_friction} if field == "geom_friction" else {}))
+    after = read()
+    assert {name for name in DERIVED if not np.array_equal(before[name], after[name])} == FOLLOW.get(field, set())
+
+
 @pytest.mark.parametrize("field", FIELDS)
 def test_all_elements_are_the_whole_field(field):
     whole = places(MODEL, Selector(field))

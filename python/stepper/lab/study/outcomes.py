@@ -27,7 +27,8 @@ class Outcome:
 
     Attributes:
         name: What it is called in tables.
-        measure: A function of a `World` that returns a number of every environment, (num_envs,); or words: "body NAME x", "site NAME z",
+        measure: A function of the world that returns a number of every environment, (num_envs,). The world reads as a `Stepper` does, so
+            that a reward or an observed quantity of a task is a measure too. Or words: "body NAME x", "site NAME z",
             "joint NAME" (its position), "jointvel NAME", "sensor NAME 0" (a reading without error), "force NAME x" (of all contacts on a
             body, world axes), without an axis the norm.
         over: Which of its values counts: at the "end", the "change" from the start, the "max", "min" or "mean" of what is seen at the start

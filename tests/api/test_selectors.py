@@ -31,7 +31,7 @@ def test_a_selector_is_read_as_it_is_written(field, elements, columns):
     assert parse(str(selector)) == selector
 
 
-@given(st.sampled_from(["gravity", "wind"]), st.none() | st.lists(st.integers(0, 2), min_size=1, max_size=3))
+@given(st.sampled_from(["gravity", "wind"]), st.none() | st.lists(st.integers(0, 2), min_size=1, max_size=3, unique=True))
 def test_fields_of_the_whole_model_have_columns_alone(field, columns):
     selector = Selector(field, None, columns and tuple(columns))
     assert parse(str(selector)) == selector
@@ -76,6 +76,8 @@ def test_names_indices_and_columns_have_the_shape_of_numpy(text, expected):
     ("geom_friction[*_hand]", "no geom fits '\\*_hand', there are: floor, a,b"),
     ("geom_friction[9]", "there is no geom 9; the model has 6"),
     ("geom_friction[floor][3]", "there is no column 3; columns are 0 to 2"),
+    ("geom_friction[floor][0,-3]", "which names a column twice: name it once"),
+    ("geom_friction[#2]", "no geom '#2'; write the index 2 alone"),
     ("body_mass[base][0]", "body_mass has one number of each body; leave out the columns"),
     ("dof_damping[3][0]", "an index is one row of dof_damping; leave out the columns, or name a joint"),
     ("gravity[0][1]", "gravity belongs to the whole model; write its columns alone, as 'gravity\\[1\\]'"),
@@ -132,6 +134,13 @@ def test_a_part_of_a_field_is_set_as_the_whole(part, how):
     assert np.array_equal(one.randomized[selector.field], other.randomized[selector.field])
     if n is None:
         assert MODEL.replace({str(selector): values}) == MODEL.replace(**{selector.field: whole})
+
+
+@pytest.mark.parametrize("part", ["elements", "columns"])
+def test_a_selector_of_nothing_is_refused(part):
+    """Without brackets it would be written as the whole field."""
+    with pytest.raises(ValueError, match=f"{part} of a selector of 'geom_friction' is empty"):
+        Selector("geom_friction", **{part: ()})
 
 
 def test_values_are_for_all_selected_one_for_each_environment_or_one():

@@ -56,6 +56,9 @@ class Selector:
     columns: tuple[int, ...] | None = None
 
     def __post_init__(self) -> None:
+        for name in ("elements", "columns"):
+            if getattr(self, name) == ():
+                raise ValueError(f"{name} of a selector of {self.field!r} is empty: give one at least, or None for all")
         if self.columns is not None and self.elements is None and not _global(self.field):
             object.__setattr__(self, "elements", ("*",))
 
@@ -227,6 +230,8 @@ def _columns(index: NDArray[np.int64], columns: Sequence[int], selector: Selecto
     if wrong := [column for column in columns if not -width <= column < width]:
         there = f"columns are 0 to {width - 1}" if width else "it is a single number; leave out the columns"
         raise ValueError(f"{where} has '{selector}': there is no column {wrong[0]}; {there}")
+    if len({column % width for column in columns}) < len(columns):
+        raise ValueError(f"{where} has '{selector}', which names a column twice: name it once")
     found: NDArray[np.int64] = np.asarray(index[..., columns[0]] if len(columns) == 1 else index[..., list(columns)])
     return found
 
@@ -267,6 +272,8 @@ def _chosen(model: Model, kind: str, item: Item, where: str) -> tuple[list[Any],
         if wild:
             known = ", ".join(own[0] or str(k) for k, own in enumerate(labels[:30])) or "none"
             raise ValueError(f"{where}: no {what} fits {item!r}, there are: {known}{' ...' if len(labels) > 30 else ''}")
+        if re.fullmatch("#[0-9]+", item):
+            raise ValueError(f"{where}: no {what} {item!r}; write the index {item[1:]} alone")
         raise ValueError(f"{where}: {unknown(what, item, [own[0] for own in labels])}")
     if kind not in _JOINT_ROWS:
         return found, bool(exact)

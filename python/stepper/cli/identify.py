@@ -17,7 +17,9 @@ from stepper.sysid import identify as run
 if TYPE_CHECKING:
     from typer import Typer
 
-KIND_HELP = f"kind:element[,element][=low..high], of the kinds {', '.join(KINDS)}. Give several."
+KIND_HELP = (
+    f"field[name,name][column]=low..high, without bounds too, of the kinds {', '.join(KINDS)}. Quote it for the shell. Give several."
+)
 
 
 def identify(
@@ -37,7 +39,7 @@ def identify(
 ) -> None:
     """Masses, friction, damping and more from what was measured, each with a 95 % interval, and what the data do not say.
 
-    Example: stepper identify robot.xml push.csv -p mass:box -p friction:floor,box=0.05..2
+    Example: stepper identify robot.xml push.csv -p 'body_mass[box]' -p 'geom_friction[floor,box][0]=0.05..2'
     """
     read = load(model)
     # As of `stepper.sysid.identify`, unless something else is asked for.

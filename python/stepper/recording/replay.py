@@ -178,7 +178,7 @@ def apply_parameters(sim: Stepper, arrays: Arrays) -> None:
     if "actuators" in arrays:
         drawn["actuators"] = ActuatorModel.from_dict(json.loads(str(arrays["actuators"]))).spread(mask)
     if drawn or "envs" in arrays:
-        sim.randomize(mask, **drawn)
+        sim.randomize(None, mask, **drawn)
 
 
 def _compare(sim: Stepper, arrays: Arrays, row: int, step: int) -> Difference | None:

@@ -69,7 +69,7 @@ def identify(
     Args:
         model: The model, with everything that is known.
         data: `Episode`s, paths of recordings, CSV or npz files, or several of these.
-        parameters: What is sought: `FitParameter`s, or text like "mass:box" and "friction:floor,box=0.1..2".
+        parameters: What is sought: `FitParameter`s, or text like "body_mass[box]" and "geom_friction[floor,box][0]=0.1..2".
         options: Settings of the step; None is hard contact. Where they leave the tolerance open, it is 1e-9 m/s.
         actuators: What is known of the drives.
         noise: Standard deviations of channels by name, each a number or one for every column. Of the other channels it is estimated from
@@ -91,8 +91,8 @@ def identify(
         A distribution: `print` shows it, `Identification.sample` gives `Stepper.randomize` what to draw from it.
 
     Raises:
-        KeyError: No element, sensor or coordinate of a name.
-        ValueError: Data that do not fit the model; the message has the file or episode, and what to do.
+        KeyError: No sensor or coordinate of a name.
+        ValueError: A parameter that is none, data that do not fit the model; the message has the file or episode, and what to do.
         MissingPackageError: SciPy is not installed.
     """
     optimize = require("scipy.optimize", "to identify parameters")

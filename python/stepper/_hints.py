@@ -49,7 +49,14 @@ _REMEDIES = {
 }  # fmt: skip
 _LISTED = 12
 """Names that a message lists."""
-_NEW_NAMES = {
+RENAMED = {
+    "Task": {"quantities": "observations", "start": "sample_state", "prepare": "on_reset", "memory": "episode_state"},
+    "Moment": {"memory": "episode_state", "rest": "default_qpos"},
+    "stepper.envs": {"Quantity": "Observation", "Draws": "Rng"},
+}
+"""Present names of tasks' methods and attributes by earlier name."""
+_NEW_NAMES: dict[str, dict[str, str]] = {
+    **RENAMED,
     "Options": {"of": "from_model"},
     "Study": {"of": "from_model"},
     "Stepper.randomize": {"mask": "envs"},
@@ -227,6 +234,12 @@ def no_root_attribute(name: str, known: Iterable[str]) -> AttributeError:
     """Error for a name that `stepper` does not have: its present place, or similar names."""
     hint = f"; use {_ROOT_NAMES[name]}" if name in _ROOT_NAMES else near(name, known)
     return AttributeError(f"module 'stepper' has no attribute {name!r}{hint}")
+
+
+def no_name(module: str, name: str, known: Iterable[str]) -> AttributeError:
+    """Error for a name that a submodule does not have: its present name, or similar names."""
+    new = _NEW_NAMES.get(module, {}).get(name)
+    return AttributeError(f"module {module!r} has no attribute {name!r}{f'; did you mean {new}?' if new else near(name, known)}")
 
 
 class Hinting(type):

@@ -14,7 +14,7 @@ from stepper._stepper import Model, Stepper
 from stepper.envs.assets import read_once
 from stepper.envs.locomotion.mjlab import Looks, Servo, scene
 from stepper.envs.locomotion.velocity import VelocityTask, command
-from stepper.envs.streams import Draws
+from stepper.envs.streams import Rng
 from stepper.envs.task import Array, Camera, Moment, Terms, square_sum
 
 _FILE = "asset_zoo/robots/unitree_go1/xmls/go1.xml"
@@ -54,27 +54,27 @@ class Go1Velocity(VelocityTask):
         """The robot on a plane, or on rough ground, with servos."""
         return _scene(self.roughness)
 
-    def memory(self, num_envs: int) -> Terms:
+    def episode_state(self, num_envs: int) -> Terms:
         """As of other robots, and how long each foot is in the air, and what those that landed gained."""
-        return super().memory(num_envs) | {"air": np.zeros((num_envs, 4)), "stride": np.zeros(num_envs)}
+        return super().episode_state(num_envs) | {"air": np.zeros((num_envs, 4)), "stride": np.zeros(num_envs)}
 
     def terms(self, now: Moment) -> Terms:
         """As of other robots, and strides where the command is to move."""
-        return super().terms(now) | {"stride": now.memory["stride"] * (square_sum(command(now)) > _STANDS**2)}
+        return super().terms(now) | {"stride": now.episode_state["stride"] * (square_sum(command(now)) > _STANDS**2)}
 
-    def prepare(self, sim: Stepper, memory: Terms, mask: Array, draws: Draws) -> None:
+    def on_reset(self, sim: Stepper, episode_state: Terms, mask: Array, rng: Rng) -> None:
         """Commands, pushes, latency and parameters; feet have not been in the air."""
-        super().prepare(sim, memory, mask, draws)
-        memory["air"][mask] = 0.0
-        memory["stride"][mask] = 0.0
+        super().on_reset(sim, episode_state, mask, rng)
+        episode_state["air"][mask] = 0.0
+        episode_state["stride"][mask] = 0.0
 
     def advance(self, now: Moment) -> None:
         """Makes the steps: those within the latency with the action before. Looks which feet landed."""
         super().advance(now)
-        air, feet = now.memory["air"], now.sim.site_xpos[:, _feet(now.sim.model)]
+        air, feet = now.episode_state["air"], now.sim.site_xpos[:, _feet(now.sim.model)]
         stands = feet[..., 2] - self.ground(feet[..., :2]) < _FOOT + _CLEAR
         landed = stands & (air > 0.0)
-        now.memory["stride"][:] = np.where(landed, np.minimum(air, _LONGEST) - _SHORTEST, 0.0).sum(axis=1)
+        now.episode_state["stride"][:] = np.where(landed, np.minimum(air, _LONGEST) - _SHORTEST, 0.0).sum(axis=1)
         air[:] = np.where(stands, 0.0, air + now.dt)
 
 

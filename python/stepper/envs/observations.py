@@ -7,7 +7,7 @@ from functools import lru_cache
 import numpy as np
 
 from stepper._stepper import Model
-from stepper.envs.task import Array, Moment, Quantity, Terms
+from stepper.envs.task import Array, Moment, Observation, Terms
 
 
 @lru_cache(maxsize=8)
@@ -30,9 +30,9 @@ def tendons(now: Moment) -> Terms:
 
 
 BODY_TABLES = (
-    Quantity("cinert", columns=slice(10, None)),
-    Quantity("cvel", columns=slice(6, None)),
-    Quantity("qfrc_actuator", columns=slice(6, None)),
-    Quantity("cfrc_ext", columns=slice(6, None)),
+    Observation("cinert", columns=slice(10, None)),
+    Observation("cvel", columns=slice(6, None)),
+    Observation("qfrc_actuator", columns=slice(6, None)),
+    Observation("cfrc_ext", columns=slice(6, None)),
 )
 """What humanoids observe of their bodies: of all but the world, and forces of all joints but the free one."""

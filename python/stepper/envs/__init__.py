@@ -15,6 +15,7 @@ from stepper.shared.machine import require
 
 require("gymnasium", "for stepper.envs")
 
+from stepper.envs.contacts import contact_forces  # noqa: E402
 from stepper.envs.registration import register_tasks  # noqa: E402
 from stepper.envs.single import StepperEnv  # noqa: E402
 from stepper.envs.state import EnvState  # noqa: E402
@@ -35,6 +36,7 @@ __all__ = [
     "StepperVectorEnv",
     "Task",
     "all_within",
+    "contact_forces",
     "per_moment",
     "square_sum",
     "within",

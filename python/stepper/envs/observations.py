@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
-
 import numpy as np
 
 from stepper._stepper import Model
+from stepper.envs.assets import once_per_model
 from stepper.envs.task import Array, Moment, Observation, Terms
 
 
-@lru_cache(maxsize=8)
+@once_per_model
 def _tendon_matrices(model: Model) -> tuple[Array, Array]:
     """What makes lengths of tendons of qpos, (nq, ntendon), and their velocities of qvel, (nv, ntendon)."""
     names = model.tendon_names

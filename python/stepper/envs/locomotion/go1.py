@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar
@@ -11,7 +10,7 @@ from xml.etree.ElementTree import Element
 import numpy as np
 
 from stepper._stepper import Model, Stepper
-from stepper.envs.assets import read_once
+from stepper.envs.assets import once_per_model, read_once
 from stepper.envs.locomotion.mjlab import Looks, Servo, scene
 from stepper.envs.locomotion.velocity import VelocityTask, command
 from stepper.envs.streams import Rng
@@ -78,7 +77,7 @@ class Go1Velocity(VelocityTask):
         air[:] = np.where(stands, 0.0, air + now.dt)
 
 
-@functools.lru_cache(maxsize=8)
+@once_per_model
 def _feet(model: Model) -> list[int]:
     """Sites in the middle of the feet."""
     return [k for k, name in enumerate(model.site_names) if name in ("FR", "FL", "RR", "RL")]

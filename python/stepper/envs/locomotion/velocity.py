@@ -6,13 +6,13 @@ import math
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import ClassVar
 
 import numpy as np
 
 from stepper._stepper import Model, Stepper
 from stepper.actuators import ActuatorModel, DCMotor, Drive
+from stepper.envs.assets import once_per_model
 from stepper.envs.locomotion import terrain
 from stepper.envs.streams import Rng
 from stepper.envs.task import Array, Moment, Observation, Task, Terms, per_moment, square_sum
@@ -286,7 +286,7 @@ class VelocityTask(Task):
         now.keep("status", status)
 
 
-@lru_cache(maxsize=8)
+@once_per_model
 def _sensed(robot: Model, imu: str) -> Model:
     """The robot with sensors of what it observes of itself; where it came from is remembered for pictures of it."""
     base, world = robot.body_names[1], robot.body_names[0]
@@ -312,14 +312,14 @@ def _told(row: str) -> Callable[[Moment], Array]:
     return read
 
 
-@lru_cache(maxsize=64)
+@once_per_model
 def _columns(model: Model, row: str) -> tuple[int, int]:
     """The first reading of a row's sensors, which were added one after the other, and their number."""
     found = [sensor for sensor in map(model.sensor, range(len(model.sensor_names))) if re.fullmatch(f"{row}( .*)?", sensor.name)]
     return found[0].adr, sum(sensor.dim for sensor in found)
 
 
-@lru_cache(maxsize=8)
+@once_per_model
 def _stance(model: Model) -> Array:
     angles: Array = model.keyframe("stance").qpos[7:]
     return angles

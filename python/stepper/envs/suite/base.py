@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Callable, Set
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,7 +12,7 @@ import numpy as np
 
 from stepper._options import Options
 from stepper._stepper import Joint, Model, Stepper
-from stepper.envs.assets import load_quietly, read_once, without
+from stepper.envs.assets import load_quietly, once_per_model, read_once, without
 from stepper.envs.streams import Rng
 from stepper.envs.task import Array, Moment, Task, Terms, per_moment
 from stepper.shared.machine import package_file
@@ -79,7 +78,7 @@ def open_floor(tree: ElementTree.Element, half_side: float, ball: Set[tuple[str,
     return without(tree, lambda element: element.get("name", "").startswith("wall_") or (element.tag, element.get("name")) in ball)
 
 
-@functools.cache
+@once_per_model
 def hinges(model: Model) -> tuple[Joint, ...]:
     """The hinges of a model, in its order."""
     return tuple(joint for joint in map(model.joint, range(model.njnt)) if joint.type == "hinge")

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import functools
 from dataclasses import dataclass
 
 import numpy as np
 
 from stepper._stepper import Model, Stepper
-from stepper.envs.assets import load_quietly, read_once
+from stepper.envs.assets import load_quietly, once_per_model, read_once
 from stepper.envs.streams import Rng
 from stepper.envs.suite.base import SuiteTask, hinges, norm, open_floor, reading, rotation, source_tree, tolerance
 from stepper.envs.task import Array, Moment, Observation, Terms, per_moment
@@ -109,7 +108,7 @@ class Dog(SuiteTask):
         sim.set_state(act=act, envs=mask)
 
 
-@functools.cache
+@once_per_model
 def _standing(model: Model) -> tuple[Array, float]:
     """Heights of torso and pelvis from which on it stands, m, (2,); and its weight, N."""
     rest = Stepper(model, 1)

@@ -22,19 +22,20 @@ LIMIT = 3
 class Levels(Task):
     """A task whose episodes begin at their level, which rises with each episode; it observes noise in two ways."""
 
-    carried = ("level", "end")
+    carried = ("level", "end", "steps")
     frame_skip: int = 1
 
     def model(self):
         return stepper.load(SCENE)
 
     def episode_state(self, num_envs):
-        return {"level": np.zeros(num_envs), "end": np.zeros(num_envs)}
+        return {"level": np.zeros(num_envs), "end": np.zeros(num_envs), "steps": np.zeros(num_envs)}
 
     def observations(self):
         return (
             Observation("qpos"),
             Observation("level", func=lambda now: now.episode_state["level"]),
+            Observation("steps", func=lambda now: now.episode_state["steps"]),
             Observation("noisy", func=lambda now: np.zeros((len(now.qpos), 3)), noise=0.5),
             Observation("drawn", func=lambda now: now.rng("drawn").normal(2)),
         )
@@ -48,6 +49,10 @@ class Levels(Task):
     def place(self, reset):
         super().place(reset)
         reset.qpos[:, 0] += 10.0 * reset.episode_state["level"][reset.envs]
+
+    def advance(self, now):
+        now.episode_state["steps"] += 1.0
+        super().advance(now)
 
     def on_end(self, now, envs):
         now.episode_state["level"][envs] += 1.0
@@ -115,7 +120,7 @@ def test_the_place_sees_the_simulation_before_the_reset():
 
 
 def noise_of(observation):
-    return observation[..., 2:]
+    return observation[..., 3:]
 
 
 @settings(deadline=None, max_examples=25)
@@ -132,7 +137,7 @@ def test_noise_depends_on_the_seed_and_the_step_alone(num_envs, seed, steps, dat
         np.testing.assert_array_equal(noise_of(found[place]), noise_of(expected))
         expected, found = alone.step(np.zeros(1))[0], many.step(np.zeros((num_envs, 1)))[0]
     np.testing.assert_array_equal(noise_of(found[place]), noise_of(expected))
-    assert np.abs(expected[2:5]).max() <= 0.5
+    assert np.abs(expected[3:6]).max() <= 0.5
 
 
 @settings(deadline=None)
@@ -194,7 +199,7 @@ def test_a_carried_name_that_there_is_not_is_an_error():
     class Wrong(Levels):
         carried = ("levle",)
 
-    with pytest.raises(ValueError, match=r"Wrong.carried has \['levle'\], episode_state has level, end"):
+    with pytest.raises(ValueError, match=r"Wrong.carried has \['levle'\], episode_state has level, end, steps"):
         StepperVectorEnv(Wrong(), 1)
 
 

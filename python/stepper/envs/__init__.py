@@ -15,6 +15,7 @@ from stepper.shared.machine import require
 
 require("gymnasium", "for stepper.envs")
 
+from stepper.envs import terrain  # noqa: E402
 from stepper.envs.contacts import contact_forces  # noqa: E402
 from stepper.envs.registration import register_tasks  # noqa: E402
 from stepper.envs.single import StepperEnv  # noqa: E402
@@ -39,6 +40,7 @@ __all__ = [
     "contact_forces",
     "per_moment",
     "square_sum",
+    "terrain",
     "within",
 ]
 

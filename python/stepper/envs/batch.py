@@ -235,8 +235,10 @@ class Batch:
         task = self.task
         action = np.array(action) if begins is None else cleared(action, begins)
         _check_actions(action)
+        carried: Terms = {}
         if begins is not None:
             self._end(np.flatnonzero(begins))
+            carried = {name: self._episode_state[name][begins] for name in task.carried}
         before = task.position(self._moment(action))  # Not the position after the last step: callers may have changed the stepper since.
         self._now.finish()
         self._now, self._seen = self._moment(action), None
@@ -247,6 +249,8 @@ class Batch:
         self.lengths += 1
         self.streams.ages += np.uint64(1)
         if begins is not None:
+            for name, values in carried.items():  # These environments made no step of this action.
+                self._episode_state[name][begins] = values
             self._place(begins, np.flatnonzero(begins))
             self._reread(begins)
         now = self._now
@@ -259,6 +263,8 @@ class Batch:
         over = task.terminated(now)
         terminated = np.zeros(self.num_envs, dtype=bool) if over is None else np.array(over)
         truncated = np.zeros(self.num_envs, dtype=bool) if self._limit is None else self.lengths >= self._limit
+        cut = task.truncated(now)
+        truncated = truncated if cut is None else truncated | cut
         if np.bitwise_or.reduce(status) & _NON_FINITE:
             failed = (status & _NON_FINITE) != 0
             if begins is not None:

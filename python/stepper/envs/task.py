@@ -321,8 +321,12 @@ class Task(ABC):
         """Environments whose episode is over, (num_envs,) bool; None is none. By default those that are not healthy."""
         return None if now.healthy is None else ~now.healthy
 
+    def truncated(self, now: Moment) -> Array | None:
+        """Environments whose episode is cut short where nothing failed, as beside a terrain, (num_envs,) bool; None is none."""
+        return None
+
     def position(self, now: Moment) -> Array | None:
-        """Observation whose rate of change is `now.velocity`, (num_envs, ...); None for none.
+        """Quantity whose rate of change is `now.velocity`, (num_envs, ...); None for none.
 
         It is read from the states before and after the steps of an action, whatever `now.keep` holds.
         """

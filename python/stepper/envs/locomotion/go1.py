@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import ClassVar
 from xml.etree.ElementTree import Element
@@ -11,7 +11,8 @@ import numpy as np
 
 from stepper._stepper import Model, Stepper
 from stepper.envs.assets import once_per_model, read_once
-from stepper.envs.locomotion.mjlab import Looks, Servo, scene
+from stepper.envs.locomotion.mjlab import Ground, Looks, Servo, plain_ground, scene, tiled_ground
+from stepper.envs.locomotion.rough import RoughTask
 from stepper.envs.locomotion.velocity import VelocityTask, command
 from stepper.envs.streams import Rng
 from stepper.envs.task import Array, Camera, Moment, Terms, square_sum
@@ -77,6 +78,33 @@ class Go1Velocity(VelocityTask):
         air[:] = np.where(stands, 0.0, air + now.dt)
 
 
+_LEGS = ("FR", "FL", "RR", "RL")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Go1Rough(RoughTask):
+    """A quadruped of 12 joints on rough terrain, mjlab's, whose package has to be installed (`pip install --no-deps mjlab`).
+
+    Feet, shanks, thighs, trunk and head touch the terrain, and the robot does not touch itself.
+    """
+
+    WEIGHTS: ClassVar[Mapping[str, float]] = {**RoughTask.WEIGHTS, "shank_collision": -0.1, "trunk_collision": -0.1}
+    FEET: ClassVar[Mapping[str, tuple[str, ...]]] = {leg: (f"{leg}_foot_collision",) for leg in _LEGS}
+    THIGHS: ClassVar[tuple[str, ...]] = tuple(f"{leg}_thigh_collision{k}" for leg in _LEGS for k in (1, 2, 3))
+    SHANKS: ClassVar[tuple[str, ...]] = tuple(f"{leg}_calf_collision{k}" for leg in _LEGS for k in (1, 2))
+    TRUNK: ClassVar[tuple[str, ...]] = ("trunk_collision", "head_collision")
+    STANDING: ClassVar[Mapping[str, float]] = {"calf": 0.1, "": 0.05}
+    WALKING: ClassVar[Mapping[str, float]] = {"calf": 0.6, "": 0.3}
+    RUNNING: ClassVar[Mapping[str, float]] = WALKING
+    camera: ClassVar[Camera] = Go1Velocity.camera
+
+    friction: tuple[float, float] = (0.3, 1.5)
+
+    def model(self) -> Model:
+        """The robot on the terrain, with servos."""
+        return _rough_scene()
+
+
 @once_per_model
 def _feet(model: Model) -> list[int]:
     """Sites in the middle of the feet."""
@@ -84,8 +112,13 @@ def _feet(model: Model) -> list[int]:
 
 
 def _geom(name: str) -> dict[str, str]:
+    return _touching(name, name in ("trunk_collision", "head_collision"))
+
+
+def _touching(name: str, touches: bool) -> dict[str, str]:
+    """Attributes of a geom that touches the ground, or not; feet do."""
     is_foot = name.endswith("foot_collision")
-    touches = is_foot or name in ("trunk_collision", "head_collision")
+    touches = touches or is_foot
     touch = {"priority": "1", "friction": "0.8 0.005 0.0005", "condim": "3"} if is_foot else {}
     return {"contype": str(int(touches)), "rgba": _GREY if touches else _LIGHT, **touch}
 
@@ -98,8 +131,18 @@ def _servo(name: str) -> Servo:
 
 @read_once
 def _scene(roughness: float) -> Model:
+    return _on(plain_ground(roughness), _geom)
+
+
+@read_once
+def _rough_scene() -> Model:
+    return _on(tiled_ground(Go1Rough.TERRAIN), lambda name: _touching(name, "hip" not in name))
+
+
+def _on(ground: Ground, geom: Callable[[str], Mapping[str, str]]) -> Model:
+    """The robot on a ground."""
     squares = {"type": "2d", "builtin": "checker", "width": "64", "height": "64", "rgb1": ".30 .35 .40", "rgb2": ".36 .41 .46"}
     texture = Element("texture", {"name": "squares", **squares})
     material = Element("material", name="floor", texture="squares", texrepeat="2 2", texuniform="true")
     looks = Looks({"material": "floor"}, {}, (texture, material))
-    return scene(_FILE, "Go1", _HEIGHT, roughness=roughness, geom=_geom, servo=_servo, looks=looks)
+    return scene(_FILE, "Go1", _HEIGHT, ground=ground, geom=geom, servo=_servo, looks=looks)

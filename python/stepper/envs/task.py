@@ -175,6 +175,7 @@ class Observation:
         columns: Columns that are observed; None is all.
         clip: Bounds of the observed values; None is none.
         noise: Half width of uniform noise, which is added before `clip`. It follows from the seed of an environment, as `Moment.rng`.
+        unit: Unit of a row with `func`, for tables of observations; empty for numbers without one.
     """
 
     name: str
@@ -182,6 +183,7 @@ class Observation:
     columns: slice | None = None
     clip: tuple[float, float] | None = None
     noise: float = 0.0
+    unit: str = ""
 
     def read(self, now: Moment) -> Array:
         """Values of a moment with noise, before they are clipped: (num_envs, n)."""

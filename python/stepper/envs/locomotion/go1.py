@@ -20,6 +20,8 @@ from stepper.envs.task import Array, Camera, Moment, Terms, square_sum
 _FILE = "asset_zoo/robots/unitree_go1/xmls/go1.xml"
 _HEIGHT = 0.278
 """Of the trunk at the beginning, m."""
+_STANDING = 0.2945
+"""Likewise, with the feet on the ground in the stance: 0.0165 m above mjlab's, where they begin in the ground."""
 _STANCE = {"hip": 0.1, "thigh": 0.9, "calf": -1.8}
 """Angles at the beginning, rad; hips point outwards."""
 _ROTOR = 0.000111842
@@ -131,18 +133,18 @@ def _servo(name: str) -> Servo:
 
 @read_once
 def _scene(roughness: float) -> Model:
-    return _on(plain_ground(roughness), _geom)
+    return _on(plain_ground(roughness), _geom, _HEIGHT)
 
 
 @read_once
 def _rough_scene() -> Model:
-    return _on(tiled_ground(Go1Rough.TERRAIN), lambda name: _touching(name, "hip" not in name))
+    return _on(tiled_ground(Go1Rough.TERRAIN), lambda name: _touching(name, "hip" not in name), _STANDING)
 
 
-def _on(ground: Ground, geom: Callable[[str], Mapping[str, str]]) -> Model:
+def _on(ground: Ground, geom: Callable[[str], Mapping[str, str]], height: float) -> Model:
     """The robot on a ground."""
     squares = {"type": "2d", "builtin": "checker", "width": "64", "height": "64", "rgb1": ".30 .35 .40", "rgb2": ".36 .41 .46"}
     texture = Element("texture", {"name": "squares", **squares})
     material = Element("material", name="floor", texture="squares", texrepeat="2 2", texuniform="true")
     looks = Looks({"material": "floor"}, {}, (texture, material))
-    return scene(_FILE, "Go1", _HEIGHT, ground=ground, geom=geom, servo=_servo, looks=looks)
+    return scene(_FILE, "Go1", height, ground=ground, geom=geom, servo=_servo, looks=looks)

@@ -176,15 +176,15 @@ class VelocityTask(Task):
 
         With `sight`, 25 heights of the ground.
         """
-        seen = (Observation("ground", func=_ground_around),) if self.sight else ()
+        seen = (Observation("ground", func=_ground_around, unit="m"),) if self.sight else ()
         return (
-            Observation("linear_velocity", func=_told("linear_velocity") if self.noise else linear_velocity),
-            Observation("angular_velocity", func=_told("angular_velocity") if self.noise else lambda now: now.qvel[:, 3:6]),
+            Observation("linear_velocity", func=_told("linear_velocity") if self.noise else linear_velocity, unit="m/s"),
+            Observation("angular_velocity", func=_told("angular_velocity") if self.noise else lambda now: now.qvel[:, 3:6], unit="rad/s"),
             Observation("vertical", func=_told("vertical") if self.noise else vertical),
-            Observation("command", func=command),
-            Observation("angles", func=lambda now: (_told("angles")(now) if self.noise else now.qpos[:, 7:]) - stance_of(now)),
-            Observation("rates", func=_told("rates") if self.noise else lambda now: now.qvel[:, 6:]),
-            Observation("last_action", func=lambda now: now.episode_state["last"] - stance_of(now)),
+            Observation("command", func=command, unit="m/s, rad/s"),
+            Observation("angles", func=lambda now: (_told("angles")(now) if self.noise else now.qpos[:, 7:]) - stance_of(now), unit="rad"),
+            Observation("rates", func=_told("rates") if self.noise else lambda now: now.qvel[:, 6:], unit="rad/s"),
+            Observation("last_action", func=lambda now: now.episode_state["last"] - stance_of(now), unit="rad"),
             *seen,
         )
 

@@ -31,7 +31,7 @@ class Acrobot(SuiteTask):
         return (
             Observation("horizontal", func=lambda now: rotations(now)[:, 1:, 0, 2]),
             Observation("vertical", func=lambda now: rotations(now)[:, 1:, 2, 2]),
-            Observation("velocity", func=lambda now: now.qvel),
+            Observation("velocity", func=lambda now: now.qvel, unit="rad/s"),
         )
 
     def score(self, now: Moment) -> Array:

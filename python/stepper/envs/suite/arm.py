@@ -29,9 +29,9 @@ def arm_observations() -> tuple[Observation, ...]:
     """Arm and hand, and what touches it: (33,)."""
     return (
         Observation("arm_pos", func=_angles),
-        Observation("arm_vel", func=lambda now: now.qvel[:, [now.sim.model.joint(name).dofadr for name in _JOINTS]]),
-        Observation("touch", func=lambda now: np.log1p(reading(now, *_TOUCH))),
-        Observation("hand_pos", func=lambda now: pose(now, "hand")),
+        Observation("arm_vel", func=lambda now: now.qvel[:, [now.sim.model.joint(name).dofadr for name in _JOINTS]], unit="rad/s"),
+        Observation("touch", func=lambda now: np.log1p(reading(now, *_TOUCH)), unit="log(1 + N)"),
+        Observation("hand_pos", func=lambda now: pose(now, "hand"), unit="m"),
     )
 
 

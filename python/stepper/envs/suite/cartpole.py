@@ -37,9 +37,9 @@ class Cartpole(SuiteTask):
     def observations(self) -> tuple[Observation, ...]:
         """Place of the cart, cosines and sines of the poles, velocities: (1 + 3 poles + 1,)."""
         return (
-            Observation("cart", func=lambda now: now.qpos[:, :1]),
+            Observation("cart", func=lambda now: now.qpos[:, :1], unit="m"),
             Observation("poles", func=lambda now: rotations(now)[:, 2:, [2, 0], 2]),
-            Observation("velocity", func=lambda now: now.qvel),
+            Observation("velocity", func=lambda now: now.qvel, unit="m/s, rad/s"),
         )
 
     def score(self, now: Moment) -> Array:

@@ -22,7 +22,10 @@ class Cheetah(SuiteTask):
 
     def observations(self) -> tuple[Observation, ...]:
         """Configuration without x, velocities: (17,)."""
-        return (Observation("position", func=lambda now: now.qpos[:, 1:]), Observation("velocity", func=lambda now: now.qvel))
+        return (
+            Observation("position", func=lambda now: now.qpos[:, 1:], unit="m, rad"),
+            Observation("velocity", func=lambda now: now.qvel, unit="m/s, rad/s"),
+        )
 
     def score(self, now: Moment) -> Array:
         """Velocity of the centre of mass in x, over 10 m/s."""

@@ -56,18 +56,24 @@ class Dog(SuiteTask):
     def observations(self) -> tuple[Observation, ...]:
         """Hinges, heights and verticals, velocity, what it feels, activations: (223,); with a ball (232,)."""
         rows = (
-            Observation("joint_angles", func=lambda now: now.qpos[:, [joint.qposadr for joint in hinges(now.sim.model)]]),
+            Observation("joint_angles", func=lambda now: now.qpos[:, [joint.qposadr for joint in hinges(now.sim.model)]], unit="rad"),
             # dm_control spells it so.
-            Observation("joint_velocites", func=lambda now: now.qvel[:, [joint.dofadr for joint in hinges(now.sim.model)]]),
-            Observation("torso_pelvis_height", func=_heights),
+            Observation("joint_velocites", func=lambda now: now.qvel[:, [joint.dofadr for joint in hinges(now.sim.model)]], unit="rad/s"),
+            Observation("torso_pelvis_height", func=_heights, unit="m"),
             Observation("z_projection", func=_verticals),
-            Observation("torso_com_velocity", func=_velocity),
-            Observation("inertial_sensors", func=lambda now: reading(now, "accelerometer", "velocimeter", "gyro")),
-            Observation("foot_forces", func=lambda now: reading(now, *_FEET)),
-            Observation("touch_sensors", func=lambda now: reading(now, *_SOLES)),
+            Observation("torso_com_velocity", func=_velocity, unit="m/s"),
+            Observation(
+                "inertial_sensors", func=lambda now: reading(now, "accelerometer", "velocimeter", "gyro"), unit="m/s^2, m/s, rad/s"
+            ),
+            Observation("foot_forces", func=lambda now: reading(now, *_FEET), unit="N"),
+            Observation("touch_sensors", func=lambda now: reading(now, *_SOLES), unit="N"),
             Observation("actuator_state", func=lambda now: now.act),
         )
-        return (*rows, Observation("ball_state", func=_ball), Observation("target_position", func=_target)) if self.fetch else rows
+        return (
+            (*rows, Observation("ball_state", func=_ball, unit="m, m/s"), Observation("target_position", func=_target, unit="m"))
+            if self.fetch
+            else rows
+        )
 
     def score(self, now: Moment) -> Array:
         """High, upright and on its feet; and fast, or at the ball, and with it in the middle."""

@@ -35,10 +35,10 @@ class Finger(SuiteTask):
     def observations(self) -> tuple[Observation, ...]:
         """Angles of the finger, the tip beside the hinge, velocities, logarithms of the forces at its two pads: (9,)."""
         return (
-            Observation("angles", func=lambda now: reading(now, "proximal", "distal")),
-            Observation("tip", func=lambda now: _beside_the_hinge(now, "tip")),
-            Observation("velocity", func=lambda now: reading(now, "proximal_velocity", "distal_velocity", "hinge_velocity")),
-            Observation("touch", func=lambda now: np.log1p(reading(now, "touchtop", "touchbottom"))),
+            Observation("angles", func=lambda now: reading(now, "proximal", "distal"), unit="rad"),
+            Observation("tip", func=lambda now: _beside_the_hinge(now, "tip"), unit="m"),
+            Observation("velocity", func=lambda now: reading(now, "proximal_velocity", "distal_velocity", "hinge_velocity"), unit="rad/s"),
+            Observation("touch", func=lambda now: np.log1p(reading(now, "touchtop", "touchbottom")), unit="log(1 + N)"),
         )
 
     def score(self, now: Moment) -> Array:
@@ -69,8 +69,8 @@ class FingerTurn(Finger):
         """What spinning observes, the target beside the hinge, and how far from the target the tip is: (12,)."""
         return (
             *super().observations(),
-            Observation("target_position", func=lambda now: _beside_the_hinge(now, "target")),
-            Observation("dist_to_target", func=self._distance),
+            Observation("target_position", func=lambda now: _beside_the_hinge(now, "target"), unit="m"),
+            Observation("dist_to_target", func=self._distance, unit="m"),
         )
 
     def score(self, now: Moment) -> Array:

@@ -30,10 +30,10 @@ class Fish(SuiteTask):
     def observations(self) -> tuple[Observation, ...]:
         """Angles, cosine of the inclination, the target as the mouth sees it if there is one, velocities: (24,) or (21,)."""
         return (
-            Observation("joint_angles", func=_angles),
+            Observation("joint_angles", func=_angles, unit="rad"),
             Observation("upright", func=lambda now: rotation(now, "torso")[:, 2, 2]),
-            *([Observation("target", func=_to_target)] if self.swim else []),
-            Observation("velocity", func=lambda now: now.qvel),
+            *([Observation("target", func=_to_target, unit="m")] if self.swim else []),
+            Observation("velocity", func=lambda now: now.qvel, unit="m/s, rad/s"),
         )
 
     def score(self, now: Moment) -> Array:

@@ -31,9 +31,9 @@ class Hopper(SuiteTask):
     def observations(self) -> tuple[Observation, ...]:
         """Configuration without x, velocities, logarithms of the forces at toe and heel: (15,)."""
         return (
-            Observation("position", func=lambda now: now.qpos[:, 1:]),
-            Observation("velocity", func=lambda now: now.qvel),
-            Observation("touch", func=lambda now: np.log1p(reading(now, "touch_toe", "touch_heel"))),
+            Observation("position", func=lambda now: now.qpos[:, 1:], unit="m, rad"),
+            Observation("velocity", func=lambda now: now.qvel, unit="m/s, rad/s"),
+            Observation("touch", func=lambda now: np.log1p(reading(now, "touch_toe", "touch_heel")), unit="log(1 + N)"),
         )
 
     def score(self, now: Moment) -> Array:

@@ -37,15 +37,15 @@ class Humanoid(SuiteTask):
 
     def observations(self) -> tuple[Observation, ...]:
         """Angles, height of the head, hands and feet as the torso sees them, its vertical, velocities: (67,); or the state: (55,)."""
-        velocity = Observation("velocity", func=lambda now: now.qvel)
+        velocity = Observation("velocity", func=lambda now: now.qvel, unit="m/s, rad/s")
         if self.pure_state:
-            return (Observation("position", func=lambda now: now.qpos), velocity)
+            return (Observation("position", func=lambda now: now.qpos, unit="m, rad"), velocity)
         return (
-            Observation("joint_angles", func=lambda now: now.qpos[:, 7:]),
-            Observation("head_height", func=_head_height),
-            Observation("extremities", func=_extremities),
+            Observation("joint_angles", func=lambda now: now.qpos[:, 7:], unit="rad"),
+            Observation("head_height", func=_head_height, unit="m"),
+            Observation("extremities", func=_extremities, unit="m"),
             Observation("torso_vertical", func=lambda now: rotation(now, self.torso)[:, 2]),
-            Observation("com_velocity", func=lambda now: reading(now, f"{self.torso}_subtreelinvel")),
+            Observation("com_velocity", func=lambda now: reading(now, f"{self.torso}_subtreelinvel"), unit="m/s"),
             velocity,
         )
 

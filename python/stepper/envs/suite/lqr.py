@@ -44,7 +44,10 @@ class LQR(SuiteTask):
 
     def observations(self) -> tuple[Observation, ...]:
         """Places and velocities: (2 bodies,)."""
-        return (Observation("position", func=lambda now: now.qpos), Observation("velocity", func=lambda now: now.qvel))
+        return (
+            Observation("position", func=lambda now: now.qpos, unit="m"),
+            Observation("velocity", func=lambda now: now.qvel, unit="m/s"),
+        )
 
     def score(self, now: Moment) -> Array:
         """1 less what the state and the control cost; velocities cost nothing."""

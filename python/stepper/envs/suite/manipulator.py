@@ -48,9 +48,11 @@ class Manipulator(SuiteTask):
         thing = self._object
         return (
             *arm_observations(),
-            Observation("object_pos", func=lambda now: pose(now, thing)),
-            Observation("object_vel", func=lambda now: now.qvel[:, [now.sim.model.joint(f"{thing}_{k}").dofadr for k in "xzy"]]),
-            Observation("target_pos", func=lambda now: pose(now, f"target_{thing}")),
+            Observation("object_pos", func=lambda now: pose(now, thing), unit="m"),
+            Observation(
+                "object_vel", func=lambda now: now.qvel[:, [now.sim.model.joint(f"{thing}_{k}").dofadr for k in "xzy"]], unit="m/s, rad/s"
+            ),
+            Observation("target_pos", func=lambda now: pose(now, f"target_{thing}"), unit="m"),
         )
 
     def score(self, now: Moment) -> Array:

@@ -25,7 +25,7 @@ class Pendulum(SuiteTask):
         """Cosine, sine and velocity of the angle: (3,)."""
         return (
             Observation("orientation", func=lambda now: rotation(now, "pole")[:, [2, 0], 2]),
-            Observation("velocity", func=lambda now: now.qvel),
+            Observation("velocity", func=lambda now: now.qvel, unit="rad/s"),
         )
 
     def score(self, now: Moment) -> Array:

@@ -38,7 +38,10 @@ class PointMass(SuiteTask):
 
     def observations(self) -> tuple[Observation, ...]:
         """Place and velocity: (4,)."""
-        return (Observation("position", func=lambda now: now.qpos), Observation("velocity", func=lambda now: now.qvel))
+        return (
+            Observation("position", func=lambda now: now.qpos, unit="m"),
+            Observation("velocity", func=lambda now: now.qvel, unit="m/s"),
+        )
 
     def score(self, now: Moment) -> Array:
         """1 in the target, less with the distance from it and with control."""

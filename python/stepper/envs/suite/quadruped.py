@@ -59,16 +59,16 @@ class Quadruped(SuiteTask):
     def observations(self) -> tuple[Observation, ...]:
         """Hinges and activations, velocity and vertical of the torso, its sensors, forces at the toes: (78,); with a ball (90,)."""
         rows = (
-            Observation("egocentric_state", func=_egocentric_state),
-            Observation("torso_velocity", func=lambda now: reading(now, "velocimeter")),
+            Observation("egocentric_state", func=_egocentric_state, unit="rad, rad/s"),
+            Observation("torso_velocity", func=lambda now: reading(now, "velocimeter"), unit="m/s"),
             Observation("torso_upright", func=lambda now: rotation(now, "torso")[:, 2, 2]),
-            Observation("accelerometer", func=lambda now: reading(now, "imu_accel")),
-            Observation("gyro", func=lambda now: reading(now, "imu_gyro")),
-            Observation("force_torque", func=_at_the_toes),
+            Observation("accelerometer", func=lambda now: reading(now, "imu_accel"), unit="m/s^2"),
+            Observation("gyro", func=lambda now: reading(now, "imu_gyro"), unit="rad/s"),
+            Observation("force_torque", func=_at_the_toes, unit="arsinh(N), arsinh(N m)"),
         )
         if not self.fetch:
             return rows
-        return (*rows, Observation("ball_state", func=_ball), Observation("target_position", func=_target))
+        return (*rows, Observation("ball_state", func=_ball, unit="m, m/s, rad/s"), Observation("target_position", func=_target, unit="m"))
 
     def score(self, now: Moment) -> Array:
         """Upright, and fast; or near the ball, and with it near the middle."""

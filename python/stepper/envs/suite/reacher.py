@@ -30,9 +30,9 @@ class Reacher(SuiteTask):
     def observations(self) -> tuple[Observation, ...]:
         """Angles, from the finger to the target, velocities: (6,)."""
         return (
-            Observation("position", func=lambda now: now.qpos),
-            Observation("to_target", func=_to_target),
-            Observation("velocity", func=lambda now: now.qvel),
+            Observation("position", func=lambda now: now.qpos, unit="rad"),
+            Observation("to_target", func=_to_target, unit="m"),
+            Observation("velocity", func=lambda now: now.qvel, unit="rad/s"),
         )
 
     def score(self, now: Moment) -> Array:

@@ -41,9 +41,9 @@ class Stacker(SuiteTask):
         """Arm and hand, what touches it, the boxes, the target: (35 + 7 boxes,)."""
         return (
             *arm_observations(),
-            Observation("box_pos", func=lambda now: np.stack([pose(now, box) for box in self._names], axis=1)),
-            Observation("box_vel", func=self._rates),
-            Observation("target_pos", func=lambda now: pose(now, "target")[:, :2]),
+            Observation("box_pos", func=lambda now: np.stack([pose(now, box) for box in self._names], axis=1), unit="m"),
+            Observation("box_vel", func=self._rates, unit="m/s, rad/s"),
+            Observation("target_pos", func=lambda now: pose(now, "target")[:, :2], unit="m"),
         )
 
     def score(self, now: Moment) -> Array:

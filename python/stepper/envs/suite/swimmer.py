@@ -35,9 +35,9 @@ class Swimmer(SuiteTask):
     def observations(self) -> tuple[Observation, ...]:
         """Angles, the target as the head sees it, velocities of the links in their own frames: (4 links + 1,)."""
         return (
-            Observation("joints", func=lambda now: now.qpos[:, 3:]),
-            Observation("to_target", func=_to_target),
-            Observation("body_velocities", func=_velocities),
+            Observation("joints", func=lambda now: now.qpos[:, 3:], unit="rad"),
+            Observation("to_target", func=_to_target, unit="m"),
+            Observation("body_velocities", func=_velocities, unit="m/s, rad/s"),
         )
 
     def score(self, now: Moment) -> Array:

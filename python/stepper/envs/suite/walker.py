@@ -28,8 +28,8 @@ class Walker(SuiteTask):
         """Cosines and sines of the bodies' angles, height of the torso, velocities: (24,)."""
         return (
             Observation("orientations", func=lambda now: rotations(now)[:, 1:, 0, ::2]),
-            Observation("height", func=lambda now: now.xpos[:, 1, 2:]),
-            Observation("velocity", func=lambda now: now.qvel),
+            Observation("height", func=lambda now: now.xpos[:, 1, 2:], unit="m"),
+            Observation("velocity", func=lambda now: now.qvel, unit="m/s, rad/s"),
         )
 
     def score(self, now: Moment) -> Array:

@@ -42,7 +42,7 @@ class Ant(MujocoTask):
             Observation("qpos", columns=slice(2 * int(self.exclude_current_positions_from_observation), None)),
             Observation("qvel"),
         )
-        contacts = Observation("cfrc_ext", func=_contact_forces, columns=slice(6, None))
+        contacts = Observation("cfrc_ext", func=_contact_forces, columns=slice(6, None), unit="N m, N")
         return (*rows, contacts) if self.include_cfrc_ext_in_observation else rows
 
     def position(self, now: Moment) -> Array:

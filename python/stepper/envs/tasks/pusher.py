@@ -35,9 +35,9 @@ class Pusher(MujocoTask):
         return (
             Observation("qpos", columns=slice(0, 7)),
             Observation("qvel", columns=slice(0, 7)),
-            Observation("tips_arm", func=lambda now: _place(now, "tips_arm")),
-            Observation("object", func=lambda now: _place(now, "object")),
-            Observation("goal", func=lambda now: _place(now, "goal")),
+            Observation("tips_arm", func=lambda now: _place(now, "tips_arm"), unit="m"),
+            Observation("object", func=lambda now: _place(now, "object"), unit="m"),
+            Observation("goal", func=lambda now: _place(now, "goal"), unit="m"),
         )
 
     def advance(self, now: Moment) -> None:

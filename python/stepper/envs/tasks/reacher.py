@@ -30,7 +30,7 @@ class Reacher(MujocoTask):
             Observation("sin", func=lambda now: np.sin(now.qpos[:, :2])),
             Observation("qpos", columns=slice(2, None)),
             Observation("qvel", columns=slice(0, 2)),
-            Observation("fingertip", func=_to_target, columns=slice(0, 2)),
+            Observation("fingertip", func=_to_target, columns=slice(0, 2), unit="m"),
         )
 
     def reward(self, now: Moment) -> tuple[Array, Terms]:

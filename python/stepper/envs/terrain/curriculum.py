@@ -68,9 +68,16 @@ class TerrainCurriculum:
         origin = terrain.origins[state["terrain_level"][envs], state["terrain_type"][envs]]
         state["terrain_origin"][envs] = origin
         reset.qpos[:, :2] += origin[:, :2] + reset.rng.uniform(-self.spread, self.spread, 2)
-        line = np.linspace(-self.footprint, self.footprint, max(2, 1 + round(2.0 * self.footprint / terrain.horizontal_scale)))
-        near = np.stack(np.meshgrid(line, line), axis=-1).reshape(-1, 2)
-        reset.qpos[:, 2] += terrain.height(reset.qpos[:, None, :2] + near).max(axis=1)
+        reset.qpos[:, 2] += self._highest(reset.qpos[:, :2])
+
+    def _highest(self, places: Array) -> Array:
+        """Height of the highest point of the terrain near places (n, 2), (n,) m: that of a point of its grid."""
+        step = self.terrain.horizontal_scale
+        reach = step * np.arange(-np.ceil(self.footprint / step) - 1, np.ceil(self.footprint / step) + 2)
+        middle = step * np.round((places + self.terrain.half) / step) - self.terrain.half
+        near = np.stack(np.meshgrid(reach, reach), axis=-1).reshape(-1, 2)
+        highest: Array = self.terrain.height(middle[:, None] + near).max(axis=1)
+        return highest
 
     def move(self, episode_state: Terms, envs: Array, *, up: Array, down: Array) -> None:
         """Moves environments to a harder or an easier row, for `Task.on_end`.

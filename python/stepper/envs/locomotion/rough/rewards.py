@@ -41,7 +41,8 @@ def _linear(now: Moment) -> Array:
 def _angular(now: Moment) -> Array:
     rates = now.qvel[:, 3:6]
     error = np.square(command(now)[:, 2] - rates[:, 2]) + square_sum(rates[:, :2])
-    return np.exp(-error / 0.5)
+    reward: Array = np.exp(-error / 0.5)
+    return reward
 
 
 def _upright(now: Moment) -> Array:

@@ -141,14 +141,16 @@ class RoughTask(Task):
         """Velocities and gravity in the frame of the base, joints beside the stance, last action, command, height scan."""
         k = self.noise
         return (
-            Observation("base_lin_vel", func=linear_velocity, noise=0.5 * k),
-            Observation("base_ang_vel", func=lambda now: now.qvel[:, 3:6], noise=0.2 * k),
+            Observation("base_lin_vel", func=linear_velocity, noise=0.5 * k, unit="m/s"),
+            Observation("base_ang_vel", func=lambda now: now.qvel[:, 3:6], noise=0.2 * k, unit="rad/s"),
             Observation("projected_gravity", func=lambda now: in_base(now, np.tile([0.0, 0.0, -1.0], (len(now.qpos), 1))), noise=0.05 * k),
-            Observation("joint_pos", func=_joint_pos, noise=0.01 * k),
-            Observation("joint_vel", func=lambda now: now.qvel[:, 6:], noise=1.5 * k),
+            Observation("joint_pos", func=_joint_pos, noise=0.01 * k, unit="rad"),
+            Observation("joint_vel", func=lambda now: now.qvel[:, 6:], noise=1.5 * k, unit="rad/s"),
             Observation("actions", func=lambda now: now.episode_state["last"]),
-            Observation("command", func=command),
-            Observation("height_scan", func=lambda now: (now.qpos[:, 2:3] - ground_scan(now)) / _SCANNED, noise=0.1 / _SCANNED * k),
+            Observation("command", func=command, unit="m/s, rad/s"),
+            Observation(
+                "height_scan", func=lambda now: (now.qpos[:, 2:3] - ground_scan(now)) / _SCANNED, noise=0.1 / _SCANNED * k, unit="5 m"
+            ),
         )
 
     def reward(self, now: Moment) -> tuple[Array, Terms]:

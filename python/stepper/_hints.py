@@ -163,6 +163,12 @@ def no_root_attribute(name: str, known: Iterable[str]) -> AttributeError:
     return AttributeError(f"module 'stepper' has no attribute {name!r}{hint}")
 
 
+def no_name(module: str, name: str, known: Iterable[str]) -> AttributeError:
+    """Error for a name that a submodule does not have: its present name, or similar names."""
+    new = NEW_NAMES.get(module, {}).get(name)
+    return AttributeError(f"module {module!r} has no attribute {name!r}{f'; did you mean {new}?' if new else near(name, known)}")
+
+
 class Hinting(type):
     """Metaclass of classes whose missing attributes are named in an error with a hint, as `Options.of`."""
 

@@ -10,7 +10,7 @@ _ENVIRONMENT = {
     "model": "sim.model",
     "physics": "sim",
     "init_qpos": "sim.model.qpos0",
-    "init_qvel": "task.start(...), which sets velocities of a new episode",
+    "init_qvel": "task.sample_state(...), which sets velocities of a new episode",
     "frame_skip": "task.frame_skip",
     "state_vector": "sim.qpos and sim.qvel",
     "get_body_com": "sim.read('xipos', name)",
@@ -22,7 +22,15 @@ _ENVIRONMENT = {
     **{name: f"sim.{name}" for name in ("qpos", "qvel", "xpos", "sensordata", "ctrl", "timestep", "status", "randomize", "time")},
 }
 
+RENAMED = {
+    "Task": {"quantities": "observations", "start": "sample_state", "prepare": "on_reset", "memory": "episode_state"},
+    "Moment": {"memory": "episode_state", "rest": "default_qpos"},
+    "stepper.envs": {"Quantity": "Observation", "Draws": "Rng"},
+}
+"""Present names of tasks' methods and attributes by earlier name."""
+
 NEW_NAMES: dict[str, dict[str, str]] = {
+    **RENAMED,
     "Options": {"of": "from_model"},
     "Study": {"of": "from_model"},
     "World": {

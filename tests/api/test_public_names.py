@@ -56,6 +56,8 @@ def lines_of(name: str, thing: Any) -> Iterator[str]:
                 yield from member(f"{name}.{attribute}", inspect.getattr_static(thing, attribute, None))
     elif inspect.ismodule(thing):
         yield f"{name} (module)"
+        for attribute in getattr(thing, "__all__", ()):
+            yield from lines_of(f"{name}.{attribute}", getattr(thing, attribute))
     elif callable(thing):
         yield f"{name}{signature_of(thing)}"
     else:

@@ -225,8 +225,8 @@ class StepperVectorEnv(VectorEnv[Array, Array, Array]):
         """State of all environments, for `set_state`; an environment continues from it with the same bits.
 
         The state contains that of the stepper, parameters of `Stepper.randomize`, applied forces, mocap poses, active equalities, and the
-        episodes: the task's memory, random number generators of initial states and sensors, returns, lengths, and which have ended. It
-        does not contain the counters of wrappers or the random number generator of `action_space`.
+        episodes: the task's episode_state, random number generators of initial states and sensors, returns, lengths, and which have
+        ended. It does not contain the counters of wrappers or the random number generator of `action_space`.
 
         Raises:
             ResetNeeded: `reset` was not called yet.
@@ -239,7 +239,7 @@ class StepperVectorEnv(VectorEnv[Array, Array, Array]):
     def set_state(self, qpos: Array | EnvState | None = None, qvel: Array | None = None, envs: ArrayLike | None = None) -> Array:
         """Sets positions and velocities, or restores a state of `get_state`.
 
-        Positions and velocities leave the episodes as they are: lengths, memory and random numbers. A state replaces everything: the
+        Positions and velocities leave the episodes as they are: lengths, episode_state and random numbers. A state replaces everything: the
         same actions then give the same observations, rewards, terminations and resets, bit for bit. The state may be from another
         `StepperVectorEnv` with the same task, settings and number of environments, also from another process.
 

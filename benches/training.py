@@ -201,7 +201,7 @@ def table_of_following(page: Path, runs: Path, episodes: int, only: str) -> str:
     for name, task in VELOCITY_TASKS.items():
         if only not in name:
             continue
-        env, stance = f"stepper/{name}", task().memory(episodes)["last"]
+        env, stance = f"stepper/{name}", task().episode_state(episodes)["last"]
         rows: list[tuple[list[str], Any, str]] = [
             ([name, "stands still", _LAWS["hard"], "", "", ""], lambda observation, act=stance: act, "hard")
         ]

@@ -9,6 +9,8 @@ import command_line
 import gymnasium
 import page_blocks
 import pytest
+from field_table import PAGE as FIELDS
+from field_table import written
 
 ROOT = Path(__file__).parents[1]
 DOCUMENTS = sorted(
@@ -130,3 +132,7 @@ def test_only_update_docs_writes_documentation():
         if re.search(r'"docs(/|")', text) and "ArgumentParser(" in text:
             assert "--update-docs" in text, named(path)
     assert "--update-docs" not in (ROOT / "Makefile").read_text().replace("=--update-docs", "")
+
+
+def test_the_table_of_what_can_vary_is_that_of_the_code():
+    assert written(FIELDS.read_text()) == FIELDS.read_text(), "run: PYTHONPATH=python python tests/field_table.py"

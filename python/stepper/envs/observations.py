@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
-
 import numpy as np
 
 from stepper._stepper import Model
-from stepper.envs.task import Array, Moment, Quantity, Terms
+from stepper.envs.assets import once_per_model
+from stepper.envs.task import Array, Moment, Observation, Terms
 
 
-@lru_cache(maxsize=8)
+@once_per_model
 def _tendon_matrices(model: Model) -> tuple[Array, Array]:
     """What makes lengths of tendons of qpos, (nq, ntendon), and their velocities of qvel, (nv, ntendon)."""
     names = model.tendon_names
@@ -30,9 +29,9 @@ def tendons(now: Moment) -> Terms:
 
 
 BODY_TABLES = (
-    Quantity("cinert", columns=slice(10, None)),
-    Quantity("cvel", columns=slice(6, None)),
-    Quantity("qfrc_actuator", columns=slice(6, None)),
-    Quantity("cfrc_ext", columns=slice(6, None)),
+    Observation("cinert", columns=slice(10, None)),
+    Observation("cvel", columns=slice(6, None)),
+    Observation("qfrc_actuator", columns=slice(6, None)),
+    Observation("cfrc_ext", columns=slice(6, None)),
 )
 """What humanoids observe of their bodies: of all but the world, and forces of all joints but the free one."""

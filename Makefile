@@ -25,10 +25,15 @@ test: $(VENV)/setup.stamp
 	$(RUST_TESTS) --doc
 	$(BIN)/python -m pytest --numprocesses logical --dist worksteal
 
-# The wheel, with its size and the time of an import: docs/packaging.md. It carries the binary that `build` made.
-wheel: build
+# The wheel, with its size and the time of an import: docs/packaging.md. On Linux, zig links it for glibc 2.17. That concerns the last crate alone, the
+# bindings, which are compiled once more; all others are those of `build`.
+ifeq ($(shell uname),Linux)
+MANYLINUX := --compatibility manylinux_2_17 -- -C linker=$(CURDIR)/crates/python/manylinux-linker
+endif
+wheel: export PATH := $(CURDIR)/$(BIN):$(PATH)
+wheel: build $(VENV)/wheel.stamp
 	rm -rf target/wheels
-	$(BIN)/maturin build --release --interpreter $(BIN)/python --out target/wheels
+	$(BIN)/maturin build --release --interpreter $(BIN)/python --out target/wheels $(MANYLINUX)
 	$(BIN)/python tests/wheel.py
 
 # Speed, as ratios: stages and steps in Rust, side by side with MuJoCo, and what sensors, drives and environments cost. Downloads six packages for
@@ -123,7 +128,7 @@ gymnasium: build
 viewer: build $(VENV)/viewer.stamp
 	$(BIN)/python -m pytest tests/viewer
 
-# Format, lints, documentation, types, the stub against the binary, and what deny.toml says of libraries. The second clippy sees the core as its users
+# Format, lints, documentation, types, the stub against the binary, workflows, and what deny.toml says of libraries. The second clippy sees the core as its users
 # do: it has nothing that only tests and benches use, and the bindings need no more.
 check: build $(VENV)/check.stamp
 	cargo fmt --all --check
@@ -135,6 +140,9 @@ check: build $(VENV)/check.stamp
 	$(BIN)/ruff format --check
 	$(BIN)/mypy
 	$(BIN)/python -m mypy.stubtest stepper._stepper
+	$(BIN)/check-jsonschema --builtin-schema vendor.github-workflows .github/workflows/*.yml
+	$(BIN)/check-jsonschema --builtin-schema vendor.citation-file-format CITATION.cff
+	$(BIN)/zizmor --offline --quiet .github/workflows
 
 # Known vulnerabilities, withdrawn and abandoned libraries. No part of `check`: RustSec's database is a git repository and in no registry, so this
 # needs more of the network than registries of packages, and its answer changes without a change here.
@@ -161,6 +169,10 @@ $(VENV)/setup.stamp: pyproject.toml
 $(VENV)/check.stamp: $(VENV)/setup.stamp
 	$(BIN)/python -m pip install --quiet --group check
 	cargo install --quiet --locked --debug --root $(VENV) cargo-deny@$(DENY)
+	touch $@
+
+$(VENV)/wheel.stamp: $(VENV)/setup.stamp
+	$(BIN)/python -m pip install --quiet --group wheel
 	touch $@
 
 $(VENV)/atlas.stamp: $(VENV)/setup.stamp

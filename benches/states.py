@@ -15,7 +15,7 @@ import numpy as np
 import stepper
 from derivatives import median_time, touching
 from stepper import Options
-from stepper._stepper import cpu_levels
+from stepper.doctor import cpu_levels
 from stepper.shared.machine import cpu_name, one_core
 
 

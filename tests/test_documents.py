@@ -5,6 +5,7 @@ from pathlib import Path
 
 import mujoco
 import pytest
+from field_table import PAGE, written
 from models import SOURCES
 
 ROOT = Path(__file__).parents[1]
@@ -35,3 +36,7 @@ def test_the_readmes_snippets_run(tmp_path, monkeypatch):
     for snippet in snippets:
         exec(compile(snippet.replace("1024", "16"), "README.md", "exec"), names)
     assert names["sim"].sensor_faults.shape == (16, len(names["model"].sensors), 2)
+
+
+def test_the_table_of_what_can_vary_is_that_of_the_code():
+    assert written(PAGE.read_text()) == PAGE.read_text(), "run: PYTHONPATH=python python tests/field_table.py"

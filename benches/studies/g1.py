@@ -36,11 +36,11 @@ study = stepper.lab.Study(
         stepper.lab.Outcome(name="way", measure="body pelvis x", over="change", unit="m"),
     ],
     parameters={
-        "friction": stepper.lab.Parameter(
-            target="geom_friction", names=("floor", "*_foot*"), column=0, low=0.2, high=1.0, source="wet tiles to rubber on concrete"
+        "friction": stepper.lab.Parameter("geom_friction[floor,*_foot*][0]", low=0.2, high=1.0, source="wet tiles to rubber on concrete"),
+        "payload": stepper.lab.Parameter("body_mass[torso_link]", how="scale", low=0.8, high=1.8, source="a rucksack"),
+        "stiffness": stepper.lab.Parameter(
+            "actuator_kp", how="scale", low=0.05, high=1.5, source="gains that people use: 10 to 300 N m/rad"
         ),
-        "payload": stepper.lab.Parameter(target="body_mass", names=("torso_link",), how="scale", low=0.8, high=1.8, source="a rucksack"),
-        "stiffness": stepper.lab.Parameter(target="kp", how="scale", low=0.05, high=1.5, source="gains that people use: 10 to 300 N m/rad"),
     },
     seconds=0.5,
     episodes=4,

@@ -9,7 +9,7 @@ import stepper.envs
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from stepper._hints import RENAMED
+from stepper._other_names import RENAMED
 from stepper.envs import Observation, Rng, StepperEnv, StepperVectorEnv, Task, contact_forces
 from stepper.envs.streams import Streams
 

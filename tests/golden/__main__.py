@@ -7,7 +7,7 @@ import json
 import pickle
 from pathlib import Path
 
-from stepper._stepper import cpu_levels
+from stepper.doctor import cpu_levels
 
 from golden import kept
 from golden.record import record
@@ -24,7 +24,10 @@ def renew() -> None:
     before = kept.read()["trajectories"] if kept.KEPT.exists() else {}
     kept.write(first)
     for name in [name for name in first | before if first.get(name) != before.get(name)]:
-        print(f"{name}: {'new' if name not in before else 'gone' if name not in first else 'other than before'}")
+        if name in first and name in before:
+            print(f"{name}: the final state moved by up to {kept.moved(before[name], first[name]):.1e}")
+        else:
+            print(f"{name}: {'gone' if name in before else 'new'}")
     print(f"kept {len(first)} trajectories, which {', '.join(levels)} agree on")
 
 

@@ -22,7 +22,14 @@ def read() -> dict[str, Any]:
 
 def write(entries: dict[str, Any]) -> None:
     """Keeps the entries of this build."""
-    KEPT.write_text(json.dumps({"mujoco": mujoco.__version__, "trajectories": entries}, indent=1) + "\n")
+    lines = ",\n".join(f"  {json.dumps(name)}: {json.dumps(entry)}" for name, entry in entries.items())
+    KEPT.write_text(f'{{\n "mujoco": {json.dumps(mujoco.__version__)},\n "trajectories": {{\n{lines}\n }}\n}}\n')
+
+
+def moved(kept: dict[str, Any], found: dict[str, Any]) -> float:
+    """Largest difference between the final states of two entries, in SI units; infinite between states of different models."""
+    before, after = kept.get("final", []), found["final"]
+    return max((abs(a - b) for a, b in zip(before, after, strict=True)), default=0.0) if len(before) == len(after) else float("inf")
 
 
 def entries_at(level: str) -> dict[str, Any]:
@@ -49,7 +56,8 @@ def verdict(kept: dict[str, Any], found: dict[str, Any], version: str) -> str:
     if same_model:
         return (
             f"the step changed: the compiled model is the one that was kept, and the trajectory is another "
-            f"({found['contacts']} contacts, {found['flags']}; kept {kept['contacts']}, {kept['flags']}). If that is meant: {RENEW}"
+            f"({found['contacts']} contacts, {found['flags']}; kept {kept['contacts']}, {kept['flags']}). The final state of the first "
+            f"environment moved by up to {moved(kept, found):.1e}. If that is meant: {RENEW}"
         )
     compiler = f"MuJoCo {mujoco.__version__} compiled it, {version} compiled the one that was kept"
     if same_bits:

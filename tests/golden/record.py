@@ -76,12 +76,14 @@ class Record:
         readings: What was read, each with when and what it is, in order.
         contacts: Contacts of the steps that were read, together.
         flags: Flags of `stepper.Status` that any environment had.
+        final: Configuration and velocity of the first environment at the end, (nq + nv,), to nine digits.
     """
 
     model: str
     readings: list[tuple[str, bytes]]
     contacts: int
     flags: stepper.Status
+    final: tuple[float, ...] = ()
 
     @property
     def bits(self) -> str:
@@ -93,8 +95,9 @@ class Record:
         return digest.hexdigest()
 
     def entry(self) -> dict[str, Any]:
-        """What is kept of it."""
-        return {"model": self.model, "bits": self.bits, "contacts": self.contacts, "flags": self.flags.name or "OK"}
+        """Entry of golden.json."""
+        numbers = {"model": self.model, "bits": self.bits, "contacts": self.contacts, "flags": self.flags.name or "OK"}
+        return numbers | {"final": list(self.final)}
 
 
 def record(trajectory: Trajectory) -> Record:
@@ -123,4 +126,5 @@ def record(trajectory: Trajectory) -> Record:
     for env in range(trajectory.num_envs or 1):
         evaluated = zip(labels, sim._in_64_bits(env), strict=True)
         readings += [(f"end, environment {env}: {name}", value.tobytes()) for name, value in evaluated]
-    return Record(model.digest, readings, contacts, stepper.Status(flags))
+    final = np.concatenate([np.atleast_2d(sim.qpos)[0], np.atleast_2d(sim.qvel)[0]]).astype(float)
+    return Record(model.digest, readings, contacts, stepper.Status(flags), tuple(float(f"{x:.9g}") for x in final))

@@ -1,7 +1,8 @@
 """The bits of some ninety trajectories are those that are kept in the repository, at every CPU level that this machine has.
 
 `golden.json` has two digests of each: of its compiled model, so that another release of MuJoCo, which compiles other numbers, is told apart
-from a change of the step, and of all that can be read while it runs (`golden.record`). After a change that is meant to change bits:
+from a change of the step, and of all that can be read while it runs (`golden.record`). The final state of the first environment is stored
+next to them, so that a change tells how far the trajectory moved. After a change that is meant to change bits:
 
     PYTHONPATH=tests .venv/bin/python -m golden --renew
 
@@ -14,7 +15,7 @@ import functools
 
 import pytest
 import stepper
-from stepper._stepper import cpu_levels
+from stepper.doctor import cpu_levels
 
 from golden import kept
 from golden.record import LABELS, READINGS, Record, Trajectory, record

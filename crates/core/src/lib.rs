@@ -59,7 +59,8 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
-//! More of the kind is in `examples/`: a batch with contacts and poses, states, and environments with parameters of their own.
+//! The folder `examples/` has a controller loop, a batch with contacts and poses, saved states, and environments with parameters of their
+//! own.
 //!
 //! Models come from [`Model::builder`], from a [`model::Description`] that is filled in and finished, or from files: [`Model::load`] reads
 //! what the Python package saved, which reads MJCF and URDF. [`Options::from_model`] has the settings that such a file asks for. A finished

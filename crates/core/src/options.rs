@@ -300,12 +300,15 @@ pub struct StepSettings {
 }
 
 impl StepSettings {
-    /// Whether steps are to be solved more tightly than by default: as smooth functions, say, of which differences are taken.
-    pub(crate) fn is_tight(&self) -> bool {
-        self.tolerance < Precision::F64.tolerance()
+    /// Factor by which the tolerance is smaller than the default one of double precision, at least 1.
+    ///
+    /// Constants of estimates and corrections are those at the default tolerance. Their tolerances are divided by this factor, and their
+    /// iteration limits multiplied by it.
+    pub(crate) fn refinement(&self) -> f64 {
+        (Precision::F64.tolerance() / self.tolerance).max(1.0)
     }
 
-    /// (Sweeps, Newton steps) at the most.
+    /// Largest numbers of Gauss-Seidel iterations and of Newton steps.
     pub fn effort(&self) -> [u32; 2] {
         match self.solver {
             Solver::Auto => [self.iterations.min(AUTO_SWEEPS), self.iterations],

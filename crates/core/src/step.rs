@@ -1,18 +1,25 @@
 //! One step of a group of environments, stage by stage.
 
-use stepper_real::Real;
+use stepper_real::{Mask, Real};
 
 use crate::compile::LaneModel;
-use crate::integrators::acceptance::accept;
+use crate::constraints::ConstraintProblem;
+use crate::integrators::acceptance::{accept, store_joint_impulse};
+use crate::integrators::assemble::assemble_problem;
 use crate::integrators::devices::Devices;
-use crate::integrators::evaluation::{assemble_rows, evaluate};
+use crate::integrators::energy_guard::{find_energy_gain, limit_energy};
+use crate::integrators::locate::locate;
 use crate::integrators::mujoco;
-use crate::integrators::observation::{observe, pass_controls};
-use crate::integrators::scheme;
-use crate::integrators::solution::{Solution, correct_positions, guard_energy, integrate_positions, record, solve_velocities};
+use crate::integrators::observation::{hold_outputs, observe, pass_controls};
+use crate::integrators::positions::{correct_positions, find_tunnelling, integrate_positions};
+use crate::integrators::predict::{predict, reconsider_servos};
+use crate::integrators::solve_velocities::{bound_velocities, solve_velocities};
+use crate::integrators::step_outcome::{StepOutcome, record};
+use crate::integrators::step_values::{Place, StepInput};
 use crate::integrators::workspace::Workspace;
 use crate::options::{ContactLaw, StepSettings};
 use crate::probe::{Counter, Probe, Span};
+use crate::stages::s05_solve::store_impulses;
 use crate::stages::s10_record::Record;
 
 /// Advances a group of environments by `options.timestep` seconds: state and inputs to next state, observation and record.
@@ -45,37 +52,78 @@ fn run_stages<R: Real>(
     if options.poison {
         s.poison();
     }
-    s.poses.begin();
+    s.evaluation.poses.begin();
     // 1 actuate: controls pass through the actuators' pipelines.
-    probe.span(Span::ActuatorPipelines, || pass_controls(compiled, options, s, devices));
-    let (solution, tunnelled) = match options.contact {
+    probe.span(Span::ActuatorPipelines, || {
+        let Workspace { state, user_controls, inputs, alive, .. } = s;
+        pass_controls(compiled, options, state, user_controls, inputs, *alive, devices);
+    });
+    let outcome = match options.contact {
         ContactLaw::Hard => solve_step(compiled, options, s, probe),
         // Stages 1 to 7 with MuJoCo's contact law. It needs no stage 8, because remaining depth and loop errors are its softness.
         ContactLaw::Mujoco => mujoco::solve_step(compiled, options, s, probe),
     };
-    let finite = probe.span(Span::Accept, || accept(compiled, s, options.timestep));
+    let finite = probe.span(Span::Accept, || {
+        let Workspace { state, evaluation, velocity, position, alive, .. } = s;
+        accept(compiled, state, evaluation, velocity, position, *alive, options.timestep)
+    });
     // 9 sense
-    probe.span(Span::Sense, || observe(compiled, options, s, devices));
+    let Workspace { state, inputs, evaluation, free_motion, problem, velocity, sensors, alive, .. } = s;
+    hold_outputs(compiled, inputs, devices);
+    let input = StepInput { compiled, options, state, inputs, alive: *alive };
+    probe.span(Span::Sense, || observe(input, velocity, &mut evaluation.kinematics, sensors, devices));
     // 10 record
-    let record = probe.span(Span::Record, || record(compiled, options, s, &solution, [finite, tunnelled]));
-    s.constraints.remove_deferred(&mut s.state.contacts);
+    let record = probe.span(Span::Record, || record(input, free_motion, problem, &outcome, finite));
+    problem.remove_deferred(&mut state.contacts);
     record
 }
 
-/// Stages 1 to 8 with hard contact. Returns the solution and the lanes in which a geom may have passed through a thin one.
+/// Stages 1 to 8 with hard contact.
 #[inline(always)]
-fn solve_step<R: Real>(compiled: &LaneModel<R>, options: &StepSettings, s: &mut Workspace<R>, probe: impl Probe) -> (Solution<R>, R::Mask) {
-    let mut scheme = scheme(options);
-    // 1 actuate, 2 smooth dynamics, 3 detect: at the configuration at which the scheme evaluates the step.
-    let evaluated_at_start = evaluate(compiled, options, &mut scheme, s, probe);
-    // 4 assemble; 1 and 2 again for forces that depend on the velocity after the step.
-    assemble_rows(compiled, options, &scheme, s, evaluated_at_start, probe);
-    // 5 solve, 6 integrate velocity; both again where impacts change the velocity. With Baumgarte's method its bias is limited here.
-    let mut solution = solve_velocities(compiled, options, &scheme, s, probe);
+fn solve_step<R: Real>(compiled: &LaneModel<R>, options: &StepSettings, s: &mut Workspace<R>, probe: impl Probe) -> StepOutcome<R> {
+    let Workspace { state, inputs, evaluation, free_motion: free, problem, builder, velocity, position, .. } = s;
+    let (strikes, guard, alive) = (&mut s.strikes, &mut s.step_resolution, s.alive);
+    // 1 actuate, 2 smooth dynamics, 3 detect: at the evaluation point. The loop in `locate` moves the point for fast bodies and impacts.
+    locate(StepInput { compiled, options, state, inputs, alive }, evaluation, free, probe);
+    probe.span(Span::WarmStart, || evaluation.match_contacts(compiled, &mut state.contacts));
+    probe.count(Counter::Contacts, || evaluation.contacts.count[..R::LANES].iter().sum::<usize>() as f64);
+    // 4 assemble: the problem. Servos at the bounds of their force may change it once.
+    let input = StepInput { compiled, options, state, inputs, alive };
+    let place = Place { input, evaluation };
+    assemble_problem(place, free, problem, velocity, builder, probe);
+    reconsider_servos(place, free, problem, velocity, builder, probe);
+    // Forces of stages 1 and 2 that depend on the velocity follow from a prediction of the velocity after the step.
+    probe.span(Span::CorrectForces, || predict(place, free, problem, velocity, strikes, probe));
+    count_rows(problem, probe);
+    // 5 solve, 6 integrate velocity. The loop in `solve_velocities` repeats them until the solution agrees with the problem.
+    let solver = solve_velocities(place, free, problem, velocity, strikes, probe);
+    let mut outcome = bound_velocities(place, free, problem, velocity, position, solver, probe);
+    let excluded = if s.rk4.is_some() { problem.constrained.not() } else { R::Mask::splat(false) };
+    probe.span(Span::GuardEnergy, || find_energy_gain(place, free, velocity, guard, excluded));
+    outcome.tunnelled = probe.span(Span::Tunnelling, || find_tunnelling(input, evaluation, velocity, &outcome));
     // 7 integrate position
-    let tunnelled = integrate_positions(compiled, &scheme, s, &solution, probe);
+    integrate_positions(Place { input, evaluation }, velocity, position, probe);
+    // The impulses of the solution are final. Stage 8 continues from them with a solution of its own.
+    probe.span(Span::IntegrateVelocity, || {
+        store_impulses(problem, velocity, &mut evaluation.contacts);
+        store_joint_impulse(compiled, &free.smooth.mass, velocity, &mut free.impulse);
+    });
     // 8 stabilise
-    correct_positions(compiled, options, &scheme, s, &mut solution, probe);
-    probe.span(Span::GuardEnergy, || guard_energy(compiled, s, &solution));
-    (solution, tunnelled)
+    let infeasible = probe.span(Span::Stabilise, || correct_positions(input, evaluation, free, problem, velocity, position));
+    outcome.infeasible = outcome.infeasible.or(infeasible);
+    if let Some(rk4) = &mut s.rk4 {
+        // Resolved lanes without constraints take the result of the Runge-Kutta scheme.
+        let lanes = alive.and_not(problem.constrained.or(free.unresolved));
+        probe.span(Span::Rk4, || rk4.replace_step(Place { input, evaluation }, lanes, velocity, position));
+    }
+    probe.span(Span::GuardEnergy, || limit_energy(Place { input, evaluation }, free, velocity, position, guard, outcome.limited));
+    std::mem::swap(&mut state.impulse, &mut free.impulse);
+    outcome
+}
+
+/// Counts the rows of the problem.
+#[inline(always)]
+fn count_rows<R: Real>(problem: &ConstraintProblem<R>, probe: impl Probe) {
+    probe.count(Counter::ScalarRows, || problem.owners.len() as f64);
+    probe.count(Counter::ContactSlots, || (problem.slots.len() + problem.rolling_slots.len()) as f64);
 }

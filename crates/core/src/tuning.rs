@@ -16,17 +16,14 @@ pub(crate) const STRUCTURE_MOTION: f64 = 1e-3;
 /// Motion per step above which the estimate is solved, rad or m. In a longer step an error of the velocity changes the next one.
 pub(crate) const ROUGH_MOTION: f64 = 0.3;
 
-/// Largest number of Gauss-Seidel iterations of a solved estimate.
-pub(crate) const ESTIMATE_ITERATIONS: u32 = 16;
+/// Largest number of Gauss-Seidel iterations of a solved estimate at the default tolerance of the step.
+pub(crate) const ESTIMATE_ITERATIONS: f64 = 16.0;
 
 /// Error of the free velocity by a solved estimate, m/s, at the default tolerance of the step.
 ///
 /// An error d of the estimated velocity changes the effect of inertial forces by about h |v| d. The iterations therefore stop at
 /// `ESTIMATE_ERROR / (h |v|)`.
 pub(crate) const ESTIMATE_ERROR: f64 = 1e-5;
-
-/// Error of the free velocity by a solved estimate, relative to the tolerance of the step, below the default tolerance.
-pub(crate) const ESTIMATE_RATIO: f64 = 10.0;
 
 /// Motion within a step below which inertial forces are negligible, rad or m. Such a lane is at rest and keeps its impulses as estimate.
 pub(crate) const REST_MOTION: f64 = 1e-6;
@@ -148,10 +145,7 @@ pub(crate) const TARGET_RATIO: f64 = 0.1;
 /// Residual of a correction, m/s, at the default tolerance. It is a fraction of a micrometre per step, and the next step corrects the rest.
 pub(crate) const CORRECTION_TOLERANCE: f64 = 1e-4;
 
-/// Residual of a correction relative to the tolerance of the step, below the default tolerance.
-pub(crate) const CORRECTION_RATIO: f64 = 100.0;
-
-/// Correction below which a row has no damping, m/s or rad/s, below the default tolerance.
+/// Correction below which a row has no damping, m/s or rad/s.
 ///
 /// Rounding makes equal demands differ by 1e-14. Damping a contact that corrects nothing changes the step where other contacts move it
 /// (1e-8 m for a quadruped).
@@ -161,12 +155,12 @@ pub(crate) const NEGLIGIBLE_CORRECTION: f64 = 1e-12;
 /// two limbs are jammed. Below it, Newton's method costs more than it corrects (humanoids under random control: 4 % of the step).
 pub(crate) const CORRECTION_NEWTON_THRESHOLD: f64 = 1e-2;
 
-/// Largest number of Gauss-Seidel iterations of a correction. They begin with the impulses of stage 5.
-pub(crate) const CORRECTION_ITERATIONS: u32 = 10;
+/// Largest number of Gauss-Seidel iterations of a correction at the default tolerance. They begin with the impulses of stage 5.
+pub(crate) const CORRECTION_ITERATIONS: f64 = 10.0;
 
-/// Largest number of Newton steps of a corrected island. With 5 a gripper that begins within its palm stays there, with 6 it opens
+/// Largest number of Newton steps of a corrected island at the default tolerance. With 5 a gripper that begins within its palm stays there, with 6 it opens
 /// (test_impossible_demands.py). Of 120 jammed pairs of arms 8 and 50 steps leave the same overlaps after a second, within 0.1 %.
-pub(crate) const CORRECTION_NEWTON_STEPS: u32 = 8;
+pub(crate) const CORRECTION_NEWTON_STEPS: f64 = 8.0;
 
 /// Largest displacement rate by a correction relative to `max_correction_speed`, and largest rotation rate over [`CORRECTION_ARM`]: 5 m/s
 /// and 50 rad/s by default.

@@ -8,6 +8,7 @@ import gymnasium
 import numpy as np
 from gymnasium.error import ResetNeeded
 
+from stepper._hints import no_attribute
 from stepper._options import Options, Precision
 from stepper._stepper import Stepper
 from stepper.envs.batch import Batch
@@ -70,6 +71,9 @@ class StepperEnv(gymnasium.Env[Array, Array]):
         self.observation_space, self.action_space = self._batch.observation_space, self._batch.action_space
         self.observation_structure = self._batch.structure
         self._begun = False
+
+    def __getattr__(self, name: str) -> Any:
+        raise no_attribute(StepperEnv, name)
 
     @property
     def sim(self) -> Stepper:

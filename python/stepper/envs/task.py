@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import functools
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar, Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-from stepper._hints import RENAMED, no_attribute
+from stepper._hints import no_attribute
+from stepper._other_names import RENAMED
+from stepper._quantities import read
 from stepper._stepper import Model, Stepper
 from stepper.actuators import ActuatorModel
 from stepper.envs.assets import load_quietly, model_file
@@ -34,8 +36,8 @@ _OWN = ("sim", "task", "dt", "action", "default_qpos", "episode_state", "velocit
 class Moment:
     """The batch after a step or a reset.
 
-    Every quantity of `Stepper` (`now.qpos`, `now.xpos`, `now.cinert`) is an attribute, an array (num_envs, ...) that is read when it is
-    first asked for, and before the next step.
+    It reads as a `Stepper` does: every quantity (`now.qpos`, `now.xpos`, `now.sensordata`) is an attribute, an array (num_envs, ...) that
+    is read at its first use, before the next step; `read(name, of)` and `contacts()` are those of `Stepper`.
 
     Attributes:
         sim: The stepper.
@@ -68,10 +70,16 @@ class Moment:
                 f"{name} was not read at this moment, and the environments went on since: read it before the next step or reset"
             )
         value = self.task.healthy(self) if name == "healthy" else getattr(self.sim, name)
+        if callable(value):
+            return value  # A method reads the present state: whether the moment is over is checked at every use.
         if isinstance(value, np.ndarray):
             value = np.asarray(value)  # A plain array: `Stepper` gives kinds of its own, with which arithmetic is slower.
         self.__dict__[name] = value
         return value
+
+    def read(self, name: str, of: str | int | Sequence[str | int] | None = None) -> Array:
+        """Values of a quantity for all its elements, or for some by name or index: see `Stepper.read`."""
+        return read(self, name, of)
 
     def rng(self, name: str) -> Rng:
         """Random numbers of all environments for this moment, for noise of an observation.

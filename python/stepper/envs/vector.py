@@ -13,6 +13,7 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import ArrayLike
 
+from stepper._hints import no_attribute
 from stepper._options import Options, Precision
 from stepper._stepper import Model, Stepper, selected
 from stepper.envs.batch import Batch
@@ -93,6 +94,9 @@ class StepperVectorEnv(VectorEnv[Array, Array, Array]):
         self._statistics, self._begun = episode_statistics, False
         self._over, self._any_over = np.zeros(num_envs, dtype=bool), False
         self._since = np.zeros(num_envs)
+
+    def __getattr__(self, name: str) -> Any:
+        raise no_attribute(StepperVectorEnv, name)
 
     @property
     def sim(self) -> Stepper:

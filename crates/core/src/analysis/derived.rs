@@ -6,9 +6,11 @@ use crate::analysis::smooth_dynamics::SmoothDynamics;
 use crate::compile::LaneModel;
 use crate::dynamics::kinematics::Kinematics;
 use crate::integrators::observation::read_actuator_forces;
+use crate::integrators::step_values::StepInput;
 use crate::integrators::workspace::Workspace;
 use crate::math::spatial::*;
 use crate::model::{MIN_VALUE, Model};
+use crate::options::StepSettings;
 use crate::sensing::{contact_wrenches, motion_of, orientations};
 
 /// What [`Simulation::derive`](crate::Simulation::derive) gives of every environment, in MuJoCo's vocabulary.
@@ -167,9 +169,16 @@ impl<R: Real> Derivation<R> {
         self.place_mocap(compiled, s);
     }
 
-    /// Writes a quantity of the environments of the group that was taken up last, of steps of length `h` (s), to the rows of `out`.
-    pub(crate) fn derive(&mut self, compiled: &LaneModel<R>, h: R, s: &mut Workspace<R>, quantity: DerivedQuantity, out: &mut [R::Scalar]) {
-        self.evaluate(compiled, h, s, quantity);
+    /// Writes a quantity of the environments of the group that was taken up last, of steps with the settings `options`, to the rows of `out`.
+    pub(crate) fn derive(
+        &mut self,
+        compiled: &LaneModel<R>,
+        options: &StepSettings,
+        s: &mut Workspace<R>,
+        quantity: DerivedQuantity,
+        out: &mut [R::Scalar],
+    ) {
+        self.evaluate(compiled, options, s, quantity);
         let n = self.values.len();
         self.interleaved.resize(n * R::LANES, R::Scalar::default());
         R::store_all(&self.values, &mut self.interleaved);
@@ -185,7 +194,7 @@ impl<R: Real> Derivation<R> {
         let one = [R::one(), R::zero(), R::zero(), R::zero()];
         self.orientation.resize(compiled.nframe(), one);
         let kinematics = &mut s.evaluation.kinematics;
-        for (mocap, trajectory) in compiled.mocap.iter().zip(&s.mocap_trajectories) {
+        for (mocap, trajectory) in compiled.mocap.iter().zip(&s.inputs.mocap_trajectories) {
             let [x, y, z, quat @ ..] = trajectory.end();
             kinematics.pos[mocap.frame] = [x, y, z];
             kinematics.mat[mocap.frame] = R::vectorize(
@@ -197,8 +206,9 @@ impl<R: Real> Derivation<R> {
     }
 
     /// Leaves a quantity in `values`.
-    fn evaluate(&mut self, compiled: &LaneModel<R>, h: R, s: &mut Workspace<R>, quantity: DerivedQuantity) {
+    fn evaluate(&mut self, compiled: &LaneModel<R>, options: &StepSettings, s: &mut Workspace<R>, quantity: DerivedQuantity) {
         use DerivedQuantity as Q;
+        let h = R::of(options.timestep);
         self.values.clear();
         match quantity {
             Q::Acceleration => return self.values.extend(&s.sensors.acceleration),
@@ -214,8 +224,9 @@ impl<R: Real> Derivation<R> {
                 );
             }
             Q::ActuatorForce | Q::JointActuatorForce => {
-                read_actuator_forces(compiled, h, s);
-                let forces = &s.sensors.actuator_forces;
+                let Workspace { state, inputs, evaluation, velocity, sensors, alive, .. } = s;
+                let (input, forces) = (StepInput { compiled, options, state, inputs, alive: *alive }, &mut sensors.actuator_forces);
+                read_actuator_forces(input, &velocity.scalar_impulse, &mut evaluation.kinematics, forces);
                 return self.values.extend(if quantity == Q::ActuatorForce { &forces.force } else { &forces.joint });
             }
             _ => {}

@@ -16,7 +16,7 @@ pub(super) fn store_state<R: Real>(group: &mut Group<R::Scalar>, s: &Workspace<R
             R::store_all(&s.state.q, &mut group.q);
             R::store_all(&s.state.v, &mut group.v);
             R::store_all(&s.state.act, &mut group.act);
-            R::store_all(&s.constraints.scalar_impulse, &mut group.scalar_impulse);
+            R::store_all(&s.velocity.scalar_impulse, &mut group.scalar_impulse);
             R::store_all(&s.state.impulse, &mut group.impulse);
             group.time.copy_from_slice(&s.state.time);
             group.store_contacts(&s.state.contacts);
@@ -26,15 +26,15 @@ pub(super) fn store_state<R: Real>(group: &mut Group<R::Scalar>, s: &Workspace<R
 
 /// Keeps where the mocap bodies have got to: the end of their trajectories, if all steps of the call were made.
 pub(super) fn store_mocap_trajectories<R: Real>(call: &Call<'_, R::Scalar>, group: &mut Group<R::Scalar>, s: &Workspace<R>) {
-    if s.mocap_trajectories.is_empty() {
+    if s.inputs.mocap_trajectories.is_empty() {
         return;
     }
     let arrived = call.part.to == call.schedule.steps();
     R::vectorize(
         #[inline(always)]
         || {
-            for (trajectory, out) in s.mocap_trajectories.iter().zip(group.mocap.chunks_exact_mut(7 * R::LANES)) {
-                R::store_all(&if arrived { trajectory.end() } else { trajectory.pose_at(R::of(s.elapsed)) }, out);
+            for (trajectory, out) in s.inputs.mocap_trajectories.iter().zip(group.mocap.chunks_exact_mut(7 * R::LANES)) {
+                R::store_all(&if arrived { trajectory.end() } else { trajectory.pose_at(R::of(s.state.elapsed)) }, out);
             }
         },
     )
@@ -60,7 +60,7 @@ pub(super) fn load_motion<R: Real>(group: &Group<R::Scalar>, s: &mut Workspace<R
             R::load_all(&group.q, &mut s.state.q);
             R::load_all(&group.v, &mut s.state.v);
             R::load_all(&group.act, &mut s.state.act);
-            R::load_all(&group.scalar_impulse, &mut s.constraints.scalar_impulse);
+            R::load_all(&group.scalar_impulse, &mut s.velocity.scalar_impulse);
             R::load_all(&group.impulse, &mut s.state.impulse);
         },
     )
@@ -82,7 +82,7 @@ pub(super) fn load_inputs<R: Real>(call: &Call<'_, R::Scalar>, group: &Group<R::
         }
     }
     if !call.compiled.equalities.is_empty() {
-        s.constraints.active_equalities.load(call.compiled, call.inputs.eq_active, first, used);
+        s.problem.active_equalities.load(call.compiled, call.inputs.eq_active, first, used);
     }
     if !call.compiled.mocap.is_empty() {
         find_mocap_trajectories(call, group, first, used, s);
@@ -96,7 +96,7 @@ fn find_mocap_trajectories<R: Real>(call: &Call<'_, R::Scalar>, group: &Group<R:
         || {
             let seconds = R::of(call.schedule.steps().max(1) as f64 * call.settings.timestep);
             let given = !call.inputs.mocap_pos.is_empty();
-            s.elapsed = call.part.elapsed;
+            s.state.elapsed = call.part.elapsed;
             for (k, m) in call.compiled.mocap.iter().enumerate() {
                 let n = call.compiled.mocap.len();
                 let (mut pos, mut quat): (V3<R>, [R; 4]) = (splat(m.pos), splat(m.quat));
@@ -106,7 +106,7 @@ fn find_mocap_trajectories<R: Real>(call: &Call<'_, R::Scalar>, group: &Group<R:
                     (0..4).for_each(|i| quat[i].set_lane(l, Scalar::from_f64(call.inputs.mocap_quat[4 * at + i])));
                 }
                 let last = std::array::from_fn(|i| R::load(&group.mocap[(7 * k + i) * R::LANES..]));
-                s.mocap_trajectories[k] = MocapTrajectory::new(last, pos, quat, seconds);
+                s.inputs.mocap_trajectories[k] = MocapTrajectory::new(last, pos, quat, seconds);
             }
         },
     )

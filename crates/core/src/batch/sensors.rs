@@ -11,6 +11,7 @@ use crate::compile::LaneModel;
 use crate::compile::sensing::Needs;
 use crate::integrators::devices::Devices;
 use crate::integrators::observation::{apply_errors, read_sensors};
+use crate::integrators::step_values::StepInput;
 use crate::integrators::workspace::Workspace;
 use crate::math::spatial::*;
 use crate::probe::Probe;
@@ -41,7 +42,15 @@ impl<R: Real, P: Probe> Reader<'_, R, P> {
         let waiting = group.sensing.waiting & group.alive;
         let untouched = Call { inputs: StepInputs { qfrc: &[], xfrc: &[], ..self.call.inputs }, ..*self.call };
         Reader { call: &untouched, ..*self }.evaluate(group, s);
-        apply_errors(errors, self.call.settings, s, self.first / R::LANES, &mut group.sensing, R::Mask::from_bits(waiting), true);
+        apply_errors(
+            errors,
+            self.call.settings,
+            &mut s.sensors,
+            self.first / R::LANES,
+            &mut group.sensing,
+            R::Mask::from_bits(waiting),
+            true,
+        );
         group.sensing.waiting = 0;
     }
 
@@ -65,8 +74,15 @@ impl<R: Real, P: Probe> Reader<'_, R, P> {
         if self.call.sensor_errors.is_some() {
             load_or_zero(&group.sensing.observation, &mut s.sensors.workspace.truth);
         } else if unread {
-            read_sensors(self.compiled, self.call.settings, s);
+            self.read_truth(s);
         }
+    }
+
+    /// Reads the true sensors of the state in the workspace.
+    fn read_truth(&self, s: &mut Workspace<R>) {
+        let Workspace { state, inputs, evaluation, velocity, sensors, alive, .. } = s;
+        let input = StepInput { compiled: self.compiled, options: self.call.settings, state, inputs, alive: *alive };
+        read_sensors(input, &velocity.scalar_impulse, &mut evaluation.kinematics, sensors);
     }
 
     /// Reads the state of the group. Where no step was made since the state was set, sensors of accelerations and forces read the step that
@@ -78,7 +94,7 @@ impl<R: Real, P: Probe> Reader<'_, R, P> {
         s.current = false;
         load_or_zero(&group.sensing.ctrl, &mut s.inputs.ctrl);
         self.recall_last_step(group, s, needs);
-        read_sensors(self.compiled, self.call.settings, s);
+        self.read_truth(s);
     }
 
     /// Brings what is derived from the state of the group into the workspace: the state, the inputs and controls in force, and with
@@ -113,7 +129,7 @@ impl<R: Real, P: Probe> Reader<'_, R, P> {
             self.make_step_to_read(group, s, fresh);
         }
         for l in (0..R::LANES).filter(|l| fresh >> l & 1 == 0) {
-            for (i, x) in s.constraints.scalar_impulse.iter_mut().enumerate() {
+            for (i, x) in s.velocity.scalar_impulse.iter_mut().enumerate() {
                 x.set_lane(l, group.scalar_impulse[i * R::LANES + l]);
             }
             if needs.contacts {
@@ -128,7 +144,7 @@ impl<R: Real, P: Probe> Reader<'_, R, P> {
 
     /// Makes a step in the lanes `fresh` for what sensors read of it, and takes its state and time back.
     fn make_step_to_read(&self, group: &Group<R::Scalar>, s: &mut Workspace<R>, fresh: u32) {
-        let elapsed = s.elapsed;
+        let elapsed = s.state.elapsed;
         s.alive = R::Mask::from_bits(fresh);
         step(self.compiled, self.call.settings, s, &mut Devices::none(), self.probe);
         load_other_lanes(&group.sensing.acceleration, &mut s.sensors.acceleration, s.alive);
@@ -137,7 +153,7 @@ impl<R: Real, P: Probe> Reader<'_, R, P> {
         load_or_zero(&group.v, &mut s.state.v);
         load_or_zero(&group.act, &mut s.state.act);
         s.state.time.copy_from_slice(&group.time);
-        s.elapsed = elapsed;
+        s.state.elapsed = elapsed;
     }
 }
 

@@ -279,7 +279,7 @@ impl<R: Real, P: Probe> Worker<R::Scalar> for LaneWorker<R, P> {
     ) {
         assert_eq!(group.lanes, R::LANES, "a worker reads groups of its own width");
         self.load_overrides(call, first);
-        let (reader, h) = (Reader { call, compiled: &self.compiled, first, probe: self.probe }, R::of(call.settings.timestep));
+        let reader = Reader { call, compiled: &self.compiled, first, probe: self.probe };
         // What the last step did may take another step, which leaves poses of its own.
         for of_last_step in [false, true] {
             if quantities.iter().all(|q| q.is_of_last_step() != of_last_step) {
@@ -289,7 +289,7 @@ impl<R: Real, P: Probe> Worker<R::Scalar> for LaneWorker<R, P> {
             reader.load_to_derive(group, &mut self.workspace, of_last_step, contacts);
             self.derivation.begin(&self.compiled, &mut self.workspace);
             for (&quantity, out) in quantities.iter().zip(&mut *out).filter(|(q, _)| q.is_of_last_step() == of_last_step) {
-                self.derivation.derive(&self.compiled, h, &mut self.workspace, quantity, out);
+                self.derivation.derive(&self.compiled, call.settings, &mut self.workspace, quantity, out);
             }
         }
     }
@@ -313,10 +313,10 @@ impl<R: Real, P: Probe> Worker<R::Scalar> for LaneWorker<R, P> {
 
     fn problem(&mut self, call: &Call<'_, R::Scalar>, group: &mut Group<R::Scalar>, first: usize, lane: usize) -> Vec<u8> {
         self.workspace.current = false;
-        self.workspace.constraints.capture.lane = Some(lane);
+        self.workspace.velocity.capture.lane = Some(lane);
         self.run(call, group, GroupPosition { first, share_first: first, share: None });
         self.workspace.current = false;
-        std::mem::take(&mut self.workspace.constraints.capture.bytes)
+        std::mem::take(&mut self.workspace.velocity.capture.bytes)
     }
 
     fn differentiate(
@@ -335,7 +335,7 @@ impl<R: Real, P: Probe> Worker<R::Scalar> for LaneWorker<R, P> {
         let Self { workspace: s, compiled, derivative, max_contacts, .. } = self;
         let derivative = derivative.get_or_insert_with(|| Box::new(StepDerivative::new(compiled, call.settings, *max_contacts)));
         derivative.differentiate(compiled, call.settings, s, query, rows);
-        s.poses.exchange(&mut group.separation_cache);
+        s.evaluation.poses.exchange(&mut group.separation_cache);
     }
 
     fn forget_state(&mut self) {
@@ -363,13 +363,13 @@ impl<R: Real, P: Probe> LaneWorker<R, P> {
         if call.part.from == 0 {
             clear_call_totals::<R>(group);
         }
-        s.poses.exchange(&mut group.separation_cache);
+        s.evaluation.poses.exchange(&mut group.separation_cache);
     }
 
     /// Brings the state of a group back.
     fn store(&mut self, call: &Call<'_, R::Scalar>, group: &mut Group<R::Scalar>) {
         let s = &mut self.workspace;
-        s.poses.exchange(&mut group.separation_cache);
+        s.evaluation.poses.exchange(&mut group.separation_cache);
         if call.part.to > call.part.from {
             remember(group, s);
             store_state(group, s);
@@ -415,7 +415,7 @@ impl<R: Real, P: Probe> LaneWorker<R, P> {
                 record.sweeps.store(&mut group.sweeps);
                 record.newton_steps.store(&mut group.newton_steps);
                 for lane in each_of(record.not_converged.bits()) {
-                    group.worst[lane] = s.constraints.worst.of_lane(lane).0;
+                    group.worst[lane] = s.velocity.worst.of_lane(lane).0;
                 }
             });
         }

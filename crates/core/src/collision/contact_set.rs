@@ -183,10 +183,10 @@ impl<R: Real> Contacts<R> {
         k
     }
 
-    /// Keeps those of the contacts of lane `l` that are `kept`, in their order.
-    pub(crate) fn retain(&mut self, l: usize, kept: &[bool]) {
+    /// Keeps the contacts of lane `l` in the slots for which `keeps` returns true, in their order.
+    pub(crate) fn retain(&mut self, l: usize, keeps: impl Fn(usize) -> bool) {
         let mut to = 0;
-        for from in (0..self.count[l]).filter(|&k| kept[k]) {
+        for from in (0..self.count[l]).filter(|&k| keeps(k)) {
             if to < from {
                 self.ids[to][l] = self.ids[from][l];
                 let (before, after) = self.data.split_at_mut(from);

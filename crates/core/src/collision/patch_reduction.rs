@@ -88,7 +88,7 @@ impl PatchReduction {
             }
         }
         if redundant {
-            contacts.retain(l, &self.kept);
+            contacts.retain(l, |k| self.kept[k]);
         }
     }
 

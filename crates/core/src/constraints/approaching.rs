@@ -10,8 +10,10 @@
 use stepper_real::{Mask, Real, Scalar};
 
 use crate::collision::contact_set::Contacts;
-use crate::constraints::constraint_set::Constraints;
+use crate::constraints::assembler::Assembler;
+use crate::constraints::constraint_problem::ConstraintProblem;
 use crate::constraints::equality::RowInput;
+use crate::constraints::velocity_solution::VelocitySolution;
 use crate::math::lanes::each_of;
 use crate::math::spatial::*;
 use crate::options::StepSettings;
@@ -22,7 +24,7 @@ pub(crate) fn resting_speed(options: &StepSettings) -> f64 {
     RESTING_SPEED_RATIO * options.tolerance
 }
 
-impl<R: Real> Constraints<R> {
+impl<R: Real> Assembler<'_, R> {
     /// Lanes of `lanes` in which the contact of slot `k` is deferred: its surfaces approach each other and may pass.
     ///
     /// `before` is the normal velocity before the step and `free` the contact velocity after it without constraint forces, m/s.
@@ -36,7 +38,7 @@ impl<R: Real> Constraints<R> {
         before: R,
         free: V3<R>,
     ) -> R::Mask {
-        let curved = lanes.and_not(R::Mask::from_bits(self.flat));
+        let curved = lanes.and_not(R::Mask::from_bits(self.builder.flat));
         if curved.none() {
             return curved;
         }
@@ -62,7 +64,7 @@ impl<R: Real> Constraints<R> {
                     let [a, b] = compiled.pair_geoms(pair).expect("made from this compiled");
                     if compiled.geoms[a].is_round && compiled.geoms[b].is_round {
                         let reach = compiled.params.geom_size(a)[0] + compiled.params.geom_size(b)[0];
-                        let displacement = scale(free, self.closing_time);
+                        let displacement = scale(free, self.problem.closing_time);
                         let distance = norm([reach + gap + displacement[0], displacement[1], displacement[2]]);
                         let meets = distance.lt(reach).and((reach + gap + displacement[0]).gt(R::zero()));
                         out = out.and_not(meets.and(R::Mask::from_bits(same)));
@@ -72,7 +74,9 @@ impl<R: Real> Constraints<R> {
             },
         )
     }
+}
 
+impl<R: Real> ConstraintProblem<R> {
     /// Lanes of `lanes` with at least one deferred contact.
     #[inline(always)]
     pub(crate) fn deferred_lanes(&self, lanes: R::Mask) -> R::Mask {
@@ -103,7 +107,13 @@ impl<R: Real> Constraints<R> {
     }
 
     /// Activates the deferred contacts of colliding pairs in the lanes `lanes`. `lanes_of` returns the lanes in which a pair collides.
-    pub(crate) fn activate(&mut self, contacts: &Contacts<R>, lanes: R::Mask, lanes_of: impl Fn(usize) -> R::Mask) {
+    pub(crate) fn activate(
+        &mut self,
+        velocity: &mut VelocitySolution<R>,
+        contacts: &Contacts<R>,
+        lanes: R::Mask,
+        lanes_of: impl Fn(usize) -> R::Mask,
+    ) {
         R::vectorize(
             #[inline(always)]
             || {
@@ -113,33 +123,33 @@ impl<R: Real> Constraints<R> {
                     for (pair, same) in contacts.pairs(deferred.slot, deferred.lanes.and(lanes).bits()) {
                         struck = struck.or(lanes_of(pair).and(R::Mask::from_bits(same)));
                     }
-                    self.activate_contact(i, struck, self.deferred[i].impulse);
+                    self.activate_contact(velocity, i, struck, self.deferred[i].impulse);
                 }
             },
         );
-        let new = self.patches.new_lanes(contacts, &self.slots, &self.problem, &self.iterate);
-        self.problem.hyperstatic = self.problem.hyperstatic.and_not(lanes).or(new.and(lanes));
+        let new = velocity.patches.new_lanes(contacts, &self.slots, &self.rows, &velocity.impulses);
+        self.rows.hyperstatic = self.rows.hyperstatic.and_not(lanes).or(new.and(lanes));
     }
 
     /// Activates, with zero impulse, the deferred contacts that the solution satisfies.
     ///
     /// Deferred contacts that it violates without a collision stay deferred: their surfaces pass each other.
     #[inline(always)]
-    pub(crate) fn activate_satisfied(&mut self) {
+    pub(crate) fn activate_satisfied(&mut self, velocity: &mut VelocitySolution<R>) {
         R::vectorize(
             #[inline(always)]
             || {
                 for i in 0..self.deferred.len() {
                     let deferred = &self.deferred[i];
-                    let open = self.problem.normal_velocity(deferred.contact, &self.iterate.w).ge(R::zero());
-                    self.activate_contact(i, deferred.lanes.and(open), [R::zero(); 6]);
+                    let open = self.rows.normal_velocity(deferred.contact, &velocity.impulses.w).ge(R::zero());
+                    self.activate_contact(velocity, i, deferred.lanes.and(open), [R::zero(); 6]);
                 }
             },
         )
     }
 
     /// Activates the deferred contacts that are also in `reference`, the contacts of a completed step.
-    pub(crate) fn activate_matching(&mut self, contacts: &Contacts<R>, reference: &Contacts<R>) {
+    pub(crate) fn activate_matching(&mut self, velocity: &mut VelocitySolution<R>, contacts: &Contacts<R>, reference: &Contacts<R>) {
         for i in 0..self.deferred.len() {
             let deferred = self.deferred[i];
             let mut matching = 0;
@@ -147,7 +157,7 @@ impl<R: Real> Constraints<R> {
                 let id = contacts.ids[deferred.slot][lane];
                 matching |= u32::from(reference.ids[..reference.count[lane]].iter().any(|ids| ids[lane] == id)) << lane;
             }
-            self.activate_contact(i, R::Mask::from_bits(matching), deferred.impulse);
+            self.activate_contact(velocity, i, R::Mask::from_bits(matching), deferred.impulse);
         }
     }
 
@@ -155,7 +165,7 @@ impl<R: Real> Constraints<R> {
     ///
     /// The two faces lie on each other and share their load among all of these contacts.
     #[inline(never)]
-    pub(crate) fn activate_coplanar(&mut self, contacts: &Contacts<R>) {
+    pub(crate) fn activate_coplanar(&mut self, velocity: &mut VelocitySolution<R>, contacts: &Contacts<R>) {
         for i in 0..self.deferred.len() {
             let deferred = self.deferred[i];
             let mut coplanar = 0;
@@ -169,7 +179,7 @@ impl<R: Real> Constraints<R> {
                 });
                 coplanar |= u32::from(rests) << lane;
             }
-            self.activate_contact(i, R::Mask::from_bits(coplanar), deferred.impulse);
+            self.activate_contact(velocity, i, R::Mask::from_bits(coplanar), deferred.impulse);
         }
     }
 
@@ -177,13 +187,13 @@ impl<R: Real> Constraints<R> {
     ///
     /// The snapshot `shared`, towards which load sharing blends the impulses, gets the same value: a shared load stays shared.
     #[inline(always)]
-    fn activate_contact(&mut self, i: usize, lanes: R::Mask, impulse: [R; 6]) {
+    fn activate_contact(&mut self, velocity: &mut VelocitySolution<R>, i: usize, lanes: R::Mask, impulse: [R; 6]) {
         if lanes.any() {
-            let Self { deferred, problem, iterate, shared, .. } = self;
+            let Self { deferred, rows, .. } = self;
             let deferred = &mut deferred[i];
-            let lanes = problem.activate_contact(deferred.contact, lanes);
-            iterate.set_first_impulse(problem, deferred.contact, lanes, impulse);
-            shared.set_first_impulse(problem, deferred.contact, lanes, impulse);
+            let lanes = rows.activate_contact(deferred.contact, lanes);
+            velocity.impulses.set_first_impulse(rows, deferred.contact, lanes, impulse);
+            velocity.shared.set_first_impulse(rows, deferred.contact, lanes, impulse);
             deferred.lanes = deferred.lanes.and_not(lanes);
             self.constrained = self.constrained.or(lanes);
         }
@@ -191,19 +201,11 @@ impl<R: Real> Constraints<R> {
 
     /// Removes the contacts that are still deferred from `contacts`: their surfaces have passed each other.
     #[inline(always)]
-    pub(crate) fn remove_deferred(&mut self, contacts: &mut Contacts<R>) {
+    pub(crate) fn remove_deferred(&self, contacts: &mut Contacts<R>) {
         let lanes = self.deferred_lanes(R::Mask::splat(true));
         for lane in each_of(lanes.bits()) {
-            let Self { deferred, kept, .. } = self;
-            kept.clear();
-            kept.resize(contacts.count[lane], true);
-            for deferred in deferred.iter().filter(|deferred| deferred.lanes.bits() >> lane & 1 == 1) {
-                // A rejected step leaves its lane without contacts.
-                if let Some(kept) = kept.get_mut(deferred.slot) {
-                    *kept = false;
-                }
-            }
-            contacts.retain(lane, kept);
+            let is_deferred = |slot: usize| self.deferred.iter().any(|other| other.slot == slot && other.lanes.bits() >> lane & 1 == 1);
+            contacts.retain(lane, |slot| !is_deferred(slot));
         }
     }
 }

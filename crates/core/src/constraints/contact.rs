@@ -4,7 +4,8 @@ use stepper_real::{Mask, Real, Scalar};
 use stepper_solve::velocity_rounding;
 
 use crate::collision::contact_set::Contacts;
-use crate::constraints::constraint_set::{Constraints, DeferredContact};
+use crate::constraints::assembler::Assembler;
+use crate::constraints::constraint_problem::DeferredContact;
 use crate::constraints::elimination::SquaredLengths;
 use crate::constraints::equality::RowInput;
 use crate::math::spatial::*;
@@ -21,7 +22,7 @@ fn least_lever<R: Real>() -> f64 {
     f64::max(1e-5, 1e3 * <R::Scalar as Scalar>::EPSILON.to_f64())
 }
 
-/// Rows of a slot along the normal and the tangents; their columns are in [`Constraints::column`].
+/// Rows of a slot along the normal and the tangents. Their entries are in the column of the row builder.
 pub(crate) struct SlidingRows<R: Real> {
     /// What each row demands of velocities and of positions, m/s.
     pub(crate) demands: [[R; 2]; 3],
@@ -35,43 +36,43 @@ pub(crate) struct SlidingRows<R: Real> {
     pub(crate) compliance: Option<R>,
 }
 
-impl<R: Real> Constraints<R> {
+impl<R: Real> Assembler<'_, R> {
     /// Adds slot `k` in the lanes `lanes`, in which it has sliding friction at the most; `support` is gathered.
     #[inline(always)]
     pub(crate) fn add_contact(&mut self, input: RowInput<'_, R>, contacts: &Contacts<R>, k: usize, lanes: u32) {
         let (slot, mass) = (&contacts.data[k], input.mass);
         let SlidingRows { demands: g, lengths, active, deferred, compliance } = self.sliding_rows(input, contacts, k, lanes);
-        let (column, contact) = (&self.column, self.problem.contacts.len());
-        self.problem.push_contact(
-            &self.support,
+        let (column, contact) = (&self.builder.column, self.problem.rows.contacts.len());
+        self.problem.rows.push_contact(
+            &self.builder.support,
             #[inline(always)]
             |d| scale(column[d], mass.sqrt_inv_d[d]),
             active,
             slot.mu,
             [g[0][0], g[1][0], g[2][0]],
         );
-        if self.problem.contacts.held().any() {
+        if self.problem.rows.contacts.held().any() {
             let (released, rounding) = self.reconsider(input, contacts, k, lanes);
-            self.problem.contacts.release(released);
-            self.problem.contacts.forgive(rounding);
+            self.problem.rows.contacts.release(released);
+            self.problem.rows.contacts.forgive(rounding);
         }
         if let Some(lengths) = lengths {
-            self.problem.contacts.set_trace_ratio(lengths.trace_ratio());
+            self.problem.rows.contacts.set_trace_ratio(lengths.trace_ratio());
         }
         if let Some(compliance) = compliance {
-            self.problem.contacts.set_compliance(compliance);
+            self.problem.rows.contacts.set_compliance(compliance);
         }
-        self.problem.contacts.set_position_demand([g[0][1], g[1][1] - g[1][0], g[2][1] - g[2][0]]);
+        self.problem.rows.contacts.set_position_demand([g[0][1], g[1][1] - g[1][0], g[2][1] - g[2][0]]);
         let solved = active.and_not(deferred.lanes);
         if deferred.lanes.any() {
-            self.problem.contacts.defer(deferred.lanes);
+            self.problem.rows.contacts.defer(deferred.lanes);
             let [n, a, b] = slot.impulse;
             let impulse = [n, a, b, R::zero(), R::zero(), R::zero()];
-            self.deferred.push(DeferredContact { contact, slot: k, impulse, ..deferred });
+            self.problem.deferred.push(DeferredContact { contact, slot: k, impulse, ..deferred });
         }
-        self.iterate.contacts.push(select(solved, slot.impulse, zero()));
-        self.slots.push((k, R::Mask::from_bits(lanes)));
-        self.constrained = self.constrained.or(solved);
+        self.velocity.impulses.contacts.push(select(solved, slot.impulse, zero()));
+        self.problem.slots.push((k, R::Mask::from_bits(lanes)));
+        self.problem.constrained = self.problem.constrained.or(solved);
     }
 
     /// Lanes in which slot `k` can move along its normal though it moves far less than along its tangents, or than a body of all moving
@@ -80,29 +81,29 @@ impl<R: Real> Constraints<R> {
     #[inline(never)]
     pub(crate) fn reconsider(&mut self, input: RowInput<'_, R>, contacts: &Contacts<R>, k: usize, lanes: u32) -> (R::Mask, R) {
         let RowInput { compiled, kinematics, mass, assembly, .. } = input;
-        self.may_be_held = true;
+        self.problem.may_be_held = true;
         R::vectorize(
             #[inline(always)]
             || {
                 let mut speed = R::zero();
-                self.contact_columns(input, contacts, k, lanes);
-                for i in 0..self.support.len() {
-                    let d = self.support[i] as usize;
-                    let (axis, sign) = (&kinematics.axes[d], self.sign_of(d));
+                self.builder.contact_columns(input, contacts, k, lanes);
+                for i in 0..self.builder.support.len() {
+                    let d = self.builder.support[i] as usize;
+                    let (axis, sign) = (&kinematics.axes[d], self.builder.sign_of(d));
                     let arm = sub(contacts.data[k].point.pos, kinematics.origin[compiled.dofs[d].tree]);
                     let motion = velocity_at(axis, arm);
                     let square = (dot(motion, motion) + dot(angular(axis), angular(axis)) * dot(arm, arm)) * sign.square();
-                    self.scales[d] = [square; 3];
+                    self.builder.scales[d] = [square; 3];
                     speed += square * assembly.v_free[d].square();
                 }
-                self.half_solve::<3>(compiled, mass);
-                self.add_fill_scales::<1>(compiled, mass);
-                if self.eliminate(mass, &mut [[R::zero(); 2]; 3]).is_some() {
-                    self.add_removed_scales(mass);
+                self.builder.half_solve::<3>(compiled, mass);
+                self.builder.add_fill_scales::<1>(compiled, mass);
+                if self.builder.eliminate(&self.problem.rows, mass, &mut [[R::zero(); 2]; 3]).is_some() {
+                    self.builder.add_removed_scales(&self.problem.rows, mass);
                 }
                 let (least, mut movable) = (R::of(least_lever::<R>().powi(2)), R::Mask::splat(false));
-                for &d in &self.support {
-                    let (x, scale) = (self.column[d as usize][0], self.scales[d as usize][0]);
+                for &d in &self.builder.support {
+                    let (x, scale) = (self.builder.column[d as usize][0], self.builder.scales[d as usize][0]);
                     movable = movable.or(x.square().gt(scale * least));
                 }
                 (movable, speed.sqrt() * R::of(velocity_rounding::<R>()))
@@ -115,13 +116,13 @@ impl<R: Real> Constraints<R> {
     pub(crate) fn sliding_rows(&mut self, input: RowInput<'_, R>, contacts: &Contacts<R>, k: usize, lanes: u32) -> SlidingRows<R> {
         let RowInput { compiled, options, mass, assembly, .. } = input;
         let (slot, active) = (&contacts.data[k], R::Mask::from_bits(lanes));
-        let [free, before] = self.contact_columns(input, contacts, k, lanes);
-        let curves = assembly.in_the_middle && self.moving != 0;
-        let change = if self.has_impacts || curves { self.free_change(assembly) } else { zero() };
-        self.half_solve::<3>(compiled, mass);
-        let springs = compiled.has_contact_springs.then(|| self.comply(input, contacts, k, lanes, [free[0], before[0]]));
+        let [free, before] = self.builder.contact_columns(input, contacts, k, lanes);
+        let curves = assembly.in_the_middle && self.builder.moving != 0;
+        let change = if self.problem.has_impacts || curves { self.builder.free_change(assembly) } else { zero() };
+        self.builder.half_solve::<3>(compiled, mass);
+        let springs = compiled.has_contact_springs.then(|| self.builder.comply(input, contacts, k, lanes, [free[0], before[0]]));
         let rigid = springs.as_ref().map_or(active, |row| active.and_not(row.lanes));
-        let solved = self.solved_overlaps.as_ref().map(|solved| solved.distance(contacts, k));
+        let solved = assembly.solved_overlaps.map(|solved| solved.distance(contacts, k));
         let (mut bias, mut position) = self.biases(options, assembly.gap(slot.point.distance), solved, assembly.h, rigid);
         if let Some(row) = &springs {
             // Its position is the spring's, and nothing corrects it.
@@ -129,12 +130,12 @@ impl<R: Real> Constraints<R> {
         }
         let (bias, mut active) = self.bounce(compiled, options, slot, assembly, active, [free[0], before[0]], bias);
         let mut demands = [[free[0] + bias, free[0] + position], [free[1]; 2], [free[2]; 2]];
-        let lengths = self.eliminate(mass, &mut demands);
+        let lengths = self.builder.eliminate(&self.problem.rows, mass, &mut demands);
         let held = [demands[0][0] - bias, demands[1][0], demands[2][0]];
-        if self.has_impacts {
+        if self.problem.has_impacts {
             active = self.bounce_within(input, slot, active, [free, change], bias, &mut demands);
         }
-        let bounces = self.impacts.last().map_or(R::Mask::splat(false), |impact| impact.lanes);
+        let bounces = self.problem.impacts.last().map_or(R::Mask::splat(false), |impact| impact.lanes);
         let lanes = self.approaching_lanes(input, contacts, k, active.and(rigid), before[0], held);
         let impulse = [R::zero(); 6];
         let deferred = DeferredContact { contact: 0, slot: k, lanes, bounces, bias: demands[0][0] - held[0], impulse };

@@ -7,8 +7,8 @@
 use stepper_real::{Mask, Real};
 
 use crate::collision::contact_set::Contacts;
-use crate::constraints::constraint_set::Constraints;
 use crate::constraints::equality::{RowInput, RowLaw, SpringRow, spring_law};
+use crate::constraints::row_builder::RowBuilder;
 
 /// The normal row of a contact that gives way.
 pub(crate) struct GivingRow<R: Real> {
@@ -20,7 +20,7 @@ pub(crate) struct GivingRow<R: Real> {
     pub(crate) compliance: R,
 }
 
-impl<R: Real> Constraints<R> {
+impl<R: Real> RowBuilder<R> {
     /// The contacts in slot `k` that are springs, whose normal velocities without constraints and before the step are `free` and `before`;
     /// the normal's row is the first of `column`, half solved.
     pub(crate) fn comply(

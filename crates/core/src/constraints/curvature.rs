@@ -17,7 +17,7 @@ use stepper_real::{Mask, Real};
 
 use crate::collision::contact_set::Contacts;
 use crate::collision::surface_velocity;
-use crate::constraints::constraint_set::{AssemblyInput, Constraints};
+use crate::constraints::assembler::{Assembler, AssemblyInput};
 use crate::constraints::equality::RowInput;
 use crate::math::spatial::*;
 use crate::tuning::MAX_CURVED_OVERLAP;
@@ -33,7 +33,7 @@ struct Field<R> {
     rate: V3<R>,
 }
 
-impl<R: Real> Constraints<R> {
+impl<R: Real> Assembler<'_, R> {
     /// Adds it to what friction's rows of a contact demand, but for those that are taken at the time of their impact: from `free`, their
     /// velocities without constraints, and the `change` of these by the free motion.
     ///
@@ -57,8 +57,8 @@ impl<R: Real> Constraints<R> {
                 let n = slot.point.normal;
                 let axes = [n, slot.tangent, cross(n, slot.tangent)];
                 let deep = slot.point.distance.lt(-R::of(MAX_CURVED_OVERLAP));
-                let lanes = active.and(R::Mask::from_bits(self.moving)).and_not(deep);
-                let lanes = match self.impacts.last() {
+                let lanes = active.and(R::Mask::from_bits(self.builder.moving)).and_not(deep);
+                let lanes = match self.problem.impacts.last() {
                     Some(impact) => lanes.and_not(impact.lanes),
                     None => lanes,
                 };

@@ -3,11 +3,11 @@
 
 use stepper_real::{Mask, Real};
 
-use crate::constraints::constraint_set::Constraints;
+use crate::constraints::assembler::Assembler;
 use crate::options::{Stabilization, StepSettings};
 use crate::tuning::LIMIT_RETURN;
 
-impl<R: Real> Constraints<R> {
+impl<R: Real> Assembler<'_, R> {
     /// The biases of a contact's normal row at distance `phi` (see the module): of the velocity solve and of the position solve. Where a
     /// step is differentiated, `solved` is the distance in its solution.
     #[inline(always)]
@@ -42,11 +42,11 @@ impl<R: Real> Constraints<R> {
         let corrected = R::select(apart, phi / h, -correction);
         match options.stabilization {
             Stabilization::Baumgarte => {
-                self.biased = self.biased.or(active.and(overlap.gt(R::zero())));
+                self.problem.biased = self.problem.biased.or(active.and(overlap.gt(R::zero())));
                 (corrected, kept)
             }
             Stabilization::Split => {
-                self.needs_position_solve = self.needs_position_solve.or(active.and(overlap.gt(R::zero())));
+                self.problem.needs_position_solve = self.problem.needs_position_solve.or(active.and(overlap.gt(R::zero())));
                 (kept, corrected)
             }
             Stabilization::None => (kept, kept),

@@ -3,10 +3,10 @@
 use stepper_real::Real;
 
 use crate::compile::LaneModel;
-use crate::constraints::constraint_set::{AssemblyInput, Constraints};
+use crate::constraints::assembler::{Assembler, AssemblyInput};
 use crate::dynamics::inertia::MassMatrix;
 
-impl<R: Real> Constraints<R> {
+impl<R: Real> Assembler<'_, R> {
     /// Dry friction: |lambda| <= h f, and what actuator dynamics lose, which depends on the direction.
     #[inline(always)]
     pub(crate) fn add_frictions(&mut self, compiled: &LaneModel<R>, mass: &MassMatrix<R>, assembly: &AssemblyInput<'_, R>) {

@@ -16,25 +16,27 @@
 use std::ops::Range;
 
 use stepper_real::{Mask, Real, Scalar};
-use stepper_solve::{ROUNDING_RATIO, ScalarRow, dependence_threshold, velocity_rounding};
+use stepper_solve::{Problem, ROUNDING_RATIO, ScalarRow, dependence_threshold, velocity_rounding};
 
 use crate::compile::LaneModel;
-use crate::constraints::constraint_set::Constraints;
+use crate::constraints::active_equalities::ActiveEqualities;
+use crate::constraints::constraint_problem::ConstraintProblem;
+use crate::constraints::row_builder::RowBuilder;
 use crate::dynamics::inertia::MassMatrix;
 use crate::math::spatial::*;
 use crate::tuning::MIN_REMAINING_LENGTH;
 
-impl<R: Real> Constraints<R> {
+impl<R: Real> RowBuilder<R> {
     /// Finds the eliminated equalities that share a degree of freedom with `support`. Adds their support to it, with zeros in `column`.
     #[inline(always)]
-    pub(crate) fn couple(&mut self, compiled: &LaneModel<R>) {
-        if self.problem.scalars.eliminated() > 0 {
+    pub(crate) fn couple(&mut self, problem: &ConstraintProblem<R>, compiled: &LaneModel<R>) {
+        if problem.rows.scalars.eliminated() > 0 {
             self.words.fill(0);
             for &d in &self.support {
                 self.words[d as usize / 64] |= 1 << (d % 64);
             }
         }
-        self.find_coupled(compiled);
+        self.find_coupled(problem, compiled);
         if !self.coupled.is_empty() {
             self.list_support();
         }
@@ -42,19 +44,19 @@ impl<R: Real> Constraints<R> {
 
     /// Finds the eliminated equalities that share a degree of freedom with the bits of `words`, and adds their support.
     #[inline(always)]
-    pub(crate) fn find_coupled(&mut self, compiled: &LaneModel<R>) {
+    pub(crate) fn find_coupled(&mut self, problem: &ConstraintProblem<R>, compiled: &LaneModel<R>) {
         self.coupled.clear();
-        if self.problem.scalars.eliminated() > 0 {
-            self.search_blocks(compiled);
+        if problem.rows.scalars.eliminated() > 0 {
+            self.search_blocks(problem, compiled);
         }
     }
 
     /// Searches the blocks of eliminated equalities: most scenes have none, so that this code is not inlined.
     #[inline(never)]
-    fn search_blocks(&mut self, compiled: &LaneModel<R>) {
+    fn search_blocks(&mut self, problem: &ConstraintProblem<R>, compiled: &LaneModel<R>) {
         let mut start = 0;
         for (k, block) in compiled.equalities.iter().enumerate() {
-            if !block.eliminated || !self.active_equalities.has_rows(k) {
+            if !block.eliminated || !problem.active_equalities.has_rows(k) {
                 continue;
             }
             let rows = start..start + block.rows;
@@ -76,56 +78,42 @@ impl<R: Real> Constraints<R> {
         }
     }
 
-    /// Stores the entries of eliminated equalities, with both scalings that `eliminate` reads.
-    #[inline(always)]
-    pub(crate) fn store_eliminated(&mut self, compiled: &LaneModel<R>, mass: &MassMatrix<R>) {
-        self.problem.scalars.mark_eliminated();
-        let Self { problem, eliminated_entries, active_equalities, .. } = self;
-        let [found, taken] = eliminated_entries;
-        found.clear();
-        taken.clear();
-        let mut first = 0;
-        for (k, block) in compiled.equalities.iter().enumerate() {
-            if !block.eliminated || !active_equalities.has_rows(k) {
-                continue;
-            }
-            let end = first + block.rows;
-            while first < end {
-                // The entries of up to four rows are interleaved.
-                let rows = &problem.scalars[first..end.min(first + 4)];
-                for (i, &d) in block.support.iter().enumerate() {
-                    for row in rows {
-                        let y = problem.scalars.entries(row).1[i];
-                        found.push(y * mass.sqrt_inv_d[d as usize]);
-                        taken.push(y * mass.sqrt_d[d as usize]);
-                    }
-                }
-                first += rows.len();
-            }
-        }
-    }
-
     /// Subtracts the coupled equalities from the first `N` components of `column` on `support`, and from the target velocities `targets`.
     ///
     /// `targets` has two velocities per row, m/s: of the velocity solve and of the position solve. A row that depends on the equalities
     /// becomes zero. Returns the squared lengths of the rows before and after; `None` without coupled equalities.
     #[inline(always)]
-    pub(crate) fn eliminate<const N: usize>(&mut self, mass: &MassMatrix<R>, targets: &mut [[R; 2]; N]) -> Option<SquaredLengths<R, N>> {
-        if self.coupled.is_empty() { None } else { Some(self.eliminate_coupled(mass, targets)) }
+    pub(crate) fn eliminate<const N: usize>(
+        &mut self,
+        rows: &Problem<R>,
+        mass: &MassMatrix<R>,
+        targets: &mut [[R; 2]; N],
+    ) -> Option<SquaredLengths<R, N>> {
+        if self.coupled.is_empty() { None } else { Some(self.eliminate_coupled(rows, mass, targets)) }
     }
 
     /// Elimination as a kernel of its own. Inlined it would dominate the row assembly, and few scenes need it.
     #[inline(never)]
-    fn eliminate_coupled<const N: usize>(&mut self, mass: &MassMatrix<R>, targets: &mut [[R; 2]; N]) -> SquaredLengths<R, N> {
+    fn eliminate_coupled<const N: usize>(
+        &mut self,
+        rows: &Problem<R>,
+        mass: &MassMatrix<R>,
+        targets: &mut [[R; 2]; N],
+    ) -> SquaredLengths<R, N> {
         R::vectorize(
             #[inline(always)]
-            || self.eliminate_blocks(mass, targets),
+            || self.eliminate_blocks(rows, mass, targets),
         )
     }
 
     /// Subtracts the coupled equalities, in chunks of up to four rows, and projects short rows again.
     #[inline(always)]
-    fn eliminate_blocks<const N: usize>(&mut self, mass: &MassMatrix<R>, targets: &mut [[R; 2]; N]) -> SquaredLengths<R, N> {
+    fn eliminate_blocks<const N: usize>(
+        &mut self,
+        rows: &Problem<R>,
+        mass: &MassMatrix<R>,
+        targets: &mut [[R; 2]; N],
+    ) -> SquaredLengths<R, N> {
         let mut before = [R::zero(); N];
         for &d in &self.support {
             let (x, weight) = (&self.column[d as usize], mass.sqrt_inv_d[d as usize]);
@@ -135,13 +123,13 @@ impl<R: Real> Constraints<R> {
         }
         let mut after = before;
         for block in 0..self.coupled.len() {
-            let rows = self.coupled[block].clone();
-            for first in rows.clone().step_by(4) {
-                match rows.end - first {
-                    1 => self.eliminate_rows::<N, 1>(first, targets, &mut after),
-                    2 => self.eliminate_rows::<N, 2>(first, targets, &mut after),
-                    3 => self.eliminate_rows::<N, 3>(first, targets, &mut after),
-                    _ => self.eliminate_rows::<N, 4>(first, targets, &mut after),
+            let range = self.coupled[block].clone();
+            for first in range.clone().step_by(4) {
+                match range.end - first {
+                    1 => self.eliminate_rows::<N, 1>(rows, first, targets, &mut after),
+                    2 => self.eliminate_rows::<N, 2>(rows, first, targets, &mut after),
+                    3 => self.eliminate_rows::<N, 3>(rows, first, targets, &mut after),
+                    _ => self.eliminate_rows::<N, 4>(rows, first, targets, &mut after),
                 }
             }
         }
@@ -153,7 +141,7 @@ impl<R: Real> Constraints<R> {
             any = any.or(short[n]);
         }
         if any.any() {
-            self.repeat_elimination(mass, targets, &mut lengths, short);
+            self.repeat_elimination(rows, mass, targets, &mut lengths, short);
         }
         lengths
     }
@@ -167,6 +155,7 @@ impl<R: Real> Constraints<R> {
     #[inline(never)]
     fn repeat_elimination<const N: usize>(
         &mut self,
+        rows: &Problem<R>,
         mass: &MassMatrix<R>,
         targets: &mut [[R; 2]; N],
         lengths: &mut SquaredLengths<R, N>,
@@ -176,14 +165,14 @@ impl<R: Real> Constraints<R> {
             #[inline(always)]
             || {
                 let rounding = R::of(ROUNDING_RATIO / MIN_REMAINING_LENGTH);
-                let Self { problem, column, coupled, projections, removed_scales, velocity_scales, support, .. } = self;
+                let Self { column, coupled, projections, removed_scales, velocity_scales, support, .. } = self;
                 for &d in &*support {
                     removed_scales[d as usize] = zero();
                 }
                 let mut speed = [[R::zero(); 2]; N];
                 for k in coupled.iter().flat_map(Range::clone) {
-                    let (row, coefficient) = (&problem.scalars[k], projections[k]);
-                    let (support, entries) = problem.scalars.entries(row);
+                    let (row, coefficient) = (&rows.scalars[k], projections[k]);
+                    let (support, entries) = rows.scalars.entries(row);
                     let mut product = [R::zero(); N];
                     for (&d, &y) in support.iter().zip(entries) {
                         let (x, weight) = (&column[d as usize], mass.sqrt_inv_d[d as usize]);
@@ -211,8 +200,8 @@ impl<R: Real> Constraints<R> {
                 }
                 // Rounding error that the coefficient transfers to entries without terms of their own.
                 for k in coupled.iter().flat_map(Range::clone) {
-                    let (row, coefficient) = (&problem.scalars[k], &mut projections[k]);
-                    let (support, entries) = problem.scalars.entries(row);
+                    let (row, coefficient) = (&rows.scalars[k], &mut projections[k]);
+                    let (support, entries) = rows.scalars.entries(row);
                     let mut square = [R::zero(); N];
                     for (&d, &y) in support.iter().zip(entries) {
                         let (x, taken, y) = (&column[d as usize], &removed_scales[d as usize], y * mass.sqrt_inv_d[d as usize]);
@@ -226,7 +215,7 @@ impl<R: Real> Constraints<R> {
                 }
                 for k in coupled.iter().flat_map(Range::clone) {
                     let coefficient = projections[k];
-                    let (support, entries) = problem.scalars.entries(&problem.scalars[k]);
+                    let (support, entries) = rows.scalars.entries(&rows.scalars[k]);
                     for (&d, &y) in support.iter().zip(entries) {
                         let (scale, y) = (&mut removed_scales[d as usize], y * mass.sqrt_d[d as usize]);
                         for n in 0..N {
@@ -259,11 +248,11 @@ impl<R: Real> Constraints<R> {
 
     /// Adds to the scales of the first component of `column` the scales of what the last elimination subtracted.
     #[inline(always)]
-    pub(crate) fn add_removed_scales(&mut self, mass: &MassMatrix<R>) {
-        let Self { problem, coupled, projections, scales, .. } = self;
+    pub(crate) fn add_removed_scales(&mut self, rows: &Problem<R>, mass: &MassMatrix<R>) {
+        let Self { coupled, projections, scales, .. } = self;
         for k in coupled.iter().flat_map(Range::clone) {
-            let (row, coefficient) = (&problem.scalars[k], &mut projections[k]);
-            let (support, entries) = problem.scalars.entries(row);
+            let (row, coefficient) = (&rows.scalars[k], &mut projections[k]);
+            let (support, entries) = rows.scalars.entries(row);
             let mut square = R::zero();
             for (&d, &y) in support.iter().zip(entries) {
                 square += scales[d as usize][0] * (y * mass.sqrt_inv_d[d as usize]).square();
@@ -272,7 +261,7 @@ impl<R: Real> Constraints<R> {
         }
         for k in coupled.iter().flat_map(Range::clone) {
             let coefficient = projections[k];
-            let (support, entries) = problem.scalars.entries(&problem.scalars[k]);
+            let (support, entries) = rows.scalars.entries(&rows.scalars[k]);
             for (&d, &y) in support.iter().zip(entries) {
                 scales[d as usize][0] += (coefficient[0] * y * mass.sqrt_d[d as usize]).square();
             }
@@ -283,11 +272,17 @@ impl<R: Real> Constraints<R> {
     ///
     /// One pass over the support finds the coefficients and another subtracts. Entries outside the support keep their bits.
     #[inline(always)]
-    fn eliminate_rows<const N: usize, const K: usize>(&mut self, first: usize, targets: &mut [[R; 2]; N], after: &mut [R; N]) {
-        let Self { problem, column, eliminated_entries, projections, .. } = self;
-        let rows: &[ScalarRow<R>; K] = problem.scalars[first..].first_chunk().expect("a block has its rows");
-        let (support, _) = problem.scalars.entries(&rows[0]);
-        let at = rows[0].entries().start;
+    fn eliminate_rows<const N: usize, const K: usize>(
+        &mut self,
+        rows: &Problem<R>,
+        first: usize,
+        targets: &mut [[R; 2]; N],
+        after: &mut [R; N],
+    ) {
+        let Self { column, eliminated_entries, projections, .. } = self;
+        let chunk: &[ScalarRow<R>; K] = rows.scalars[first..].first_chunk().expect("a block has its rows");
+        let (support, _) = rows.scalars.entries(&chunk[0]);
+        let at = chunk[0].entries().start;
         let [found, taken] = [&eliminated_entries[0], &eliminated_entries[1]].map(
             #[inline(always)]
             |entries| entries[at..].as_chunks::<K>().0,
@@ -302,10 +297,10 @@ impl<R: Real> Constraints<R> {
             }
         }
         for k in 0..K {
-            let g = [rows[k].g, rows[k].position_g];
+            let g = [chunk[k].g, chunk[k].position_g];
             let kept = &mut projections[first + k];
             for n in 0..N {
-                let coefficient = rows[k].projection(product[n][k]);
+                let coefficient = chunk[k].projection(product[n][k]);
                 kept[n] = coefficient;
                 after[n] -= coefficient * product[n][k];
                 targets[n] = sub(targets[n], scale(g, coefficient));
@@ -318,6 +313,42 @@ impl<R: Real> Constraints<R> {
                 for k in 0..K {
                     x[n] -= product[n][k] * y[k];
                 }
+            }
+        }
+    }
+}
+
+impl<R: Real> RowBuilder<R> {
+    /// Marks all present rows as eliminated, and stores their entries with both scalings that [`RowBuilder::eliminate`] reads.
+    #[inline(always)]
+    pub(crate) fn store_eliminated(
+        &mut self,
+        rows: &mut Problem<R>,
+        compiled: &LaneModel<R>,
+        active_equalities: &ActiveEqualities<R>,
+        mass: &MassMatrix<R>,
+    ) {
+        rows.scalars.mark_eliminated();
+        let [found, taken] = &mut self.eliminated_entries;
+        found.clear();
+        taken.clear();
+        let mut first = 0;
+        for (k, block) in compiled.equalities.iter().enumerate() {
+            if !block.eliminated || !active_equalities.has_rows(k) {
+                continue;
+            }
+            let end = first + block.rows;
+            while first < end {
+                // The entries of up to four rows are interleaved.
+                let chunk = &rows.scalars[first..end.min(first + 4)];
+                for (i, &d) in block.support.iter().enumerate() {
+                    for row in chunk {
+                        let y = rows.scalars.entries(row).1[i];
+                        found.push(y * mass.sqrt_inv_d[d as usize]);
+                        taken.push(y * mass.sqrt_d[d as usize]);
+                    }
+                }
+                first += chunk.len();
             }
         }
     }

@@ -15,8 +15,9 @@ use stepper_real::{Mask, Real, Scalar};
 use stepper_solve::{EntryScales, RowScales, velocity_rounding};
 
 use crate::compile::{Combination, CompiledEquality, EqualityBlock, EqualityRows, LaneModel, ModelStructure, Spring};
-use crate::constraints::constraint_set::{AssemblyInput, Constraints};
+use crate::constraints::assembler::{Assembler, AssemblyInput};
 use crate::constraints::elimination::trace_ratio;
+use crate::constraints::row_builder::RowBuilder;
 use crate::dynamics::inertia::MassMatrix;
 use crate::dynamics::kinematics::Kinematics;
 use crate::math::spatial::*;
@@ -44,121 +45,7 @@ pub(crate) struct RowInput<'a, R: Real> {
     pub(crate) assembly: &'a AssemblyInput<'a, R>,
 }
 
-impl<R: Real> Constraints<R> {
-    /// Adds the rows of equalities, block by block: the eliminated blocks, or all others.
-    pub(crate) fn add_equalities(&mut self, input: RowInput<'_, R>, eliminated: bool) {
-        R::vectorize(
-            #[inline(always)]
-            || {
-                for (k, block) in input.compiled.equalities.iter().enumerate().filter(|(_, block)| block.eliminated == eliminated) {
-                    if !self.active_equalities.has_rows(k) {
-                        block.equalities.iter().for_each(|equality| self.scalar_impulse[equality.impulses()].fill(R::zero()));
-                        continue;
-                    }
-                    // Rows that nearly depend on one another need scales of their entries, which cost as much as the rows: a block
-                    // gets them from the first time on that it needs them. Its rows are the same with them and without.
-                    while !self.add_block(input, block, self.needs_scales[k]) {
-                        self.needs_scales[k] = true;
-                    }
-                }
-            },
-        )
-    }
-
-    /// Adds the rows of a block. Returns false, and adds none, if it cannot tell without scales of entries which of them are dependent.
-    #[inline(always)]
-    fn add_block(&mut self, input: RowInput<'_, R>, block: &EqualityBlock<R::Scalar>, with_scales: bool) -> bool {
-        let start = self.problem.scalars.len();
-        self.sizes.clear();
-        self.entry_scales.clear();
-        self.demands.clear();
-        let scales = self.velocity_scales.len();
-        for equality in &block.equalities {
-            self.add_equality(input, block, equality, with_scales);
-        }
-        if !block.hard {
-            return true;
-        }
-        // The largest correction of the block, as a distance, adds compliance to all its rows: so long a motion turns the other rows'
-        // directions, which a linearised solve does not know, and their demands would no longer be met at the end of the step.
-        let displacement = self.demands.iter().fold(R::zero(), |most, demand| most.max(demand[2].abs())) * input.assembly.h;
-        let split = input.options.stabilization == Stabilization::Split;
-        let damping = if split { R::of(DAMPING) + displacement * R::of(1.0 / CORRECTION_ARM) } else { R::zero() };
-        let entries = EntryScales { squares: &mut self.entry_scales, coefficients: &mut self.coefficient_scales };
-        let decided = self.problem.scalars.orthogonalise(
-            start..start + block.rows,
-            RowScales { lengths: &self.sizes, velocities: &mut self.velocity_scales[scales..], entries: with_scales.then_some(entries) },
-            &mut self.demands,
-            #[inline(always)]
-            |row, [_, _, correction]| {
-                // Baumgarte's bias is what it is: see `limit_baumgarte` of stage 8.
-                *correction = row.damp_correction(damping, *correction);
-            },
-        );
-        if decided {
-            self.set_equality_targets(input.options, start, scales);
-        } else {
-            self.problem.scalars.truncate(start);
-            self.iterate.scalars.truncate(start);
-            self.owners.truncate(start);
-            self.velocity_scales.truncate(scales);
-        }
-        decided
-    }
-
-    /// Gives the orthogonal rows from `start` on what they demand besides J v_free.
-    ///
-    /// The work of such a row's impulse is (t^2 - (J v)^2) / 2 G when it asks for J v+ = t: asking for no more than there was, nothing is
-    /// gained, not even where a loop straightens and the curvature knows no bounds. A dependent row keeps what it demands beyond the
-    /// rounding of its velocity, for the residual: nothing meets it. `scales` is the index of the first row's scale of its velocity.
-    #[inline(always)]
-    fn set_equality_targets(&mut self, options: &StepSettings, start: usize, scales: usize) {
-        let rounding = R::of(velocity_rounding::<R>().powi(2));
-        for (k, &[curve, before, correction]) in self.demands.iter().enumerate() {
-            let row = &mut self.problem.scalars[start + k];
-            let most = before.abs();
-            let kept = row.g + curve.clamp(-most, most);
-            let none = row.immovable().and(kept.square().le(rounding * self.velocity_scales[scales + k]));
-            let kept = R::select(none, R::zero(), kept);
-            let corrected = kept + correction;
-            let (velocity, position) = match options.stabilization {
-                Stabilization::Baumgarte => (corrected, kept),
-                Stabilization::None => (kept, kept),
-                Stabilization::Split => (kept, corrected),
-            };
-            (row.g, row.position_g) = (velocity, position);
-            let lambda = &mut self.iterate.scalars[start + k];
-            *lambda = R::select(row.active, *lambda, R::zero());
-        }
-    }
-
-    #[inline(always)]
-    fn add_equality(
-        &mut self,
-        input: RowInput<'_, R>,
-        block: &EqualityBlock<R::Scalar>,
-        equality: &CompiledEquality<R::Scalar>,
-        with_scales: bool,
-    ) {
-        match &equality.rows {
-            EqualityRows::Points { frames, anchors, turn, .. } => {
-                self.use_own_support(equality);
-                let rows = self.connect_points(input, *frames, *anchors);
-                self.push_rows::<3>(input, block, equality, 0, &rows, with_scales);
-                if let Some((mats, weight)) = turn {
-                    self.use_own_support(equality);
-                    let rows = self.align(input, *frames, mats, R::splat(*weight));
-                    self.push_rows::<3>(input, block, equality, 3, &rows, with_scales);
-                }
-            }
-            EqualityRows::Coupling { first, second, polynomial } => {
-                self.use_own_support(equality);
-                let rows = self.couple_joints(input, first, second.as_ref(), splat(*polynomial));
-                self.push_rows::<1>(input, block, equality, 0, &rows, with_scales);
-            }
-        }
-    }
-
+impl<R: Real> RowBuilder<R> {
     /// Makes `support` what an equality moves itself.
     #[inline(always)]
     pub(crate) fn use_own_support(&mut self, equality: &CompiledEquality<R::Scalar>) {
@@ -307,6 +194,136 @@ impl<R: Real> Constraints<R> {
         }
     }
 
+    /// Diagonal entry of G of component `k` of `column`, half solved, on `support`.
+    #[inline(always)]
+    pub(crate) fn gram(&self, mass: &MassMatrix<R>, k: usize) -> R {
+        let mut sum = R::zero();
+        for &d in &self.support {
+            sum += (self.column[d as usize][k] * mass.sqrt_inv_d[d as usize]).square();
+        }
+        sum
+    }
+}
+
+impl<R: Real> Assembler<'_, R> {
+    /// Adds the rows of equalities, block by block: the eliminated blocks, or all others.
+    pub(crate) fn add_equalities(&mut self, input: RowInput<'_, R>, eliminated: bool) {
+        R::vectorize(
+            #[inline(always)]
+            || {
+                for (k, block) in input.compiled.equalities.iter().enumerate().filter(|(_, block)| block.eliminated == eliminated) {
+                    if !self.problem.active_equalities.has_rows(k) {
+                        block.equalities.iter().for_each(|equality| self.velocity.scalar_impulse[equality.impulses()].fill(R::zero()));
+                        continue;
+                    }
+                    // Rows that nearly depend on one another need scales of their entries, which cost as much as the rows: a block
+                    // gets them from the first time on that it needs them. Its rows are the same with them and without.
+                    while !self.add_block(input, block, self.builder.needs_scales[k]) {
+                        self.builder.needs_scales[k] = true;
+                    }
+                }
+            },
+        )
+    }
+
+    /// Adds the rows of a block. Returns false, and adds none, if it cannot tell without scales of entries which of them are dependent.
+    #[inline(always)]
+    fn add_block(&mut self, input: RowInput<'_, R>, block: &EqualityBlock<R::Scalar>, with_scales: bool) -> bool {
+        let start = self.problem.rows.scalars.len();
+        self.builder.sizes.clear();
+        self.builder.entry_scales.clear();
+        self.builder.demands.clear();
+        let scales = self.builder.velocity_scales.len();
+        for equality in &block.equalities {
+            self.add_equality(input, block, equality, with_scales);
+        }
+        if !block.hard {
+            return true;
+        }
+        // The largest correction of the block, as a distance, adds compliance to all its rows: so long a motion turns the other rows'
+        // directions, which a linearised solve does not know, and their demands would no longer be met at the end of the step.
+        let displacement = self.builder.demands.iter().fold(R::zero(), |most, demand| most.max(demand[2].abs())) * input.assembly.h;
+        let split = input.options.stabilization == Stabilization::Split;
+        let damping = if split { R::of(DAMPING) + displacement * R::of(1.0 / CORRECTION_ARM) } else { R::zero() };
+        let entries = EntryScales { squares: &mut self.builder.entry_scales, coefficients: &mut self.builder.coefficient_scales };
+        let decided = self.problem.rows.scalars.orthogonalise(
+            start..start + block.rows,
+            RowScales {
+                lengths: &self.builder.sizes,
+                velocities: &mut self.builder.velocity_scales[scales..],
+                entries: with_scales.then_some(entries),
+            },
+            &mut self.builder.demands,
+            #[inline(always)]
+            |row, [_, _, correction]| {
+                // Baumgarte's bias is what it is: see `limit_baumgarte` of stage 8.
+                *correction = row.damp_correction(damping, *correction);
+            },
+        );
+        if decided {
+            self.set_equality_targets(input.options, start, scales);
+        } else {
+            self.problem.rows.scalars.truncate(start);
+            self.velocity.impulses.scalars.truncate(start);
+            self.problem.owners.truncate(start);
+            self.builder.velocity_scales.truncate(scales);
+        }
+        decided
+    }
+
+    /// Gives the orthogonal rows from `start` on what they demand besides J v_free.
+    ///
+    /// The work of such a row's impulse is (t^2 - (J v)^2) / 2 G when it asks for J v+ = t: asking for no more than there was, nothing is
+    /// gained, not even where a loop straightens and the curvature knows no bounds. A dependent row keeps what it demands beyond the
+    /// rounding of its velocity, for the residual: nothing meets it. `scales` is the index of the first row's scale of its velocity.
+    #[inline(always)]
+    fn set_equality_targets(&mut self, options: &StepSettings, start: usize, scales: usize) {
+        let rounding = R::of(velocity_rounding::<R>().powi(2));
+        for (k, &[curve, before, correction]) in self.builder.demands.iter().enumerate() {
+            let row = &mut self.problem.rows.scalars[start + k];
+            let most = before.abs();
+            let kept = row.g + curve.clamp(-most, most);
+            let none = row.immovable().and(kept.square().le(rounding * self.builder.velocity_scales[scales + k]));
+            let kept = R::select(none, R::zero(), kept);
+            let corrected = kept + correction;
+            let (velocity, position) = match options.stabilization {
+                Stabilization::Baumgarte => (corrected, kept),
+                Stabilization::None => (kept, kept),
+                Stabilization::Split => (kept, corrected),
+            };
+            (row.g, row.position_g) = (velocity, position);
+            let lambda = &mut self.velocity.impulses.scalars[start + k];
+            *lambda = R::select(row.active, *lambda, R::zero());
+        }
+    }
+
+    #[inline(always)]
+    fn add_equality(
+        &mut self,
+        input: RowInput<'_, R>,
+        block: &EqualityBlock<R::Scalar>,
+        equality: &CompiledEquality<R::Scalar>,
+        with_scales: bool,
+    ) {
+        match &equality.rows {
+            EqualityRows::Points { frames, anchors, turn, .. } => {
+                self.builder.use_own_support(equality);
+                let rows = self.builder.connect_points(input, *frames, *anchors);
+                self.push_rows::<3>(input, block, equality, 0, &rows, with_scales);
+                if let Some((mats, weight)) = turn {
+                    self.builder.use_own_support(equality);
+                    let rows = self.builder.align(input, *frames, mats, R::splat(*weight));
+                    self.push_rows::<3>(input, block, equality, 3, &rows, with_scales);
+                }
+            }
+            EqualityRows::Coupling { first, second, polynomial } => {
+                self.builder.use_own_support(equality);
+                let rows = self.builder.couple_joints(input, first, second.as_ref(), splat(*polynomial));
+                self.push_rows::<1>(input, block, equality, 0, &rows, with_scales);
+            }
+        }
+    }
+
     /// Turns the first `N` components of `column` on `support` into rows of an equality on the support of its block.
     #[inline(always)]
     fn push_rows<const N: usize>(
@@ -319,39 +336,39 @@ impl<R: Real> Constraints<R> {
         with_scales: bool,
     ) {
         let AssemblyInput { v_free, v, h, .. } = *input.assembly;
-        let acts = self.active_equalities.lanes(equality);
+        let acts = self.problem.active_equalities.lanes(equality);
         let alive = input.assembly.alive.and(acts);
         let (mut free, mut before, mut speed) = ([R::zero(); 3], [R::zero(); 3], [R::zero(); 3]);
-        for &d in &self.support {
+        for &d in &self.builder.support {
             let d = d as usize;
-            free = add_scaled(free, self.column[d], v_free[d]);
-            before = add_scaled(before, self.column[d], v[d]);
-            speed = add_scaled(speed, self.scales[d], v_free[d].square());
+            free = add_scaled(free, self.builder.column[d], v_free[d]);
+            before = add_scaled(before, self.builder.column[d], v[d]);
+            speed = add_scaled(speed, self.builder.scales[d], v_free[d].square());
         }
-        self.half_solve::<N>(input.compiled, input.mass);
+        self.builder.half_solve::<N>(input.compiled, input.mass);
         if with_scales {
-            self.add_fill_scales::<N>(input.compiled, input.mass);
+            self.builder.add_fill_scales::<N>(input.compiled, input.mass);
         }
-        self.use_block_support(block, equality);
-        self.couple(input.compiled);
+        self.builder.use_block_support(block, equality);
+        self.builder.couple(self.problem, input.compiled);
         let correction = self.correct(input, rows, h, alive);
         let mut laws = [RowLaw { g: [R::zero(); 2], compliance: R::zero(), active: alive, bounds: free_bounds() }; N];
         let mut g = [[R::zero(); 2]; N];
         for k in 0..N {
             laws[k].g = [free[k]; 2];
             if let Some(spring) = &equality.spring {
-                let (error, before, free, gram) = (rows.error[k], before[k], free[k], self.gram(input.mass, k));
+                let (error, before, free, gram) = (rows.error[k], before[k], free[k], self.builder.gram(input.mass, k));
                 laws[k] = spring_law(input.assembly, spring, SpringRow { error, before, free, gram, taut: alive });
                 laws[k].active = laws[k].active.and(acts);
             }
             g[k] = laws[k].g;
         }
-        let lengths = self.eliminate(input.mass, &mut g);
+        let lengths = self.builder.eliminate(&self.problem.rows, input.mass, &mut g);
         let mut mobility = R::zero();
         for k in 0..N {
             mobility += match &lengths {
                 Some(lengths) => lengths.before[k],
-                None => self.gram(input.mass, k),
+                None => self.builder.gram(input.mass, k),
             };
         }
         mobility = mobility * R::of(1.0 / N as f64) + rows.bodies;
@@ -360,23 +377,23 @@ impl<R: Real> Constraints<R> {
             if let Some(lengths) = &lengths {
                 self.set_trace_ratio(laws[k].compliance, lengths.before[k], lengths.after[k]);
             }
-            self.problem.scalars.set_mobility(mobility);
+            self.problem.rows.scalars.set_mobility(mobility);
             if equality.spring.is_some() {
-                self.problem.scalars.set_position_demand(g[k][1]);
+                self.problem.rows.scalars.set_position_demand(g[k][1]);
             }
-            self.sizes.push(rows.size);
+            self.builder.sizes.push(rows.size);
             if block.hard {
-                self.velocity_scales.push(speed[k]);
+                self.builder.velocity_scales.push(speed[k]);
             }
             if with_scales {
-                let (scales, inv_d) = (&self.scales, &input.mass.inv_d);
-                self.entry_scales.extend(block.support.iter().map(
+                let (scales, inv_d) = (&self.builder.scales, &input.mass.inv_d);
+                self.builder.entry_scales.extend(block.support.iter().map(
                     #[inline(always)]
                     |&d| scales[d as usize][k] * inv_d[d as usize],
                 ));
             }
             let demand = [rows.kappa[k] * h * R::of(0.5), before[k], correction[k]];
-            self.demands.push(demand.map(
+            self.builder.demands.push(demand.map(
                 #[inline(always)]
                 |x| R::select(acts, x, R::zero()),
             ));
@@ -392,8 +409,8 @@ impl<R: Real> Constraints<R> {
         let length = norm(error);
         let wrong = length.gt(R::of(NEGLIGIBLE_ERROR));
         match options.stabilization {
-            Stabilization::Split => self.needs_position_solve = self.needs_position_solve.or(alive.and(wrong)),
-            Stabilization::Baumgarte => self.biased = self.biased.or(alive.and(wrong)),
+            Stabilization::Split => self.problem.needs_position_solve = self.problem.needs_position_solve.or(alive.and(wrong)),
+            Stabilization::Baumgarte => self.problem.biased = self.problem.biased.or(alive.and(wrong)),
             Stabilization::None => {}
         }
         let most = R::of(options.max_correction_speed) / R::select(wrong, length, R::one());
@@ -401,40 +418,30 @@ impl<R: Real> Constraints<R> {
         scale(error, R::select(wrong, rate.min(most), rate))
     }
 
-    /// Diagonal entry of G of component `k` of `column`, half solved, on `support`.
-    #[inline(always)]
-    pub(crate) fn gram(&self, mass: &MassMatrix<R>, k: usize) -> R {
-        let mut sum = R::zero();
-        for &d in &self.support {
-            sum += (self.column[d as usize][k] * mass.sqrt_inv_d[d as usize]).square();
-        }
-        sum
-    }
-
     /// Adds the first component of `column` on `support` as a scalar row.
     #[inline(always)]
     pub(crate) fn add_row(&mut self, mass: &MassMatrix<R>, owner: usize, law: RowLaw<R>) {
         let mut g = [law.g];
-        let lengths = self.eliminate(mass, &mut g);
+        let lengths = self.builder.eliminate(&self.problem.rows, mass, &mut g);
         self.push_row(mass, 0, owner, &RowLaw { g: g[0], ..law });
         if let Some(lengths) = lengths {
             self.set_trace_ratio(law.compliance, lengths.before[0], lengths.after[0]);
         }
-        self.problem.scalars.set_position_demand(g[0][1]);
+        self.problem.rows.scalars.set_position_demand(g[0][1]);
     }
 
     /// Says by what the residual of the row pushed last is measured: its squared length before and after equalities were taken out.
     #[inline(always)]
     fn set_trace_ratio(&mut self, compliance: R, whole: R, rest: R) {
-        self.problem.scalars.set_trace_ratio(trace_ratio(&[whole, compliance], &[rest, compliance]));
+        self.problem.rows.scalars.set_trace_ratio(trace_ratio(&[whole, compliance], &[rest, compliance]));
     }
 
     /// Pushes component `k` of `column` on `support` as a scalar row.
     #[inline(always)]
     fn push_row(&mut self, mass: &MassMatrix<R>, k: usize, owner: usize, law: &RowLaw<R>) {
-        let column = &self.column;
-        self.problem.scalars.push(
-            &self.support,
+        let column = &self.builder.column;
+        self.problem.rows.scalars.push(
+            &self.builder.support,
             #[inline(always)]
             |d| column[d][k] * mass.sqrt_inv_d[d],
             R::one(),
@@ -442,10 +449,10 @@ impl<R: Real> Constraints<R> {
             law.g[0],
             law.bounds,
         );
-        self.problem.scalars.set_compliance(law.compliance);
+        self.problem.rows.scalars.set_compliance(law.compliance);
         self.warm_start(owner, law.active);
-        self.owners.push(owner);
-        self.constrained = self.constrained.or(law.active);
+        self.problem.owners.push(owner);
+        self.problem.constrained = self.problem.constrained.or(law.active);
     }
 }
 

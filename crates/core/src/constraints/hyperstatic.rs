@@ -17,7 +17,7 @@ use stepper_solve::{Iterate, Problem};
 
 use crate::collision::contact_set::Contacts;
 use crate::compile::ModelStructure;
-use crate::constraints::assembled_rows::AssembledRows;
+use crate::constraints::constraint_problem::ConstraintProblem;
 use crate::math::spatial::*;
 use crate::tuning::{DEPENDENT_LENGTH, MAX_NEW_CONTACTS, MAX_SHARED_CONTACTS, MIN_SHARE_CHANGE, MIN_SHARED_CONTACTS, SLIP_SPEED};
 
@@ -177,11 +177,11 @@ impl<R: Real> Patches<R> {
     }
 
     /// Finds the patches of the lanes `lanes` that slip; returns the lanes in which any does.
-    pub(crate) fn find_slips(&mut self, assembled: &AssembledRows<'_, R>, iterate: &Iterate<R>, lanes: R::Mask) -> R::Mask {
+    pub(crate) fn find_slips(&mut self, assembled: &ConstraintProblem<R>, iterate: &Iterate<R>, lanes: R::Mask) -> R::Mask {
         if lanes.none() {
             return lanes;
         }
-        let (contacts, velocities) = (&assembled.problem.contacts, &mut self.velocities);
+        let (contacts, velocities) = (&assembled.rows.contacts, &mut self.velocities);
         velocities.clear();
         R::vectorize(
             #[inline(always)]
@@ -196,7 +196,7 @@ impl<R: Real> Patches<R> {
         for patch in patches.iter_mut().filter(|p| all >> p.lane & 1 == 1) {
             let lane = patch.lane;
             let slips = |i: usize| iterate.contacts[i][0].lane(lane).to_f64() > 0.0 && slip(of_lane(&velocities[i], lane)) > SLIP_SPEED;
-            patch.slips = patch.contacts::<R>(slots, assembled.slots, assembled.problem).any(slips);
+            patch.slips = patch.contacts::<R>(slots, &assembled.slots, &assembled.rows).any(slips);
             slipping |= u32::from(patch.slips) << lane;
         }
         R::Mask::from_bits(slipping)
@@ -204,7 +204,7 @@ impl<R: Real> Patches<R> {
 
     /// Shares the loads of the lanes `lanes`, whose slips are found. Returns the lanes in which that changed any share; w of the others may
     /// have changed by rounding.
-    pub(crate) fn share(&mut self, assembled: &AssembledRows<'_, R>, iterate: &mut Iterate<R>, lanes: R::Mask) -> R::Mask {
+    pub(crate) fn share(&mut self, assembled: &ConstraintProblem<R>, iterate: &mut Iterate<R>, lanes: R::Mask) -> R::Mask {
         let (mut start, mut shared) = (0, 0);
         while start < self.patches.len() {
             let lane = self.patches[start].lane;
@@ -217,14 +217,14 @@ impl<R: Real> Patches<R> {
         if shared != 0 {
             R::vectorize(
                 #[inline(always)]
-                || iterate.compute_w(assembled.problem),
+                || iterate.compute_w(&assembled.rows),
             );
         }
         R::Mask::from_bits(shared)
     }
 
     /// Shares the loads of one lane, whose patches are `patches`; returns whether any has changed.
-    fn share_lane(&mut self, patches: Range<usize>, assembled: &AssembledRows<'_, R>, iterate: &mut Iterate<R>) -> bool {
+    fn share_lane(&mut self, patches: Range<usize>, assembled: &ConstraintProblem<R>, iterate: &mut Iterate<R>) -> bool {
         let lane = self.patches[patches.start].lane;
         self.group(patches.clone(), assembled);
         let mut changed = false;
@@ -237,8 +237,8 @@ impl<R: Real> Patches<R> {
                     slips |= self.patches[p].slips;
                 }
             }
-            if slips && self.points.len() <= MAX_SHARED_CONTACTS && self.distribute(lane, assembled.problem) {
-                self.scatter(lane, assembled.problem, iterate);
+            if slips && self.points.len() <= MAX_SHARED_CONTACTS && self.distribute(lane, &assembled.rows) {
+                self.scatter(lane, &assembled.rows, iterate);
                 changed = true;
             }
         }
@@ -246,24 +246,24 @@ impl<R: Real> Patches<R> {
     }
 
     /// Gathers the contacts of a patch that have three rows.
-    fn gather(&mut self, patch: usize, assembled: &AssembledRows<'_, R>, iterate: &Iterate<R>) {
+    fn gather(&mut self, patch: usize, assembled: &ConstraintProblem<R>, iterate: &Iterate<R>) {
         let Self { slots, patches, points, velocities, .. } = self;
         let lane = patches[patch].lane;
-        for i in patches[patch].contacts::<R>(slots, assembled.slots, assembled.problem) {
+        for i in patches[patch].contacts::<R>(slots, &assembled.slots, &assembled.rows) {
             let (velocity, before) = (of_lane(&velocities[i], lane), iterate.contacts[i][0].lane(lane).to_f64());
             points.push(Point { contact: i, velocity, before, shared: 0.0, free: before > 0.0 || velocity[0] <= SLIP_SPEED });
         }
     }
 
     /// Gives patches that move a coordinate together the same group: the number of one of them.
-    fn group(&mut self, patches: Range<usize>, assembled: &AssembledRows<'_, R>) {
+    fn group(&mut self, patches: Range<usize>, assembled: &ConstraintProblem<R>) {
         let Self { slots, patches: all, owners, .. } = self;
         owners.clear();
-        owners.resize(assembled.problem.dimension(), usize::MAX);
+        owners.resize(assembled.rows.dimension(), usize::MAX);
         let lane = all[patches.start].lane;
-        let contacts = &assembled.problem.contacts;
+        let contacts = &assembled.rows.contacts;
         for p in patches.clone() {
-            for contact in all[p].contacts::<R>(slots, assembled.slots, assembled.problem).map(|i| &contacts[i]) {
+            for contact in all[p].contacts::<R>(slots, &assembled.slots, &assembled.rows).map(|i| &contacts[i]) {
                 let (support, y) = contacts.entries(contact);
                 for (&c, _) in support.iter().zip(y).filter(|(_, y)| y.iter().any(|y| y.lane(lane) != R::Scalar::default())) {
                     let (owner, group) = (owners[c as usize], all[p].group);

@@ -5,12 +5,13 @@ use stepper_real::{Mask, Real};
 use crate::collision::contact_set::Contacts;
 use crate::collision::surface_velocity;
 use crate::compile::LaneModel;
-use crate::constraints::constraint_set::Constraints;
+use crate::constraints::constraint_problem::ConstraintProblem;
 use crate::constraints::equality::RowInput;
+use crate::constraints::row_builder::RowBuilder;
 use crate::dynamics::inertia::{MassMatrix, is_above};
 use crate::math::spatial::*;
 
-impl<R: Real> Constraints<R> {
+impl<R: Real> RowBuilder<R> {
     /// L^-T times a unit vector, left in the first component of `column` on `support`, the chain of `dof`.
     #[inline(always)]
     pub(crate) fn unit_column(&mut self, compiled: &LaneModel<R>, mass: &MassMatrix<R>, dof: usize) {
@@ -72,7 +73,14 @@ impl<R: Real> Constraints<R> {
     /// The dofs that move slot k in any of its lanes, or that are tied to them, ascending, and in which lanes each moves the second and the
     /// first geom.
     #[inline(always)]
-    pub(crate) fn gather_support(&mut self, compiled: &LaneModel<R>, contacts: &Contacts<R>, k: usize, lanes: u32) {
+    pub(crate) fn gather_support(
+        &mut self,
+        problem: &ConstraintProblem<R>,
+        compiled: &LaneModel<R>,
+        contacts: &Contacts<R>,
+        k: usize,
+        lanes: u32,
+    ) {
         self.words.fill(0);
         self.moving = 0;
         self.flat = 0;
@@ -99,7 +107,7 @@ impl<R: Real> Constraints<R> {
         if !compiled.surfaces.is_empty() {
             self.moving = lanes;
         }
-        self.find_coupled(compiled);
+        self.find_coupled(problem, compiled);
         self.list_support();
     }
 

@@ -3,12 +3,12 @@
 use stepper_real::{Mask, Real};
 
 use crate::compile::LaneModel;
-use crate::constraints::constraint_set::{AssemblyInput, Constraints};
+use crate::constraints::assembler::{Assembler, AssemblyInput};
 use crate::dynamics::inertia::MassMatrix;
 use crate::options::StepSettings;
 use crate::tuning::LIMIT_LOOK_AHEAD;
 
-impl<R: Real> Constraints<R> {
+impl<R: Real> Assembler<'_, R> {
     /// Limits: the nearer end of each range, where it can be reached within the step.
     #[inline(always)]
     pub(crate) fn add_limits(
@@ -30,10 +30,10 @@ impl<R: Real> Constraints<R> {
             let closing = (-v).max(R::zero()) * (assembly.h + assembly.h);
             let active = assembly.alive.and(phi.le(closing + R::of(LIMIT_LOOK_AHEAD)));
             if active.none() {
-                self.scalar_impulse[i] = R::zero();
+                self.velocity.scalar_impulse[i] = R::zero();
                 continue;
             }
-            let solved = self.solved_overlaps.as_ref().map(|solved| solved.limit(i));
+            let solved = assembly.solved_overlaps.map(|solved| solved.limit(i));
             let (bias, position) = self.limit_biases(options, phi, solved, assembly.h, active);
             self.add_scalar(compiled, mass, limit.dof, i, sign, active, [v + bias, v + position], bounds);
         }

@@ -2,8 +2,8 @@
 
 pub(crate) mod active_equalities;
 pub(crate) mod approaching;
-pub mod assembled_rows;
-pub mod constraint_set;
+pub(crate) mod assembler;
+pub mod constraint_problem;
 pub mod contact;
 pub mod contact_spring;
 pub mod curvature;
@@ -17,13 +17,17 @@ pub mod impact_time;
 pub mod islands;
 pub mod jacobian;
 pub mod limits;
+pub mod position_solution;
 pub mod restitution;
+pub(crate) mod row_builder;
 pub mod rows;
 pub mod soft;
 pub(crate) mod solved_overlaps;
 pub mod tendon;
 pub mod torsional_rolling;
+pub mod velocity_solution;
 pub mod worst_row;
 
-pub use assembled_rows::AssembledRows;
-pub use constraint_set::*;
+pub use constraint_problem::ConstraintProblem;
+pub use position_solution::PositionSolution;
+pub use velocity_solution::VelocitySolution;

@@ -13,12 +13,16 @@
 //! solved apart, so that other contacts see it.
 
 use stepper_real::{Mask, Real};
+use stepper_solve::Iterate;
 
 use crate::collision::contact_set::{Contacts, Slot};
 use crate::compile::LaneModel;
-use crate::constraints::constraint_set::{AssemblyInput, Constraints, Impact};
+use crate::constraints::assembler::{Assembler, AssemblyInput};
+use crate::constraints::constraint_problem::{ConstraintProblem, Impact};
 use crate::constraints::equality::RowInput;
 use crate::constraints::impact_time::Flight;
+use crate::constraints::position_solution::PositionSolution;
+use crate::constraints::row_builder::RowBuilder;
 use crate::dynamics::inertia::MassMatrix;
 use crate::math::spatial::*;
 use crate::options::StepSettings;
@@ -26,7 +30,7 @@ use crate::options::StepSettings;
 /// Velocities of a contact's rows: g of the step, and when positions are solved apart.
 type Demands<R> = [[R; 2]; 3];
 
-impl<R: Real> Constraints<R> {
+impl<R: Real> RowBuilder<R> {
     /// Change of the velocities of the rows in `column` by the free motion.
     #[inline(always)]
     pub(crate) fn free_change(&self, assembly: &AssemblyInput<'_, R>) -> V3<R> {
@@ -37,7 +41,9 @@ impl<R: Real> Constraints<R> {
         }
         change
     }
+}
 
+impl<R: Real> Assembler<'_, R> {
     /// What Euler's rule adds to the free velocity of a normal row, and the lanes that have the row.
     ///
     /// All closed contacts share an impact: 0 <= lambda, complementary to v+ + e v- >= 0, also where v- parts. A contact slower than the
@@ -65,8 +71,8 @@ impl<R: Real> Constraints<R> {
         let rests = before.abs().le(threshold).and(near);
         let closed = phi.le(R::of(options.slop)).or((phi + h * free).lt(R::zero()));
         let bounces = elastic.and(closed).and(free.abs().gt(threshold)).and_not(rests);
-        self.needs_position_solve = self.needs_position_solve.or(bounces);
-        self.rebounding = self.rebounding.or(bounces);
+        self.problem.needs_position_solve = self.problem.needs_position_solve.or(bounces);
+        self.problem.rebounding = self.problem.rebounding.or(bounces);
         let stays = active.and_not(elastic).or(bounces).or(elastic.and(rests));
         (R::select(bounces, e * free, bias), stays)
     }
@@ -74,7 +80,7 @@ impl<R: Real> Constraints<R> {
     /// The law of the midpoint rule, in place of the `demands` of a contact that does not bounce. `free` are the rows' velocities without
     /// constraints before the elimination of equalities, `change` what the free motion changed of them in the step; after the
     /// elimination the free velocity is `demands` less the normal's `bias`. Returns the lanes that have the rows. A kernel of its own, as
-    /// [`Constraints::add_curve`].
+    /// [`Assembler::add_curve`].
     #[inline(never)]
     pub(crate) fn bounce_within(
         &mut self,
@@ -92,7 +98,12 @@ impl<R: Real> Constraints<R> {
                 let e = slot.restitution;
                 let elastic = active.and(e.gt(R::zero()));
                 if elastic.none() {
-                    self.impacts.push(Impact { lanes: elastic, overlapping: elastic, time_fraction: R::zero(), normal_factor: R::zero() });
+                    self.problem.impacts.push(Impact {
+                        lanes: elastic,
+                        overlapping: elastic,
+                        time_fraction: R::zero(),
+                        normal_factor: R::zero(),
+                    });
                     return active;
                 }
                 let before = sub(free, change);
@@ -108,7 +119,7 @@ impl<R: Real> Constraints<R> {
                     demand[0] = R::select(bounces, law, demand[0]);
                 }
                 let overlapping = slot.point.distance.lt(-R::of(options.slop));
-                self.impacts.push(Impact { lanes: bounces, overlapping, time_fraction, normal_factor });
+                self.problem.impacts.push(Impact { lanes: bounces, overlapping, time_fraction, normal_factor });
                 active.and_not(elastic).or(bounces).or(meeting.rests)
             },
         )
@@ -118,23 +129,25 @@ impl<R: Real> Constraints<R> {
     /// its `change` by the free motion, as the demands are.
     #[inline(always)]
     pub(crate) fn turn_at_impact(&self, change: V3<R>, turns: &mut Demands<R>) {
-        if let Some(impact) = self.impacts.last() {
+        if let Some(impact) = self.problem.impacts.last() {
             for (turn, change) in turns.iter_mut().zip(change) {
                 turn[0] = R::select(impact.lanes, turn[0] - change * (R::one() - impact.time_fraction), turn[0]);
             }
         }
     }
+}
 
+impl<R: Real> ConstraintProblem<R> {
     /// Takes back, of a `change` (scaled) of the velocity after the step, what came after the impacts.
     #[inline(always)]
     pub(crate) fn undo_change_after_impacts(&mut self, change: &[R], lanes: R::Mask) {
-        let Self { problem, impacts, .. } = self;
+        let Self { rows, impacts, .. } = self;
         shift_impacts(
             impacts,
             lanes,
             after_impact,
             #[inline(always)]
-            |i, there, weights| problem.shift_contact(i, change, there, weights),
+            |i, there, weights| rows.shift_contact(i, change, there, weights),
         );
     }
 
@@ -148,13 +161,13 @@ impl<R: Real> Constraints<R> {
             #[inline(always)]
             || {
                 mass.scale(compiled, change);
-                let Self { problem, impacts, .. } = self;
+                let Self { rows, impacts, .. } = self;
                 shift_impacts(
                     impacts,
                     lanes,
                     before_impact,
                     #[inline(always)]
-                    |i, there, weights| problem.shift_contact(i, change, there, weights),
+                    |i, there, weights| rows.shift_contact(i, change, there, weights),
                 );
             },
         )
@@ -169,70 +182,72 @@ impl<R: Real> Constraints<R> {
         }
         lanes
     }
+}
 
-    /// Takes the impulses of impacts away in the lanes `lanes`, and their contacts out of the position solve, but that what overlapped
-    /// before is pushed out where it does not leave fast enough by itself. Leaves in `moved` the velocity that would carry the positions as
-    /// far in a step as the impulses do, from where the step is taken, `time_before` seconds after its beginning: beyond the velocity after
-    /// the step, for the rest of it.
-    pub fn remove_impacts(
+impl<R: Real> PositionSolution<R> {
+    /// Removes impacts from the position solve in the lanes `lanes`: their impulses, and the contacts that did not overlap before.
+    ///
+    /// A contact that overlapped is pushed out if it does not separate fast enough. `impulses` are those of the velocity solution. Writes
+    /// to `carried` the velocity that moves the positions within a step as far as the impulses do beyond the velocity after the step.
+    /// `time_before` is the evaluation time of the step of `h` seconds.
+    pub(crate) fn remove_impacts(
         &mut self,
         compiled: &LaneModel<R>,
         mass: &MassMatrix<R>,
+        problem: &ConstraintProblem<R>,
+        impulses: &mut Iterate<R>,
         [h, time_before]: [R; 2],
         lanes: R::Mask,
-        moved: &mut [R],
     ) {
         R::vectorize(
             #[inline(always)]
             || {
-                let Self { problem, positions, iterate, impacts, path: removed, .. } = self;
-                let narrow = problem.contacts.len();
+                let (Self { rows: positions, carried: moved, correction: removed, .. }, rows) = (self, &problem.rows);
+                let narrow = rows.contacts.len();
                 moved.fill(R::zero());
                 removed.fill(R::zero());
-                for (i, impact) in impacts.iter().enumerate() {
+                for (i, impact) in problem.impacts.iter().enumerate() {
                     let there = lanes.and(impact.lanes);
                     if there.none() {
                         continue;
                     }
                     let weight = R::one() + (time_before / h - impact.time_fraction);
                     if i < narrow {
-                        let lambda = select(there, iterate.contacts[i], zero());
-                        problem.contacts.add(&problem.contacts[i], lambda, removed);
-                        problem.contacts.add(&problem.contacts[i], scale(lambda, weight), moved);
-                        iterate.contacts[i] = select(there, zero(), iterate.contacts[i]);
+                        let lambda = select(there, impulses.contacts[i], zero());
+                        rows.contacts.add(&rows.contacts[i], lambda, removed);
+                        rows.contacts.add(&rows.contacts[i], scale(lambda, weight), moved);
+                        impulses.contacts[i] = select(there, zero(), impulses.contacts[i]);
                     } else {
                         let k = i - narrow;
-                        let lambda = select(there, iterate.rolling_contacts[k], zero());
-                        problem.rolling_contacts.add(&problem.rolling_contacts[k], lambda, removed);
-                        problem.rolling_contacts.add(&problem.rolling_contacts[k], scale(lambda, weight), moved);
-                        iterate.rolling_contacts[k] = select(there, zero(), iterate.rolling_contacts[k]);
+                        let lambda = select(there, impulses.rolling_contacts[k], zero());
+                        rows.rolling_contacts.add(&rows.rolling_contacts[k], lambda, removed);
+                        rows.rolling_contacts.add(&rows.rolling_contacts[k], scale(lambda, weight), moved);
+                        impulses.rolling_contacts[k] = select(there, zero(), impulses.rolling_contacts[k]);
                     }
                     positions.leave_out_contact(i, there.and_not(impact.overlapping));
                 }
-                for (w, &removed) in iterate.w.iter_mut().zip(&*removed) {
+                for (w, &removed) in impulses.w.iter_mut().zip(&*removed) {
                     *w = R::select(lanes, *w - removed, *w);
                 }
                 mass.unscale(compiled, moved);
             },
         );
-        self.needs_position_solve = self.needs_position_solve.or(lanes);
-        self.rebounding = self.rebounding.or(lanes);
     }
 
-    /// Takes up a change of the free velocity of the lanes `lanes` in the rows of the position solve. `change` is used up.
-    pub fn shift_positions(&mut self, compiled: &LaneModel<R>, mass: &MassMatrix<R>, change: &mut [R], lanes: R::Mask) {
+    /// Adds the change `carried` of the free velocity, in the lanes `lanes`, to the position rows. Overwrites `carried`.
+    pub(crate) fn shift(&mut self, compiled: &LaneModel<R>, mass: &MassMatrix<R>, problem: &ConstraintProblem<R>, lanes: R::Mask) {
         R::vectorize(
             #[inline(always)]
             || {
+                let Self { rows: positions, carried: change, .. } = self;
                 mass.scale(compiled, change);
-                let Self { problem, positions, impacts, .. } = self;
-                positions.shift(problem, change, lanes);
+                positions.shift(&problem.rows, change, lanes);
                 shift_impacts(
-                    impacts,
+                    &problem.impacts,
                     lanes,
                     after_impact,
                     #[inline(always)]
-                    |i, there, weights| positions.shift_contact(problem, i, change, there, weights),
+                    |i, there, weights| positions.shift_contact(&problem.rows, i, change, there, weights),
                 );
             },
         )

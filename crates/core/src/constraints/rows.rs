@@ -3,19 +3,19 @@
 use stepper_real::{Mask, Real};
 
 use crate::compile::LaneModel;
-use crate::constraints::constraint_set::Constraints;
+use crate::constraints::assembler::Assembler;
 use crate::constraints::elimination::SquaredLengths;
 use crate::dynamics::inertia::MassMatrix;
 use crate::math::spatial::*;
 
-impl<R: Real> Constraints<R> {
+impl<R: Real> Assembler<'_, R> {
     /// Pushes the impulse that a scalar row of the lanes `active` starts from. The others forget theirs, whether the row is made again or
     /// not.
     #[inline(always)]
     pub(crate) fn warm_start(&mut self, owner: usize, active: R::Mask) {
-        let kept = R::select(active, self.scalar_impulse[owner], R::zero());
-        self.scalar_impulse[owner] = kept;
-        self.iterate.scalars.push(kept);
+        let kept = R::select(active, self.velocity.scalar_impulse[owner], R::zero());
+        self.velocity.scalar_impulse[owner] = kept;
+        self.velocity.impulses.scalars.push(kept);
     }
 
     #[inline(always)]
@@ -31,17 +31,17 @@ impl<R: Real> Constraints<R> {
         mut g: [R; 2],
         bounds: [R; 2],
     ) {
-        self.unit_column(compiled, mass, dof);
-        self.couple(compiled);
+        self.builder.unit_column(compiled, mass, dof);
+        self.builder.couple(self.problem, compiled);
         let mut trace_ratio = None;
-        if !self.coupled.is_empty() {
+        if !self.builder.coupled.is_empty() {
             let mut own = [scale(g, sign)];
-            trace_ratio = self.eliminate(mass, &mut own).map(SquaredLengths::trace_ratio);
+            trace_ratio = self.builder.eliminate(&self.problem.rows, mass, &mut own).map(SquaredLengths::trace_ratio);
             g = scale(own[0], sign);
         }
-        let column = &self.column;
-        self.problem.scalars.push(
-            &self.support,
+        let column = &self.builder.column;
+        self.problem.rows.scalars.push(
+            &self.builder.support,
             #[inline(always)]
             |d| column[d][0] * mass.sqrt_inv_d[d],
             sign,
@@ -50,11 +50,11 @@ impl<R: Real> Constraints<R> {
             bounds,
         );
         if let Some(ratio) = trace_ratio {
-            self.problem.scalars.set_trace_ratio(ratio);
+            self.problem.rows.scalars.set_trace_ratio(ratio);
         }
-        self.problem.scalars.set_position_demand(g[1]);
+        self.problem.rows.scalars.set_position_demand(g[1]);
         self.warm_start(owner, active);
-        self.owners.push(owner);
-        self.constrained = self.constrained.or(active);
+        self.problem.owners.push(owner);
+        self.problem.constrained = self.problem.constrained.or(active);
     }
 }

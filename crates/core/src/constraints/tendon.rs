@@ -3,13 +3,30 @@
 use stepper_real::{Mask, Real};
 
 use crate::compile::CompiledTendon;
-use crate::constraints::constraint_set::Constraints;
+use crate::constraints::assembler::Assembler;
+use crate::constraints::constraint_problem::ConstraintProblem;
 use crate::constraints::equality::{RowInput, RowLaw, SpringRow, limit_law, spring_law};
+use crate::constraints::row_builder::RowBuilder;
 use crate::dynamics::kinematics::quat_at;
 use crate::math::spatial::*;
 use crate::tuning::LIMIT_LOOK_AHEAD;
 
-impl<R: Real> Constraints<R> {
+impl<R: Real> RowBuilder<R> {
+    /// Half-solved row of a tendon's length, times `sign`, left in the first component of `column`.
+    #[inline(always)]
+    fn tendon_columns(&mut self, problem: &ConstraintProblem<R>, input: RowInput<'_, R>, tendon: &CompiledTendon<R::Scalar>, sign: R) {
+        self.support.clear();
+        self.support.extend_from_slice(&tendon.support);
+        self.couple(problem, input.compiled);
+        for &d in &self.support {
+            self.column[d as usize] = zero();
+        }
+        self.add_terms(input, &tendon.length, sign);
+        self.half_solve::<1>(input.compiled, input.mass);
+    }
+}
+
+impl<R: Real> Assembler<'_, R> {
     /// Adds the rows of all tendons that have some.
     pub(crate) fn add_tendons(&mut self, input: RowInput<'_, R>) {
         R::vectorize(
@@ -23,8 +40,8 @@ impl<R: Real> Constraints<R> {
                         // Between its two lengths the spring is slack; damper and inertia are not.
                         let taut = stretch.abs().gt(R::zero()).or(R::splat(rest[0]).ge(R::splat(rest[1])));
                         let before = tendon.length.rate(assembly.v);
-                        self.tendon_columns(input, tendon, R::one());
-                        let gram = self.gram(input.mass, 0);
+                        self.builder.tendon_columns(self.problem, input, tendon, R::one());
+                        let gram = self.builder.gram(input.mass, 0);
                         let row = SpringRow { error: stretch, before, free, gram, taut };
                         let law = spring_law(assembly, spring, row);
                         self.add_row(input.mass, tendon.owner + 2, law);
@@ -32,7 +49,7 @@ impl<R: Real> Constraints<R> {
                     if tendon.friction > <R::Scalar as Default>::default() {
                         let most = R::splat(tendon.friction) * assembly.h;
                         let law = RowLaw { g: [free; 2], compliance: R::zero(), active: assembly.alive, bounds: [-most, most] };
-                        self.tendon_columns(input, tendon, R::one());
+                        self.builder.tendon_columns(self.problem, input, tendon, R::one());
                         self.add_row(input.mass, tendon.owner + 1, law);
                     }
                     if let Some([low, high]) = tendon.range {
@@ -51,10 +68,10 @@ impl<R: Real> Constraints<R> {
         let phi = R::select(low, below, above);
         let free = rate * sign;
         let Some((active, velocity, position)) = self.reach(input, phi, free) else {
-            self.scalar_impulse[tendon.owner] = R::zero();
+            self.velocity.scalar_impulse[tendon.owner] = R::zero();
             return;
         };
-        self.tendon_columns(input, tendon, sign);
+        self.builder.tendon_columns(self.problem, input, tendon, sign);
         self.add_row(input.mass, tendon.owner, limit_law(free, [velocity, position], active));
     }
 
@@ -72,19 +89,6 @@ impl<R: Real> Constraints<R> {
         Some((active, velocity, position))
     }
 
-    /// Half-solved row of a tendon's length, times `sign`, left in the first component of `column`.
-    #[inline(always)]
-    fn tendon_columns(&mut self, input: RowInput<'_, R>, tendon: &CompiledTendon<R::Scalar>, sign: R) {
-        self.support.clear();
-        self.support.extend_from_slice(&tendon.support);
-        self.couple(input.compiled);
-        for &d in &self.support {
-            self.column[d as usize] = zero();
-        }
-        self.add_terms(input, &tendon.length, sign);
-        self.half_solve::<1>(input.compiled, input.mass);
-    }
-
     /// Limits of ball joints: the rotation vector's length stays below the range (MuJoCo's `mj_instantiateLimit`).
     pub(crate) fn add_ball_limits(&mut self, input: RowInput<'_, R>) {
         R::vectorize(
@@ -100,19 +104,19 @@ impl<R: Real> Constraints<R> {
                     let v = input.assembly.v_free;
                     let free = dot(axis, [v[limit.dof], v[limit.dof + 1], v[limit.dof + 2]]);
                     let Some((active, velocity, position)) = self.reach(input, phi, free) else {
-                        self.scalar_impulse[limit.owner] = R::zero();
+                        self.velocity.scalar_impulse[limit.owner] = R::zero();
                         continue;
                     };
-                    self.support.clear();
-                    self.support.extend(input.compiled.chain_of(limit.dof + 2).iter().rev());
-                    self.couple(input.compiled);
-                    for &d in &self.support {
-                        self.column[d as usize] = zero();
+                    self.builder.support.clear();
+                    self.builder.support.extend(input.compiled.chain_of(limit.dof + 2).iter().rev());
+                    self.builder.couple(self.problem, input.compiled);
+                    for &d in &self.builder.support {
+                        self.builder.column[d as usize] = zero();
                     }
                     for k in 0..3 {
-                        self.column[limit.dof + k][0] = axis[k];
+                        self.builder.column[limit.dof + k][0] = axis[k];
                     }
-                    self.half_solve::<1>(input.compiled, input.mass);
+                    self.builder.half_solve::<1>(input.compiled, input.mass);
                     self.add_row(input.mass, limit.owner, limit_law(free, [velocity, position], active));
                 }
             },

@@ -5,85 +5,15 @@ use stepper_real::{Mask, Real};
 use crate::collision::contact_set::Contacts;
 use crate::collision::surface_velocity;
 use crate::compile::LaneModel;
-use crate::constraints::constraint_set::{Constraints, DeferredContact};
+use crate::constraints::assembler::Assembler;
+use crate::constraints::constraint_problem::DeferredContact;
 use crate::constraints::contact::SlidingRows;
 use crate::constraints::elimination::trace_ratio;
 use crate::constraints::equality::RowInput;
+use crate::constraints::row_builder::RowBuilder;
 use crate::math::spatial::*;
 
-impl<R: Real> Constraints<R> {
-    /// Adds slot `k` in the lanes `lanes`, in which it has torsional or rolling friction.
-    pub(crate) fn add_rolling_contact(&mut self, input: RowInput<'_, R>, contacts: &Contacts<R>, k: usize, lanes: u32) {
-        R::vectorize(
-            #[inline(always)]
-            || {
-                self.gather_support(input.compiled, contacts, k, lanes);
-                self.push_rolling_contact_row(input, contacts, k, lanes);
-            },
-        )
-    }
-
-    #[inline(always)]
-    fn push_rolling_contact_row(&mut self, input: RowInput<'_, R>, contacts: &Contacts<R>, k: usize, lanes: u32) {
-        let RowInput { compiled, mass, assembly, .. } = input;
-        let slot = &contacts.data[k];
-        let mut friction = Friction::of(compiled, contacts, k, lanes);
-        friction.scale_to(slot.mu);
-        let SlidingRows { demands: mut slides, lengths: sliding, active, deferred, compliance } =
-            self.sliding_rows(input, contacts, k, lanes);
-        for &d in &self.support {
-            self.linear[d as usize] = self.column[d as usize];
-        }
-        let turning = self.turn_columns(input, contacts, k, lanes, friction.scale);
-        let change = if self.has_impacts { self.free_change(assembly) } else { zero() };
-        self.half_solve::<3>(compiled, mass);
-        let mut turns = [[turning[0]; 2], [turning[1]; 2], [turning[2]; 2]];
-        let turned = self.eliminate(mass, &mut turns);
-        self.turn_at_impact(change, &mut turns);
-        let contact = self.problem.contacts.len() + self.problem.rolling_contacts.len();
-        let (linear, column, rub) = (&self.linear, &self.column, friction.slides);
-        slides[1] = scale(slides[1], rub);
-        slides[2] = scale(slides[2], rub);
-        self.problem.push_rolling_contact(
-            &self.support,
-            #[inline(always)]
-            |d| {
-                let (a, b, s) = (linear[d], column[d], mass.sqrt_inv_d[d]);
-                let t = s * rub;
-                [a[0] * s, a[1] * t, a[2] * t, b[0] * s, b[1] * s, b[2] * s]
-            },
-            active,
-            friction.mu,
-            [slides[0][0], slides[1][0], slides[2][0], turns[0][0], turns[1][0], turns[2][0]],
-        );
-        if self.problem.rolling_contacts.held().any() {
-            let (released, rounding) = self.reconsider(input, contacts, k, lanes);
-            self.problem.rolling_contacts.release(released);
-            self.problem.rolling_contacts.forgive(rounding);
-        }
-        if let (Some(sliding), Some(turned)) = (sliding, turned) {
-            let (before, after) =
-                ([scale_tangents(sliding.before, rub), turned.before], [scale_tangents(sliding.after, rub), turned.after]);
-            self.problem.rolling_contacts.set_trace_ratio(trace_ratio(before.as_flattened(), after.as_flattened()));
-        }
-        if let Some(compliance) = compliance {
-            self.problem.rolling_contacts.set_compliance(compliance);
-        }
-        let change = |[velocity, position]: [R; 2]| position - velocity;
-        let [spin, roll, other] = turns.map(change);
-        self.problem.rolling_contacts.set_position_demand([slides[0][1], change(slides[1]), change(slides[2]), spin, roll, other]);
-        let (push, torque) = (slot.impulse, friction.unscale(contacts.torque[k]));
-        let warm = [push[0], push[1] * rub, push[2] * rub, torque[0], torque[1], torque[2]];
-        let solved = active.and_not(deferred.lanes);
-        if deferred.lanes.any() {
-            self.problem.rolling_contacts.defer(deferred.lanes);
-            self.deferred.push(DeferredContact { contact, slot: k, impulse: warm, ..deferred });
-        }
-        self.iterate.rolling_contacts.push(select(solved, warm, zero()));
-        self.rolling_slots.push((k, R::Mask::from_bits(lanes), friction.scale));
-        self.constrained = self.constrained.or(solved);
-    }
-
+impl<R: Real> RowBuilder<R> {
     /// J of the relative turning about the contact's axes, times `weight`, left in `column`; returns its free velocity.
     #[inline(always)]
     fn turn_columns(&mut self, input: RowInput<'_, R>, contacts: &Contacts<R>, k: usize, lanes: u32, weight: V3<R>) -> V3<R> {
@@ -108,6 +38,80 @@ impl<R: Real> Constraints<R> {
             self.column[d] = j;
         }
         free
+    }
+}
+
+impl<R: Real> Assembler<'_, R> {
+    /// Adds slot `k` in the lanes `lanes`, in which it has torsional or rolling friction.
+    pub(crate) fn add_rolling_contact(&mut self, input: RowInput<'_, R>, contacts: &Contacts<R>, k: usize, lanes: u32) {
+        R::vectorize(
+            #[inline(always)]
+            || {
+                self.builder.gather_support(self.problem, input.compiled, contacts, k, lanes);
+                self.push_rolling_contact_row(input, contacts, k, lanes);
+            },
+        )
+    }
+
+    #[inline(always)]
+    fn push_rolling_contact_row(&mut self, input: RowInput<'_, R>, contacts: &Contacts<R>, k: usize, lanes: u32) {
+        let RowInput { compiled, mass, assembly, .. } = input;
+        let slot = &contacts.data[k];
+        let mut friction = Friction::of(compiled, contacts, k, lanes);
+        friction.scale_to(slot.mu);
+        let SlidingRows { demands: mut slides, lengths: sliding, active, deferred, compliance } =
+            self.sliding_rows(input, contacts, k, lanes);
+        for &d in &self.builder.support {
+            self.builder.linear[d as usize] = self.builder.column[d as usize];
+        }
+        let turning = self.builder.turn_columns(input, contacts, k, lanes, friction.scale);
+        let change = if self.problem.has_impacts { self.builder.free_change(assembly) } else { zero() };
+        self.builder.half_solve::<3>(compiled, mass);
+        let mut turns = [[turning[0]; 2], [turning[1]; 2], [turning[2]; 2]];
+        let turned = self.builder.eliminate(&self.problem.rows, mass, &mut turns);
+        self.turn_at_impact(change, &mut turns);
+        let contact = self.problem.rows.contacts.len() + self.problem.rows.rolling_contacts.len();
+        let (linear, column, rub) = (&self.builder.linear, &self.builder.column, friction.slides);
+        slides[1] = scale(slides[1], rub);
+        slides[2] = scale(slides[2], rub);
+        self.problem.rows.push_rolling_contact(
+            &self.builder.support,
+            #[inline(always)]
+            |d| {
+                let (a, b, s) = (linear[d], column[d], mass.sqrt_inv_d[d]);
+                let t = s * rub;
+                [a[0] * s, a[1] * t, a[2] * t, b[0] * s, b[1] * s, b[2] * s]
+            },
+            active,
+            friction.mu,
+            [slides[0][0], slides[1][0], slides[2][0], turns[0][0], turns[1][0], turns[2][0]],
+        );
+        if self.problem.rows.rolling_contacts.held().any() {
+            let (released, rounding) = self.reconsider(input, contacts, k, lanes);
+            self.problem.rows.rolling_contacts.release(released);
+            self.problem.rows.rolling_contacts.forgive(rounding);
+        }
+        if let (Some(sliding), Some(turned)) = (sliding, turned) {
+            let (before, after) =
+                ([scale_tangents(sliding.before, rub), turned.before], [scale_tangents(sliding.after, rub), turned.after]);
+            self.problem.rows.rolling_contacts.set_trace_ratio(trace_ratio(before.as_flattened(), after.as_flattened()));
+        }
+        if let Some(compliance) = compliance {
+            self.problem.rows.rolling_contacts.set_compliance(compliance);
+        }
+        let change = |[velocity, position]: [R; 2]| position - velocity;
+        let [spin, roll, other] = turns.map(change);
+        self.problem.rows.rolling_contacts.set_position_demand([slides[0][1], change(slides[1]), change(slides[2]), spin, roll, other]);
+        let (push, torque) = (slot.impulse, friction.unscale(contacts.torque[k]));
+        let warm = [push[0], push[1] * rub, push[2] * rub, torque[0], torque[1], torque[2]];
+        let solved = active.and_not(deferred.lanes);
+        if deferred.lanes.any() {
+            self.problem.rows.rolling_contacts.defer(deferred.lanes);
+            self.problem.deferred.push(DeferredContact { contact, slot: k, impulse: warm, ..deferred });
+        }
+        self.velocity.impulses.rolling_contacts.push(select(solved, warm, zero()));
+        self.problem.rolling_slots.push((k, R::Mask::from_bits(lanes), friction.scale));
+        self.problem.constrained = self.problem.constrained.or(solved);
     }
 }
 

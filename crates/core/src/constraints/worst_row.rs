@@ -4,7 +4,7 @@ use stepper_real::{Mask, Real};
 use stepper_solve::{Iterate, System, worst_constraint};
 
 use crate::collision::contact_set::Contacts;
-use crate::constraints::assembled_rows::AssembledRows;
+use crate::constraints::constraint_problem::ConstraintProblem;
 use crate::math::lanes::{MAX_LANES, each_of};
 
 /// Constraint as a number that a state keeps: 0 is none, then scalar rows by the index of their impulse, then contacts by their pair.
@@ -17,7 +17,7 @@ const CONTACTS: u64 = 1 << 32;
 /// What a code names.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum CodedConstraint {
-    /// A scalar row, by the index of its impulse: see [`Constraints::scalar_impulse`](crate::constraints::Constraints::scalar_impulse).
+    /// Scalar row, by the index of its impulse in [`crate::constraints::VelocitySolution::scalar_impulse`].
     Scalar(usize),
     /// A contact, by its pair of geoms.
     Contact(usize),
@@ -64,7 +64,7 @@ impl<R: Real> WorstRows<R> {
     #[inline(always)]
     pub(crate) fn renew(
         &mut self,
-        rows: &AssembledRows<'_, R>,
+        problem: &ConstraintProblem<R>,
         system: System<'_, R>,
         iterate: &Iterate<R>,
         contacts: &Contacts<R>,
@@ -72,18 +72,18 @@ impl<R: Real> WorstRows<R> {
     ) {
         self.lanes = self.lanes.and_not(solved).or(unsolved);
         if unsolved.any() {
-            self.find(rows, system, iterate, contacts, unsolved.bits());
+            self.find(problem, system, iterate, contacts, unsolved.bits());
         }
     }
 
     #[cold]
     #[inline(never)]
-    fn find(&mut self, rows: &AssembledRows<'_, R>, system: System<'_, R>, iterate: &Iterate<R>, contacts: &Contacts<R>, lanes: u32) {
+    fn find(&mut self, problem: &ConstraintProblem<R>, system: System<'_, R>, iterate: &Iterate<R>, contacts: &Contacts<R>, lanes: u32) {
         for lane in each_of(lanes) {
-            let worst = worst_constraint(system, iterate, lane).map(|(i, _)| match i.checked_sub(rows.owners.len()) {
-                None => CodedConstraint::Scalar(rows.owners[i]),
+            let worst = worst_constraint(system, iterate, lane).map(|(i, _)| match i.checked_sub(problem.owners.len()) {
+                None => CodedConstraint::Scalar(problem.owners[i]),
                 Some(i) => {
-                    let mut slots = rows.slots.iter().map(|slot| slot.0).chain(rows.rolling_slots.iter().map(|slot| slot.0));
+                    let mut slots = problem.slots.iter().map(|slot| slot.0).chain(problem.rolling_slots.iter().map(|slot| slot.0));
                     CodedConstraint::Contact(contacts.ids[slots.nth(i).expect("every contact has a slot")][lane].pair())
                 }
             });

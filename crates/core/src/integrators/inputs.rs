@@ -1,10 +1,13 @@
-//! What the user says to a step.
+//! Inputs of a step.
+
+use stepper_real::Real;
 
 use crate::actuation::affine_force::ActuatorDynamics;
+use crate::dynamics::mocap::MocapTrajectory;
 
-/// What the user says to a step.
+/// Controls, applied forces and mocap trajectories of a step.
 #[derive(Clone, Debug)]
-pub struct Inputs<R> {
+pub struct Inputs<R: Real> {
     /// Controls, nu, as actuator pipelines hand them on.
     pub ctrl: Vec<R>,
     /// Actuator dynamics that act within a step.
@@ -13,4 +16,6 @@ pub struct Inputs<R> {
     pub qfrc: Vec<R>,
     /// Wrenches on the bodies (force, torque), 6 nbody, N and N m; empty when there are none.
     pub xfrc: Vec<R>,
+    /// Trajectories of the mocap bodies during the call.
+    pub(crate) mocap_trajectories: Vec<MocapTrajectory<R>>,
 }

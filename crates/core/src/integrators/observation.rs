@@ -2,11 +2,15 @@
 
 use stepper_real::{Real, Scalar};
 
-use crate::actuation::forces::ForceState;
+use crate::actuation::forces::{ActuatorForces, ForceState};
 use crate::compile::LaneModel;
+use crate::constraints::VelocitySolution;
+use crate::dynamics::kinematics::Kinematics;
 use crate::dynamics::mocap;
 use crate::integrators::devices::{Devices, SensorDevices};
-use crate::integrators::workspace::Workspace;
+use crate::integrators::inputs::Inputs;
+use crate::integrators::step_values::{State, StepInput};
+use crate::integrators::workspace::Sensors;
 use crate::options::StepSettings;
 use crate::sensing::SensorInput;
 use crate::sensing::errors::{Errors, Slots};
@@ -14,90 +18,96 @@ use crate::sensing::memory::Memory;
 use crate::stages::s01_actuate::actuate;
 use crate::stages::s09_sense::sense;
 
-/// Before the forces of stage 1: the user's controls pass through the actuators' pipelines, which read the state before the step.
+/// Passes the user's controls through the actuators' pipelines, which read the state before the step. Part of stage 1.
 pub(crate) fn pass_controls<R: Real>(
     compiled: &LaneModel<R>,
     options: &StepSettings,
-    s: &mut Workspace<R>,
+    state: &State<R>,
+    user_controls: &[R],
+    inputs: &mut Inputs<R>,
+    alive: R::Mask,
     devices: &mut Devices<'_, R::Scalar>,
 ) {
     if let Some(actuators) = &mut devices.actuators {
-        let (state, outputs) = ([&s.state.q[..], &s.state.v[..]], (&mut s.inputs.ctrl[..], &mut s.inputs.actuator_dynamics[..]));
+        let (state, outputs) = ([&state.q[..], &state.v[..]], (&mut inputs.ctrl[..], &mut inputs.actuator_dynamics[..]));
         let (group, h) = (devices.group, options.timestep);
-        actuators.pipelines.advance(compiled, group, &s.user_controls, state, s.alive, h, actuators.memory, outputs);
+        actuators.pipelines.advance(compiled, group, user_controls, state, alive, h, actuators.memory, outputs);
     }
 }
 
-/// After the step: the pipelines' outputs as they are at its end, for whoever reads the new state.
-fn hold_outputs<R: Real>(compiled: &LaneModel<R>, s: &mut Workspace<R>, devices: &mut Devices<'_, R::Scalar>) {
+/// Writes the outputs of the pipelines at the end of the step to `inputs`, for sensors and quantities of the new state.
+pub(crate) fn hold_outputs<R: Real>(compiled: &LaneModel<R>, inputs: &mut Inputs<R>, devices: &mut Devices<'_, R::Scalar>) {
     if let Some(actuators) = &mut devices.actuators {
-        let outputs = (&mut s.inputs.ctrl[..], &mut s.inputs.actuator_dynamics[..]);
+        let outputs = (&mut inputs.ctrl[..], &mut inputs.actuator_dynamics[..]);
         actuators.pipelines.hold_outputs(compiled, devices.group, actuators.memory, outputs);
     }
 }
 
-/// Stage 9: takes up the acceleration of the step, reads the sensors of the new state where somebody asks for them, and lets the error
-/// models of sensors observe the readings.
+/// Stage 9: computes the acceleration of the step, reads the sensors if they are requested, and applies their error models.
+///
+/// The state of `input` is that after the step, and `velocity.v` the velocity before it.
 pub(crate) fn observe<R: Real>(
-    compiled: &LaneModel<R>,
-    options: &StepSettings,
-    s: &mut Workspace<R>,
+    input: StepInput<'_, R>,
+    velocity: &VelocitySolution<R>,
+    kinematics: &mut Kinematics<R>,
+    sensors: &mut Sensors<R>,
     devices: &mut Devices<'_, R::Scalar>,
 ) {
-    hold_outputs(compiled, s, devices);
-    take_acceleration(options, s);
-    let Some(SensorDevices { errors, memory, read }) = &mut devices.sensors else { return };
-    memory.step.iter_mut().for_each(|step| *step = step.wrapping_add(1));
-    if *read || errors.is_some() {
-        read_sensors(compiled, options, s);
-    }
-    if let Some(errors) = errors {
-        apply_errors(errors, options, s, devices.group, memory, s.alive, false);
-    }
-}
-
-/// Acceleration (v+ - v) / h of the step.
-fn take_acceleration<R: Real>(options: &StepSettings, s: &mut Workspace<R>) {
+    let StepInput { options, state, alive, .. } = input;
     R::vectorize(
         #[inline(always)]
         || {
             let rate = R::one() / R::of(options.timestep);
-            // The buffer of the next state has the velocity before the step.
-            for ((a, &before), &after) in s.sensors.acceleration.iter_mut().zip(&s.next.v).zip(&s.state.v) {
+            for ((a, &before), &after) in sensors.acceleration.iter_mut().zip(&velocity.v).zip(&state.v) {
                 *a = (after - before) * rate;
             }
         },
-    )
+    );
+    let Some(SensorDevices { errors, memory, read }) = &mut devices.sensors else { return };
+    memory.step.iter_mut().for_each(|step| *step = step.wrapping_add(1));
+    if *read || errors.is_some() {
+        read_sensors(input, &velocity.scalar_impulse, kinematics, sensors);
+    }
+    if let Some(errors) = errors {
+        apply_errors(errors, options, sensors, devices.group, memory, alive, false);
+    }
 }
 
-/// Forces of the actuators at the state and the controls in `s`, left in `s.sensors.actuator_forces`; `h` is the length of a step, s. Mocap
-/// frames are placed by whoever calls.
-pub(crate) fn read_actuator_forces<R: Real>(compiled: &LaneModel<R>, h: R, s: &mut Workspace<R>) {
-    let (kinematics, forces) = (&mut s.evaluation.kinematics, &mut s.sensors.actuator_forces);
+/// Computes the forces of the actuators at the state of `input` into `forces`. The caller places mocap frames in `kinematics`.
+pub(crate) fn read_actuator_forces<R: Real>(
+    input: StepInput<'_, R>,
+    scalar_impulse: &[R],
+    kinematics: &mut Kinematics<R>,
+    forces: &mut ActuatorForces<R>,
+) {
+    let StepInput { compiled, options, state, inputs, .. } = input;
     if compiled.wrench_arms[1] > 0 {
-        kinematics.update(compiled, &s.state.q);
-        forces.transmit(compiled, kinematics, &s.state.v, R::zero());
+        kinematics.update(compiled, &state.q);
+        forces.transmit(compiled, kinematics, &state.v, R::zero());
     }
-    let (state, inputs) = (&s.state, &s.inputs);
-    actuate(compiled, &ForceState::state(&state.q, &state.v, &state.act, &inputs.ctrl, &inputs.actuator_dynamics), None, forces);
+    let dynamics = &inputs.actuator_dynamics;
+    actuate(compiled, &ForceState::state(&state.q, &state.v, &state.act, &inputs.ctrl, dynamics), None, forces);
     if compiled.lossy {
-        let dynamics = &s.inputs.actuator_dynamics;
         forces.dissipate(compiled, dynamics, false);
-        forces.subtract_losses(compiled, dynamics, &s.constraints.scalar_impulse, h);
+        forces.subtract_losses(compiled, dynamics, scalar_impulse, R::of(options.timestep));
     }
 }
 
-/// True readings of the state in `s`, left in `s.sensors.workspace.truth`.
-pub(crate) fn read_sensors<R: Real>(compiled: &LaneModel<R>, options: &StepSettings, s: &mut Workspace<R>) {
-    let h = R::of(options.timestep);
-    let elapsed = R::of(s.elapsed);
-    mocap::pose_bodies(compiled, &s.mocap_trajectories, elapsed, &mut s.evaluation.kinematics);
+/// Writes the true readings of the state of `input` to `sensors.workspace.truth`.
+pub(crate) fn read_sensors<R: Real>(
+    input: StepInput<'_, R>,
+    scalar_impulse: &[R],
+    kinematics: &mut Kinematics<R>,
+    sensors: &mut Sensors<R>,
+) {
+    let StepInput { compiled, options, state, inputs, .. } = input;
+    let elapsed = R::of(state.elapsed);
+    mocap::pose_bodies(compiled, &inputs.mocap_trajectories, elapsed, kinematics);
     if compiled.sensing.needs.actuators {
-        read_actuator_forces(compiled, h, s);
+        read_actuator_forces(input, scalar_impulse, kinematics, &mut sensors.actuator_forces);
     }
-    let (kinematics, sensors) = (&mut s.evaluation.kinematics, &mut s.sensors);
     if !sensors.workspace.orientation.is_empty() {
-        for (m, trajectory) in compiled.mocap.iter().zip(&s.mocap_trajectories) {
+        for (m, trajectory) in compiled.mocap.iter().zip(&inputs.mocap_trajectories) {
             sensors.workspace.orientation[m.frame] = R::vectorize(
                 #[inline(always)]
                 || trajectory.quat_at(elapsed),
@@ -105,26 +115,26 @@ pub(crate) fn read_sensors<R: Real>(compiled: &LaneModel<R>, options: &StepSetti
         }
     }
     let mut time = R::zero();
-    s.state.time.iter().enumerate().for_each(|(l, &t)| time.set_lane(l, Scalar::from_f64(t)));
+    state.time.iter().enumerate().for_each(|(l, &t)| time.set_lane(l, Scalar::from_f64(t)));
     let input = SensorInput {
-        q: &s.state.q,
-        v: &s.state.v,
+        q: &state.q,
+        v: &state.v,
         time,
-        h,
+        h: R::of(options.timestep),
         acceleration: &sensors.acceleration,
         actuator_forces: &sensors.actuator_forces,
-        xfrc: if compiled.sensing.needs.wrenches { &s.inputs.xfrc } else { &[] },
-        scalar_impulse: &s.constraints.scalar_impulse,
-        contacts: &s.state.contacts,
+        xfrc: if compiled.sensing.needs.wrenches { &inputs.xfrc } else { &[] },
+        scalar_impulse,
+        contacts: &state.contacts,
     };
     sense(compiled, kinematics, &mut sensors.workspace, &input);
 }
 
-/// Lets the error models of sensors observe the true readings in the lanes `lanes`; at the `start` of an episode they begin there.
+/// Applies the error models of sensors to the true readings in the lanes `lanes`. At the `start` of an episode the models begin there.
 pub(crate) fn apply_errors<R: Real>(
     errors: &Errors<R::Scalar>,
     options: &StepSettings,
-    s: &mut Workspace<R>,
+    sensors: &mut Sensors<R>,
     group: usize,
     memory: &mut Memory<R::Scalar>,
     lanes: R::Mask,
@@ -137,6 +147,6 @@ pub(crate) fn apply_errors<R: Real>(
         faults: &mut memory.faults,
         observation: &mut memory.observation,
     };
-    let work = s.sensors.error_work.get_or_insert_with(|| errors.work());
-    errors.observe(group, &s.sensors.workspace.truth, &keys, lanes, start, options.timestep, work, &mut slots);
+    let work = sensors.error_work.get_or_insert_with(|| errors.work());
+    errors.observe(group, &sensors.workspace.truth, &keys, lanes, start, options.timestep, work, &mut slots);
 }

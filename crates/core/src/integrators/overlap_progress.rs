@@ -16,46 +16,46 @@ use stepper_real::{Mask, Real, Scalar};
 use crate::collision::contact_set::Contacts;
 use crate::compile::{LaneModel, ModelStructure};
 use crate::constraints::islands::Islands;
+use crate::constraints::{ConstraintProblem, PositionSolution};
 use crate::dynamics::mocap;
-use crate::integrators::scheme::Scheme;
-use crate::integrators::workspace::Workspace;
+use crate::integrators::step_values::{Evaluation, StepInput};
 use crate::math::lanes::each_of;
 use crate::options::StepSettings;
 use crate::probe::NoProbe;
 use crate::stages::s03_detect::detect;
 use crate::tuning::{CORRECTION_ARM, DAMPING, MIN_BAUMGARTE, MIN_DECREASE, MIN_DECREASE_ROUNDINGS};
 
-/// Reverts the correction in `work.q_corrected`, in the lanes `infeasible`, for islands whose overlap it does not reduce.
+/// Reverts the correction in `position.q_corrected`, in the lanes `infeasible`, for islands whose overlap it does not reduce.
 #[cold]
 #[inline(never)]
 pub(crate) fn revert_ineffective_corrections<R: Real>(
-    compiled: &LaneModel<R>,
-    options: &StepSettings,
-    scheme: &Scheme<R>,
-    s: &mut Workspace<R>,
+    input: StepInput<'_, R>,
+    evaluation: &mut Evaluation<R>,
+    problem: &ConstraintProblem<R>,
+    position: &mut PositionSolution<R>,
     infeasible: R::Mask,
 ) {
-    mocap::pose_bodies(compiled, &s.mocap_trajectories, R::of(s.elapsed) + scheme.time_before, &mut s.corrected_kinematics);
-    s.corrected_kinematics.update(compiled, &s.work.q_corrected);
-    // The contacts of the previous step and the correction are no longer used: both serve as workspace.
-    let (contacts, zero_velocity) = (&mut s.state.contacts, &mut s.work.correction);
-    zero_velocity.fill(R::zero());
+    let StepInput { compiled, options, state, inputs, .. } = input;
+    let PositionSolution { q, q_corrected, kinematics, contacts, islands, rows, correction, .. } = position;
+    let time = R::of(state.elapsed) + evaluation.scheme.time_before;
+    mocap::pose_bodies(compiled, &inputs.mocap_trajectories, time, kinematics);
+    kinematics.update(compiled, q_corrected);
+    // The velocity of the correction is no longer used.
+    correction.fill(R::zero());
     let times = [R::of(options.timestep), R::zero()];
     // This detection starts from the separations that stage 3 found, and its own are discarded.
-    s.poses.search.exchange();
-    detect(compiled, &s.corrected_kinematics, [&*zero_velocity, &*zero_velocity], times, infeasible, &mut s.poses, contacts, NoProbe);
-    s.poses.search.exchange();
-    let (rows, workspace) = s.constraints.split();
-    let system = workspace.positions.system(rows.problem);
+    evaluation.poses.search.exchange();
+    detect(compiled, kinematics, [&*correction; 2], times, infeasible, &mut evaluation.poses, contacts, NoProbe);
+    evaluation.poses.search.exchange();
+    let system = rows.system(&problem.rows);
     let min_decrease = MIN_DECREASE.max(MIN_DECREASE_ROUNDINGS * <R::Scalar as Scalar>::EPSILON.to_f64());
     for lane in each_of(infeasible.bits()) {
-        let islands = &mut *workspace.islands;
         islands.find(compiled, system, lane);
         // An island with an open loop keeps its correction: closing the loop has priority over overlaps.
-        for row in rows.problem.scalars.iter().filter(|row| row.lo.lane(lane).to_f64() < 0.0) {
+        for row in problem.rows.scalars.iter().filter(|row| row.lo.lane(lane).to_f64() < 0.0) {
             let correction = (row.g.lane(lane).to_f64() - row.position_g.lane(lane).to_f64()).abs();
             if correction * options.timestep > options.slop {
-                let (support, _) = rows.problem.scalars.entries(row);
+                let (support, _) = problem.rows.scalars.entries(row);
                 support.iter().for_each(|&d| islands.exempt(compiled.dofs[d as usize].tree));
             }
         }
@@ -64,16 +64,16 @@ pub(crate) fn revert_ineffective_corrections<R: Real>(
         for tendon in &compiled.tendons {
             tendon.support.iter().for_each(|&d| islands.exempt(compiled.dofs[d as usize].tree));
         }
-        add_overlaps(compiled, options, &s.evaluation.contacts, lane, islands, 0);
+        add_overlaps(compiled, options, &evaluation.contacts, lane, islands, 0);
         add_overlaps(compiled, options, contacts, lane, islands, 1);
-        add_limits(compiled, options, &s.evaluation.q, lane, islands, 0);
-        add_limits(compiled, options, &s.work.q_corrected, lane, islands, 1);
+        add_limits(compiled, options, &evaluation.q, lane, islands, 0);
+        add_limits(compiled, options, q_corrected, lane, islands, 1);
         for joint in &compiled.joints {
             let Some([before, after]) = islands.penalties(compiled.dofs[joint.v].tree) else { continue };
             // A NaN counts as no decrease.
             if before > 0.0 && after.partial_cmp(&(before * (1.0 - min_decrease))) != Some(std::cmp::Ordering::Less) {
                 for k in joint.q..joint.q + joint.kind.nq() {
-                    s.work.q_corrected[k].set_lane(lane, s.next.q[k].lane(lane));
+                    q_corrected[k].set_lane(lane, q[k].lane(lane));
                 }
             }
         }

@@ -5,10 +5,12 @@ use stepper_real::Real;
 use crate::actuation::affine_force::within;
 use crate::actuation::forces::{ActuatorForces, ForceState, Implicit};
 use crate::compile::{LaneModel, ModelStructure};
+use crate::constraints::{PositionSolution, VelocitySolution};
 use crate::dynamics::kinematics::{Kinematics, displace};
 use crate::integrators::inputs::Inputs;
 use crate::integrators::midpoint;
 use crate::integrators::scheme::Scheme;
+use crate::integrators::step_values::{Evaluation, Place, StepInput};
 use crate::math::spatial::*;
 use crate::model::JointKind;
 use crate::stages::s01_actuate::{activation_rate, actuate};
@@ -152,12 +154,21 @@ impl<R: Real> Rk4<R> {
         )
     }
 
-    /// Hands the result over in the lanes `lanes`.
-    pub(crate) fn take(&self, lanes: R::Mask, out: [&mut Vec<R>; 3]) {
+    /// Replaces the step in the lanes `lanes`, in which nothing constrains the motion.
+    pub(crate) fn replace_step(
+        &mut self,
+        place: Place<'_, R>,
+        lanes: R::Mask,
+        velocity: &mut VelocitySolution<R>,
+        position: &mut PositionSolution<R>,
+    ) {
+        let Place { input: StepInput { compiled, state, inputs, .. }, evaluation: Evaluation { scheme, kinematics, .. } } = place;
+        self.step(compiled, kinematics, inputs, [&state.q, &state.v, &state.act], scheme.h);
         R::vectorize(
             #[inline(always)]
             || {
-                for (out, new) in out.into_iter().zip([&self.q, &self.v, &self.act]) {
+                let results = [(&mut position.q, &self.q), (&mut velocity.v, &self.v), (&mut position.act, &self.act)];
+                for (out, new) in results {
                     for (out, &new) in out.iter_mut().zip(new) {
                         *out = R::select(lanes, new, *out);
                     }

@@ -2,10 +2,9 @@
 
 use stepper_real::{Mask, Real};
 
-use crate::actuation::forces::{ForceState, ImplicitServos};
+use crate::actuation::forces::ImplicitServos;
 use crate::compile::LaneModel;
 use crate::dynamics::implicit_weights::ImplicitWeights;
-use crate::integrators::inputs::Inputs;
 
 /// A scheme of integration, for one time step.
 #[derive(Clone, Copy, Debug)]
@@ -63,15 +62,10 @@ impl<R: Real> Scheme<R> {
         if self.looks_ahead { ahead } else { here }
     }
 
-    /// Where forces are taken: configurations of the step and ahead of it, velocities before the step and where what is not implicit is
-    /// taken.
-    pub(crate) fn forces_at<'a>(
-        &self,
-        [here, ahead]: [&'a [R]; 2],
-        [v, v_at]: [&'a [R]; 2],
-        act: &'a [R],
-        inputs: &'a Inputs<R>,
-    ) -> ForceState<'a, R> {
-        ForceState { q: self.springs_at(here, ahead), v, v_at, act, ctrl: &inputs.ctrl, actuator_dynamics: &inputs.actuator_dynamics }
+    /// Moves the evaluation point of the lanes `lanes` to `time` seconds after the beginning of the step.
+    #[inline(always)]
+    pub(crate) fn move_to(&mut self, time: R, lanes: R::Mask) {
+        self.time_before = R::select(lanes, time, self.time_before);
+        self.time_after = R::select(lanes, self.h - time, self.time_after);
     }
 }

@@ -19,7 +19,9 @@ use stepper_real::{Mask, Real};
 
 use crate::compile::{LaneModel, ModelStructure};
 use crate::dynamics::inertia::{NewtonEuler, link_forces};
-use crate::dynamics::kinematics::{Kinematics, kinetic_energy};
+use crate::dynamics::kinematics::{Kinematics, blend, kinetic_energy};
+use crate::integrators::scheme::Scheme;
+use crate::integrators::step_values::FreeMotion;
 use crate::math::spatial::*;
 use crate::model::JointKind;
 use crate::tuning::{
@@ -122,8 +124,12 @@ fn kinetic_energy_with_rotors<R: Real>(compiled: &LaneModel<R>, kinematics: &Kin
 /// Workspace of the energy balance and of the energy limit.
 #[derive(Clone, Debug)]
 pub struct StepResolution<R: Real> {
-    /// Zero velocity, nv.
-    pub zero_velocity: Vec<R>,
+    /// Configuration after the step before corrections, nq.
+    pub(crate) q_end: Vec<R>,
+    /// Limited velocity after the step, nv.
+    pub(crate) v_limited: Vec<R>,
+    /// Velocity at which inertial forces are evaluated, nv.
+    v_forces: Vec<R>,
     kinematics: Kinematics<R>,
     velocity: Vec<V6<R>>,
     change: Vec<V6<R>>,
@@ -140,7 +146,9 @@ impl<R: Real> StepResolution<R> {
         let mut single_link = vec![false; compiled.links.len()];
         compiled.spinners.iter().for_each(|spinner| single_link[spinner.link] = true);
         Self {
-            zero_velocity: vec![R::zero(); compiled.nv],
+            q_end: vec![R::zero(); compiled.nq],
+            v_limited: vec![R::zero(); compiled.nv],
+            v_forces: vec![R::zero(); compiled.nv],
             kinematics: Kinematics::new(compiled),
             velocity: vec![zero(); compiled.links.len()],
             change: vec![zero(); compiled.links.len()],
@@ -162,29 +170,32 @@ impl<R: Real> StepResolution<R> {
     /// whatever acts: actuators, damping, friction, contacts. The error in the work of gravity and springs is neglected: chains that gain
     /// 98 J have 0.01 J of it. Links alone in their tree do not count: the midpoint rule conserves their energy.
     ///
-    /// `before` and `after` are states (q, v); `v_free` is the velocity after the step without constraints.
-    pub fn gains_energy(
+    /// The state (q, v) before the step is `before`; the state after it is `q_end` and `v_next`.
+    pub(crate) fn gains_energy(
         &mut self,
         compiled: &LaneModel<R>,
         middle: &Kinematics<R>,
-        [before, after]: [[&[R]; 2]; 2],
-        [v_free, v_mean]: [&[R]; 2],
-        h: R,
+        before: [&[R]; 2],
+        v_next: &[R],
+        free: &FreeMotion<R>,
+        scheme: &Scheme<R>,
     ) -> R::Mask {
         self.place_mocap(compiled, middle);
+        blend(before[1], &free.v_expected, scheme.velocity_weight, &mut self.v_forces);
+        let (h, v_free) = (scheme.h, &free.v);
         R::vectorize(
             #[inline(always)]
             || {
                 let [mean, change] = &mut self.mean;
                 let mut work = R::zero();
                 for d in 0..compiled.nv {
-                    mean[d] = (before[1][d] + after[1][d]) * R::of(0.5);
-                    change[d] = after[1][d] - before[1][d];
+                    mean[d] = (before[1][d] + v_next[d]) * R::of(0.5);
+                    change[d] = v_next[d] - before[1][d];
                     work += compiled.params.dof(d).armature * mean[d] * change[d];
                 }
                 middle.velocities(compiled, mean, &mut self.velocity);
                 middle.velocities(compiled, change, &mut self.change);
-                link_forces(compiled, middle, v_mean, &mut self.newton_euler);
+                link_forces(compiled, middle, &self.v_forces, &mut self.newton_euler);
                 let ground = spatial(zero(), scale(compiled.params.gravity(), -R::one()));
                 for l in 0..compiled.links.len() {
                     if !self.single_link[l] {
@@ -194,17 +205,25 @@ impl<R: Real> StepResolution<R> {
                         work -= dot6(self.velocity[l], weight) * h;
                     }
                 }
-                let [start, end] = [self.kinetic_energy_of_chains(compiled, before), self.kinetic_energy_of_chains(compiled, after)];
+                let start = self.kinetic_energy_of_chains(compiled, before);
+                let q_end = std::mem::take(&mut self.q_end);
+                let end = self.kinetic_energy_of_chains(compiled, [&q_end, v_next]);
+                self.q_end = q_end;
                 let (mut pushed, mut fastest) = (R::zero(), R::zero());
                 for d in 0..compiled.nv {
-                    pushed = pushed.max((after[1][d] - v_free[d]).abs());
-                    fastest = fastest.max(after[1][d].abs()).max(before[1][d].abs());
+                    pushed = pushed.max((v_next[d] - v_free[d]).abs());
+                    fastest = fastest.max(v_next[d].abs()).max(before[1][d].abs());
                 }
                 let max_gain = (h * R::of(MAX_GROWTH_RATE)).min(R::of(MAX_GROWTH)) * start.max(end);
                 let is_impact = pushed.gt(fastest * R::of(IMPACT_RELATIVE_CHANGE));
                 ((end - start) - work).gt(R::select(is_impact, max_gain + max_gain, max_gain))
             },
         )
+    }
+
+    /// Fills with NaN what a step computes before it reads it.
+    pub(crate) fn poison(&mut self) {
+        [&mut self.q_end, &mut self.v_limited, &mut self.v_forces].into_iter().for_each(|buffer| buffer.fill(R::of(f64::NAN)));
     }
 
     /// Sets the poses of mocap bodies to those in the middle of the step.
@@ -232,11 +251,10 @@ impl<R: Real> StepResolution<R> {
         twice * R::of(0.5)
     }
 
-    /// Scales the velocity `v` after the step down, in `lanes`, until the energy balance holds, and writes it to `out`.
+    /// Scales the velocity `v` after the step down, in `lanes`, until the energy balance holds, and writes it to `v_limited`.
     ///
     /// The allowed kinetic energy is that of the state `before` plus the work of the step with the inertia of `middle`. Constraints changed
     /// `v_free` to `v`; their work counts only if it is negative. States are (q, v).
-    #[expect(clippy::too_many_arguments, reason = "the states that the step joins, named at the call")]
     pub fn limit_energy(
         &mut self,
         compiled: &LaneModel<R>,
@@ -245,7 +263,6 @@ impl<R: Real> StepResolution<R> {
         before: [&[R]; 2],
         [q, v]: [&[R]; 2],
         v_free: &[R],
-        out: &mut [R],
     ) {
         self.place_mocap(compiled, middle);
         R::vectorize(
@@ -260,7 +277,7 @@ impl<R: Real> StepResolution<R> {
                 let allowed = (start + work).max(R::zero());
                 let slower = lanes.and(end.gt(allowed));
                 let factor = R::select(slower, (allowed / R::select(slower, end, R::one())).sqrt(), R::one());
-                for (out, &v) in out.iter_mut().zip(v) {
+                for (out, &v) in self.v_limited.iter_mut().zip(v) {
                     *out = v * factor;
                 }
             },

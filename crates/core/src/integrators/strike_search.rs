@@ -6,8 +6,8 @@ use crate::collision::contact_set::Contacts;
 use crate::collision::detection::GeomPoses;
 use crate::collision::swept_pair::{Gap, Path, SweptPair};
 use crate::compile::LaneModel;
+use crate::constraints::ConstraintProblem;
 use crate::constraints::approaching::resting_speed;
-use crate::constraints::constraint_set::Constraints;
 use crate::dynamics::kinematics::Kinematics;
 use crate::math::lanes::each_of;
 use crate::options::StepSettings;
@@ -21,6 +21,8 @@ pub(crate) struct StrikeSearch<R: Real> {
     rates: Vec<(R, R::Mask)>,
     /// Candidate pairs: those whose linearised gap closes in some lane.
     pairs: Vec<CandidatePair<R>>,
+    /// Velocity after the step by the predicted impulses, nv.
+    pub(crate) v_predicted: Vec<R>,
 }
 
 /// Candidate pair: its linearised gap closes in some lanes.
@@ -61,19 +63,30 @@ impl<R: Real> StrikeSearch<R> {
             swept: SweptPair::new(compiled),
             rates: Vec::with_capacity(max_contacts + rolling),
             pairs: Vec::with_capacity(max_contacts * R::LANES),
+            v_predicted: vec![R::zero(); compiled.nv],
         }
     }
 
-    /// Finds the candidate pairs that collide first in the motion with the velocity `v` after the step. Returns the lanes with any.
+    /// Fills with NaN what a step computes before it reads it.
+    pub(crate) fn poison(&mut self) {
+        self.v_predicted.fill(R::of(f64::NAN));
+    }
+
+    /// Finds the candidate pairs that collide first. Returns the lanes with any.
     ///
-    /// [`StrikeSearch::list_candidates`] must run before.
-    pub(crate) fn find(&mut self, query: &StrikeQuery<'_, R>, v: &[R], constraints: &Constraints<R>) -> R::Mask {
+    /// The motion has the velocity `v_predicted` after the step, or `v_solved`. [`StrikeSearch::list_candidates`] must run before.
+    pub(crate) fn find(&mut self, query: &StrikeQuery<'_, R>, predicted: bool, v_solved: &[R], problem: &ConstraintProblem<R>) -> R::Mask {
+        let Self { swept, v_predicted, .. } = self;
         R::vectorize(
             #[inline(always)]
-            || self.test_paths(query, v, constraints),
+            || swept.set_velocity(query.compiled, query.kinematics, if predicted { v_predicted } else { v_solved }),
+        );
+        R::vectorize(
+            #[inline(always)]
+            || self.test_paths(query, problem),
         );
         if !query.ignores_order {
-            self.keep_earliest(query, constraints);
+            self.keep_earliest(query, problem);
         }
         self.pairs.iter().fold(R::Mask::splat(false), |lanes, candidate| lanes.or(candidate.lanes))
     }
@@ -84,24 +97,24 @@ impl<R: Real> StrikeSearch<R> {
         self.pairs.iter().find(|candidate| candidate.pair == pair).map_or(R::Mask::splat(false), |candidate| candidate.lanes)
     }
 
-    /// Lists the pairs whose linearised gap closes. Returns whether there are any.
-    pub(crate) fn list_candidates(&mut self, query: &StrikeQuery<'_, R>, constraints: &Constraints<R>) -> bool {
+    /// Lists the pairs whose linearised gap closes. `w` is the scaled velocity change by the impulses. Returns whether there are any.
+    pub(crate) fn list_candidates(&mut self, query: &StrikeQuery<'_, R>, problem: &ConstraintProblem<R>, w: &[R]) -> bool {
         self.rates.clear();
         self.pairs.clear();
         R::vectorize(
             #[inline(always)]
             || {
-                for contact in &constraints.deferred {
-                    let touch = touch_tolerance(query, constraints, contact.slot);
-                    let velocity = constraints.problem.normal_velocity(contact.contact, &constraints.iterate.w);
+                for contact in &problem.deferred {
+                    let touch = touch_tolerance(query, problem, contact.slot);
+                    let velocity = problem.rows.normal_velocity(contact.contact, w);
                     let rate = velocity - contact.bias;
-                    let end = query.contacts.data[contact.slot].point.distance + constraints.closing_time * rate;
+                    let end = query.contacts.data[contact.slot].point.distance + problem.closing_time * rate;
                     let closes = contact.bounces.and(velocity.lt(R::zero())).or(end.lt(-touch).and_not(contact.bounces));
                     self.rates.push((rate, contact.lanes.and(query.lanes).and(closes)));
                 }
             },
         );
-        for (contact, &(_, closes)) in constraints.deferred.iter().zip(&self.rates) {
+        for (contact, &(_, closes)) in problem.deferred.iter().zip(&self.rates) {
             for (pair, lanes) in query.contacts.pairs(contact.slot, closes.bits()) {
                 let lanes = R::Mask::from_bits(lanes);
                 match self.pairs.iter_mut().find(|candidate| candidate.pair == pair) {
@@ -115,18 +128,17 @@ impl<R: Real> StrikeSearch<R> {
 
     /// Reduces the lanes of each candidate to those in which its path collides. Finds the times of first touch in lanes with several.
     #[inline(always)]
-    fn test_paths(&mut self, query: &StrikeQuery<'_, R>, v: &[R], constraints: &Constraints<R>) {
+    fn test_paths(&mut self, query: &StrikeQuery<'_, R>, problem: &ConstraintProblem<R>) {
         let StrikeQuery { compiled, kinematics, poses, .. } = *query;
         let Self { swept, rates, pairs, .. } = self;
-        let time = constraints.closing_time;
-        swept.set_velocity(compiled, kinematics, v);
+        let time = problem.closing_time;
         let path = |index: usize, pair| Path { compiled, kinematics, start: &poses.placed, time, slack: poses.slack, index, pair };
         let (mut once, mut several) = (R::Mask::splat(false), R::Mask::splat(false));
         for candidate in pairs.iter_mut() {
             let pair = compiled.pair(candidate.pair);
-            let (gap, touch) = farthest_closing_gap(query, constraints, rates, candidate);
+            let (gap, touch) = farthest_closing_gap(query, problem, rates, candidate);
             let least = -(gap.distance + time * gap.rate) * R::of(query.margin);
-            candidate.tolerance = resting_overlap(query, constraints, candidate) + touch;
+            candidate.tolerance = resting_overlap(query, problem, candidate) + touch;
             let tolerance = candidate.tolerance.max(least);
             (candidate.lanes, candidate.time) = swept.find_touch(&path(candidate.pair, pair), candidate.lanes, gap, tolerance);
             several = several.or(once.and(candidate.lanes));
@@ -144,13 +156,13 @@ impl<R: Real> StrikeSearch<R> {
     /// Removes candidates from the lanes in which another pair of the same trees touches earlier.
     ///
     /// The earlier impact changes the motion of these trees.
-    fn keep_earliest(&mut self, query: &StrikeQuery<'_, R>, constraints: &Constraints<R>) {
+    fn keep_earliest(&mut self, query: &StrikeQuery<'_, R>, problem: &ConstraintProblem<R>) {
         let lanes = self.pairs.iter().fold(0, |bits, candidate| bits | candidate.lanes.bits());
         let trees_of = |candidate: &CandidatePair<R>| trees_of_pair(query.compiled, candidate.pair);
         for lane in each_of(lanes) {
             let here = |candidate: &&CandidatePair<R>| candidate.lanes.bits() >> lane & 1 == 1;
             let time = |candidate: &CandidatePair<R>| candidate.time.lane(lane).to_f64();
-            let window = SIMULTANEOUS_FRACTION * constraints.closing_time.lane(lane).to_f64();
+            let window = SIMULTANEOUS_FRACTION * problem.closing_time.lane(lane).to_f64();
             for i in 0..self.pairs.len() {
                 let candidate = self.pairs[i];
                 let shares =
@@ -169,22 +181,22 @@ impl<R: Real> StrikeSearch<R> {
 #[inline(always)]
 fn farthest_closing_gap<R: Real>(
     query: &StrikeQuery<'_, R>,
-    constraints: &Constraints<R>,
+    problem: &ConstraintProblem<R>,
     rates: &[(R, R::Mask)],
     candidate: &CandidatePair<R>,
 ) -> (Gap<R>, R) {
     let mut touch = R::zero();
     let mut gap = Gap { distance: R::zero(), rate: R::zero() };
     let mut farthest = R::of(f64::INFINITY);
-    for (contact, &(rate, closes)) in constraints.deferred.iter().zip(rates) {
+    for (contact, &(rate, closes)) in problem.deferred.iter().zip(rates) {
         for (pair, lanes) in query.contacts.pairs(contact.slot, closes.and(candidate.lanes).bits()) {
             if pair == candidate.pair {
                 let distance = query.contacts.data[contact.slot].point.distance;
-                let end = distance + constraints.closing_time * rate;
+                let end = distance + problem.closing_time * rate;
                 let here = R::Mask::from_bits(lanes).and(end.lt(farthest));
                 farthest = R::select(here, end, farthest);
                 gap = Gap { distance: R::select(here, distance, gap.distance), rate: R::select(here, rate, gap.rate) };
-                touch = R::select(here, touch_tolerance(query, constraints, contact.slot), touch);
+                touch = R::select(here, touch_tolerance(query, problem, contact.slot), touch);
             }
         }
     }
@@ -193,12 +205,12 @@ fn farthest_closing_gap<R: Real>(
 
 /// Overlap of resting contacts nearby, at most the slop, m. A body that slides over flush supports keeps it from one support to the next.
 #[inline(always)]
-fn resting_overlap<R: Real>(query: &StrikeQuery<'_, R>, constraints: &Constraints<R>, candidate: &CandidatePair<R>) -> R {
+fn resting_overlap<R: Real>(query: &StrikeQuery<'_, R>, problem: &ConstraintProblem<R>, candidate: &CandidatePair<R>) -> R {
     let compiled = query.compiled;
     let frames_of = |pair: usize| compiled.pair_geoms(pair).expect("made from this compiled").map(|g| compiled.geoms[g].frame);
     let mut overlap = R::zero();
     for lane in each_of(candidate.lanes.bits()) {
-        let deepest = constraints.resting_overlap(query.contacts, frames_of, frames_of(candidate.pair), lane);
+        let deepest = problem.resting_overlap(query.contacts, frames_of, frames_of(candidate.pair), lane);
         overlap.set_lane(lane, R::of(deepest).lane(lane));
     }
     overlap.min(R::of(query.options.slop))
@@ -206,8 +218,8 @@ fn resting_overlap<R: Real>(query: &StrikeQuery<'_, R>, constraints: &Constraint
 
 /// Overlap at the end of the path that counts as touch, m: the motion of a resting contact, or the rounding of positions if larger.
 #[inline(always)]
-fn touch_tolerance<R: Real>(query: &StrikeQuery<'_, R>, constraints: &Constraints<R>, slot: usize) -> R {
-    (constraints.closing_time * R::of(resting_speed(query.options))).max(query.contacts.data[slot].point.rounding())
+fn touch_tolerance<R: Real>(query: &StrikeQuery<'_, R>, problem: &ConstraintProblem<R>, slot: usize) -> R {
+    (problem.closing_time * R::of(resting_speed(query.options))).max(query.contacts.data[slot].point.rounding())
 }
 
 /// Kinematic trees of the bodies of a pair. `None` for the world and mocap bodies.

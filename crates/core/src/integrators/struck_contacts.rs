@@ -1,99 +1,80 @@
-//! Contacts whose gap the solved motion closes: their rows are activated and their lanes solved again.
+//! Activation of deferred contacts whose gap the motion closes.
 //!
 //! [`crate::constraints::approaching`] defines which rows are deferred. The pairs that touch first are activated first, because an impact
 //! may prevent later ones. Example: a ball that lands on the floor does not hit the ledge behind its landing point.
 
 use stepper_real::{Mask, Real};
-use stepper_solve::Outcome;
 
-use crate::compile::LaneModel;
-use crate::integrators::strike_search::StrikeQuery;
-use crate::integrators::workspace::{Evaluation, Workspace};
-use crate::options::StepSettings;
-use crate::stages::s05_solve::{Estimate, solve};
-use crate::stages::s06_integrate_velocity::integrate_velocity;
-use crate::tuning::{MAX_PREDICTIONS, ORDERED_PASSES, PREDICTED_MARGIN};
+use crate::constraints::{ConstraintProblem, VelocitySolution};
+use crate::integrators::step_values::{Evaluation, FreeMotion, Place, StepInput};
+use crate::integrators::strike_search::{StrikeQuery, StrikeSearch};
+use crate::stages::s05_solve::Estimate;
+use crate::tuning::{MAX_PREDICTIONS, PREDICTED_MARGIN};
 
 /// Motion of a step along which pairs are tested for a collision.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum SweptMotion {
+pub(crate) enum SweptMotion {
     /// Motion by the impulses of the prediction.
     Predicted,
-    /// Motion of the solution, `next.v`. With `ignores_order` every colliding pair counts, also behind an earlier collision.
+    /// Motion of the solution. With `ignores_order` every colliding pair counts, also behind an earlier collision.
     Solved { ignores_order: bool },
 }
 
-/// Activates the contacts that collide in the predicted motion, and repeats the prediction with them.
+/// Activates the contacts that collide in the predicted motion, and repeats the estimate with them in the lanes `lanes`.
 #[inline(always)]
 pub(crate) fn predict_strikes<R: Real>(
-    compiled: &LaneModel<R>,
-    options: &StepSettings,
-    estimate: &Estimate<R>,
-    s: &mut Workspace<R>,
-    lanes: R::Mask,
+    place: Place<'_, R>,
+    free: &FreeMotion<R>,
+    problem: &mut ConstraintProblem<R>,
+    velocity: &mut VelocitySolution<R>,
+    strikes: &mut StrikeSearch<R>,
+    (estimate, lanes): (&Estimate<R>, R::Mask),
 ) {
     for _ in 0..MAX_PREDICTIONS {
-        let struck = activate_struck(compiled, options, s, SweptMotion::Predicted);
+        let struck = activate_struck(place, free, problem, velocity, strikes, SweptMotion::Predicted);
         if struck.none() {
             return;
         }
-        estimate.repeat(options, struck.and(lanes), &mut s.constraints);
+        estimate.repeat(place.input.options, struck.and(lanes), problem, velocity);
     }
-}
-
-/// Solves the lanes again with the contacts that collide in the solved motion `next.v`, until no other collides.
-#[inline(always)]
-pub(crate) fn solve_strikes<R: Real>(
-    compiled: &LaneModel<R>,
-    options: &StepSettings,
-    s: &mut Workspace<R>,
-    mut outcome: Outcome<R>,
-) -> Outcome<R> {
-    for pass in 0.. {
-        let struck = activate_struck(compiled, options, s, SweptMotion::Solved { ignores_order: pass >= ORDERED_PASSES });
-        if struck.none() {
-            break;
-        }
-        let (rows, mut workspace) = s.constraints.split();
-        let solved = solve(options, &s.state.v, struck, &rows, &mut workspace, &mut s.evaluation.contacts);
-        outcome.replace(&solved, struck);
-        integrate_velocity(compiled, &s.free_motion.smooth.mass, &s.free_motion.v, &s.constraints, &mut s.next.v);
-    }
-    outcome
 }
 
 /// Activates the contacts that collide in a motion. Returns the lanes with any.
 #[inline(always)]
-fn activate_struck<R: Real>(compiled: &LaneModel<R>, options: &StepSettings, s: &mut Workspace<R>, motion: SweptMotion) -> R::Mask {
-    if s.constraints.deferred_lanes(s.alive).none() {
+pub(crate) fn activate_struck<R: Real>(
+    place: Place<'_, R>,
+    free: &FreeMotion<R>,
+    problem: &mut ConstraintProblem<R>,
+    velocity: &mut VelocitySolution<R>,
+    strikes: &mut StrikeSearch<R>,
+    motion: SweptMotion,
+) -> R::Mask {
+    let Place { input: StepInput { compiled, options, alive, .. }, evaluation: Evaluation { kinematics, contacts, poses, .. } } = place;
+    if problem.deferred_lanes(alive).none() {
         return R::Mask::splat(false);
     }
     let (margin, ignores_order) = match motion {
         SweptMotion::Predicted => (PREDICTED_MARGIN, false),
         SweptMotion::Solved { ignores_order } => (0.0, ignores_order),
     };
-    let Evaluation { kinematics, contacts, .. } = &s.evaluation;
-    let query = StrikeQuery { compiled, kinematics, poses: &s.poses, contacts, options, lanes: s.alive, margin, ignores_order };
-    if !s.strikes.list_candidates(&query, &s.constraints) {
+    let query = StrikeQuery { compiled, kinematics, poses, contacts, options, lanes: alive, margin, ignores_order };
+    if !strikes.list_candidates(&query, problem, &velocity.impulses.w) {
         return R::Mask::splat(false);
     }
-    let v = if motion == SweptMotion::Predicted {
-        s.constraints.impulse_change(compiled, &s.free_motion.smooth.mass, &mut s.work.v_predicted);
+    if motion == SweptMotion::Predicted {
+        velocity.impulse_change(compiled, &free.smooth.mass, &mut strikes.v_predicted);
         R::vectorize(
             #[inline(always)]
             || {
-                for (v, &free) in s.work.v_predicted.iter_mut().zip(&s.free_motion.v) {
+                for (v, &free) in strikes.v_predicted.iter_mut().zip(&free.v) {
                     *v += free;
                 }
             },
         );
-        &s.work.v_predicted
-    } else {
-        &s.next.v
-    };
-    let struck = s.strikes.find(&query, v, &s.constraints);
+    }
+    let struck = strikes.find(&query, motion == SweptMotion::Predicted, &velocity.v, problem);
     if struck.any() {
-        s.constraints.activate(contacts, struck, |pair| s.strikes.lanes_of(pair));
+        problem.activate(velocity, contacts, struck, |pair| strikes.lanes_of(pair));
     }
     struck
 }

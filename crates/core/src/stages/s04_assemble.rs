@@ -17,99 +17,105 @@ use stepper_real::{Mask, Real};
 
 use crate::collision::contact_set::Contacts;
 use crate::compile::LaneModel;
-use crate::constraints::constraint_set::{AssemblyInput, Constraints};
+use crate::constraints::ConstraintProblem;
+use crate::constraints::assembler::Assembler;
 use crate::constraints::contact::least_mobility;
 use crate::constraints::equality::RowInput;
 use crate::constraints::restitution::any_elastic;
 use crate::constraints::torsional_rolling::rolling_lanes;
 use crate::dynamics::inertia::MassMatrix;
-use crate::dynamics::kinematics::Kinematics;
-use crate::options::StepSettings;
 
-/// Makes all rows of the contacts, limits, dry friction, equalities and tendons, and the impulses that they start from.
-pub fn assemble<R: Real>(
-    compiled: &LaneModel<R>,
-    options: &StepSettings,
-    kinematics: &Kinematics<R>,
-    mass: &MassMatrix<R>,
-    assembly: &AssemblyInput<'_, R>,
-    contacts: &mut Contacts<R>,
-    constraints: &mut Constraints<R>,
-) {
+/// Assembles all rows of contacts, limits, dry friction, equalities and tendons, with their initial impulses.
+pub(crate) fn assemble<R: Real>(input: RowInput<'_, R>, contacts: &Contacts<R>, mut assembler: Assembler<'_, R>) {
     R::vectorize(
         #[inline(always)]
         || {
-            constraints.problem.clear();
-            constraints.iterate.clear();
-            constraints.owners.clear();
-            constraints.velocity_scales.clear();
-            constraints.slots.clear();
-            constraints.rolling_slots.clear();
-            constraints.deferred.clear();
-            constraints.closing_time = assembly.h / assembly.closing_fraction;
-            constraints.constrained = R::Mask::splat(false);
-            constraints.needs_position_solve = R::Mask::splat(false);
-            constraints.biased = R::Mask::splat(false);
-            constraints.may_be_held = !compiled.equalities.is_empty() || !compiled.tendons.is_empty();
-            constraints.rebounding = R::Mask::splat(false);
-            constraints.problem.least_mobility = R::of(least_mobility::<R>()) / compiled.moving_mass();
-            let input = RowInput { compiled, options, kinematics, mass, assembly };
+            let compiled = input.compiled;
+            assembler.clear(input);
             if !compiled.equalities.is_empty() {
-                constraints.add_equalities(input, true);
-                constraints.store_eliminated(compiled, mass);
+                assembler.add_equalities(input, true);
+                let Assembler { problem, builder, .. } = &mut assembler;
+                builder.store_eliminated(&mut problem.rows, compiled, &problem.active_equalities, input.mass);
             }
-            constraints.add_frictions(compiled, mass, assembly);
-            constraints.add_limits(compiled, options, mass, assembly);
+            assembler.add_frictions(compiled, input.mass, input.assembly);
+            assembler.add_limits(compiled, input.options, input.mass, input.assembly);
             if !compiled.ball_limits.is_empty() {
-                constraints.add_ball_limits(input);
+                assembler.add_ball_limits(input);
             }
             if !compiled.tendons.is_empty() {
-                constraints.add_tendons(input);
+                assembler.add_tendons(input);
             }
             if !compiled.equalities.is_empty() {
-                constraints.add_equalities(input, false);
+                assembler.add_equalities(input, false);
             }
-            constraints.impacts.clear();
-            constraints.has_impacts = assembly.in_the_middle && any_elastic(contacts);
+            assembler.problem.has_impacts = input.assembly.in_the_middle && any_elastic(contacts);
             for k in 0..contacts.slots() {
                 let lanes = contacts.lanes_of(k);
                 let narrow = lanes & !rolling_lanes(compiled, contacts, k, lanes);
                 if narrow != 0 {
-                    constraints.gather_support(compiled, contacts, k, narrow);
-                    constraints.add_contact(input, contacts, k, narrow);
+                    assembler.builder.gather_support(assembler.problem, compiled, contacts, k, narrow);
+                    assembler.add_contact(input, contacts, k, narrow);
                 }
             }
             if compiled.has_rolling_friction {
                 for k in 0..contacts.slots() {
                     let rolling = rolling_lanes(compiled, contacts, k, contacts.lanes_of(k));
                     if rolling != 0 {
-                        constraints.add_rolling_contact(input, contacts, k, rolling);
+                        assembler.add_rolling_contact(input, contacts, k, rolling);
                     }
                 }
             }
-            if !constraints.deferred.is_empty() {
-                constraints.activate_coplanar(contacts);
-            }
-            constraints.patches.find(compiled, contacts, constraints.constrained.bits());
-            constraints.iterate.compute_w(&constraints.problem);
-            let new = constraints.patches.new_lanes(contacts, &constraints.slots, &constraints.problem, &constraints.iterate);
-            constraints.problem.hyperstatic = new;
+            assembler.finish(compiled, contacts);
         },
     )
 }
 
-/// Stage 4 again for another free velocity of the lanes `lanes`: rows and impulses stay, what the rows demand changes by `change` of it.
-/// `before_impacts` is the change of the velocity that impacts meet, where any contact bounces within the step. Both are used up.
-pub fn assemble_demands<R: Real>(
+impl<R: Real> Assembler<'_, R> {
+    /// Removes the rows of the step before.
+    #[inline(always)]
+    fn clear(&mut self, input: RowInput<'_, R>) {
+        let (compiled, assembly, none) = (input.compiled, input.assembly, R::Mask::splat(false));
+        let Self { problem, velocity, builder } = self;
+        problem.rows.clear();
+        velocity.impulses.clear();
+        problem.owners.clear();
+        builder.velocity_scales.clear();
+        problem.slots.clear();
+        problem.rolling_slots.clear();
+        problem.deferred.clear();
+        problem.impacts.clear();
+        problem.closing_time = assembly.h / assembly.closing_fraction;
+        [problem.constrained, problem.needs_position_solve, problem.biased, problem.rebounding] = [none; 4];
+        problem.may_be_held = !compiled.equalities.is_empty() || !compiled.tendons.is_empty();
+        problem.rows.least_mobility = R::of(least_mobility::<R>()) / compiled.moving_mass();
+    }
+
+    /// Activates contacts of faces that already rest on each other, and finds redundant supports.
+    #[inline(always)]
+    fn finish(&mut self, compiled: &LaneModel<R>, contacts: &Contacts<R>) {
+        let Self { problem, velocity, .. } = self;
+        if !problem.deferred.is_empty() {
+            problem.activate_coplanar(velocity, contacts);
+        }
+        velocity.patches.find(compiled, contacts, problem.constrained.bits());
+        velocity.impulses.compute_w(&problem.rows);
+        problem.rows.hyperstatic = velocity.patches.new_lanes(contacts, &problem.slots, &problem.rows, &velocity.impulses);
+    }
+}
+
+/// Adds a change of the free velocity, in the lanes `lanes`, to the target velocities of the rows.
+///
+/// `before_impacts` is the change of the velocity before impacts, if a contact bounces within the step. Overwrites both changes.
+pub(crate) fn assemble_demands<R: Real>(
     compiled: &LaneModel<R>,
     mass: &MassMatrix<R>,
-    constraints: &mut Constraints<R>,
+    problem: &mut ConstraintProblem<R>,
     change: &mut [R],
     before_impacts: Option<&mut [R]>,
     lanes: R::Mask,
 ) {
-    constraints.shift(compiled, mass, change, lanes);
+    problem.shift(compiled, mass, change, lanes);
     if let Some(change) = before_impacts {
-        constraints.shift_before_impacts(compiled, mass, change, lanes);
+        problem.shift_before_impacts(compiled, mass, change, lanes);
     }
 }

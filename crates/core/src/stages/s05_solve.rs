@@ -5,12 +5,12 @@ use stepper_solve::{Outcome, Settings, System, residual};
 
 use crate::collision::contact_set::Contacts;
 use crate::compile::LaneModel;
-use crate::constraints::{AssembledRows, Constraints, SolverWorkspace};
+use crate::constraints::{ConstraintProblem, VelocitySolution};
 use crate::math::spatial::*;
 use crate::options::{Solver, StepSettings};
 use crate::tuning::{
-    ESTIMATE_ERROR, ESTIMATE_ITERATIONS, ESTIMATE_RATIO, MAX_ESTIMATE_TOLERANCE, MIN_TOLERANCE, RELATIVE_TOLERANCE, REST_MOTION,
-    ROUGH_ITERATIONS, ROUGH_MOTION, STRUCTURE_MOTION,
+    ESTIMATE_ERROR, ESTIMATE_ITERATIONS, MAX_ESTIMATE_TOLERANCE, MIN_TOLERANCE, RELATIVE_TOLERANCE, REST_MOTION, ROUGH_ITERATIONS,
+    ROUGH_MOTION, STRUCTURE_MOTION,
 };
 
 /// Solves the lanes `lanes` to the tolerance and leaves the impulses where the next step finds its warm start.
@@ -22,12 +22,12 @@ pub fn solve<R: Real>(
     options: &StepSettings,
     v: &[R],
     lanes: R::Mask,
-    rows: &AssembledRows<'_, R>,
-    workspace: &mut SolverWorkspace<'_, R>,
-    contacts: &mut Contacts<R>,
+    problem: &ConstraintProblem<R>,
+    velocity: &mut VelocitySolution<R>,
+    contacts: &Contacts<R>,
 ) -> Outcome<R> {
-    let tolerance = tolerance(options, v, workspace.patches.lanes());
-    solve_to(options, tolerance, lanes, rows, workspace, contacts)
+    let tolerance = tolerance(options, v, velocity.patches.lanes());
+    solve_to(options, tolerance, lanes, problem, velocity, contacts)
 }
 
 /// Solves the lanes `lanes` to a residual of `tolerance`, m/s.
@@ -36,42 +36,41 @@ pub fn solve_to<R: Real>(
     options: &StepSettings,
     tolerance: R,
     lanes: R::Mask,
-    rows: &AssembledRows<'_, R>,
-    workspace: &mut SolverWorkspace<'_, R>,
-    contacts: &mut Contacts<R>,
+    problem: &ConstraintProblem<R>,
+    velocity: &mut VelocitySolution<R>,
+    contacts: &Contacts<R>,
 ) -> Outcome<R> {
-    let [sweeps, newton] = options.effort();
-    let settings = Settings { sweeps, newton_steps: newton, tolerance, newton_threshold: tolerance };
-    let problem = rows.problem;
-    let SolverWorkspace { iterate, newton, capture, .. } = workspace;
+    let [sweeps, newton_steps] = options.effort();
+    let settings = Settings { sweeps, newton_steps, tolerance, newton_threshold: tolerance };
+    let rows = &problem.rows;
+    let VelocitySolution { impulses, newton, capture, .. } = velocity;
     if let Some(lane) = capture.lane.take() {
-        capture.bytes = System::from(problem).to_bytes(iterate, &settings, lane);
+        capture.bytes = System::from(rows).to_bytes(impulses, &settings, lane);
     }
-    let mut outcome = stepper_solve::solve(problem, iterate, settings, lanes, newton);
+    let mut outcome = stepper_solve::solve(rows, impulses, settings, lanes, newton);
     let enough = R::of(options.tolerance);
-    share_loads(rows, settings, workspace, lanes.and(outcome.residual.le(enough)), &mut outcome);
-    let SolverWorkspace { iterate, worst, .. } = workspace;
+    share_loads(problem, settings, velocity, lanes.and(outcome.residual.le(enough)), &mut outcome);
     let unsolved = lanes.and_not(outcome.residual.le(enough));
-    worst.renew(rows, problem.into(), iterate, contacts, [lanes, unsolved]);
-    keep_row_impulses(rows, workspace, contacts);
+    velocity.worst.renew(problem, rows.into(), &velocity.impulses, contacts, [lanes, unsolved]);
     outcome
 }
 
-/// Keeps the impulses of all rows: the next step starts from them, and people read them.
+/// Stores the impulses of all rows: those of contacts in `contacts`, those of scalar rows in the velocity solution. The next step starts
+/// from them.
 #[inline(always)]
-pub fn keep_row_impulses<R: Real>(rows: &AssembledRows<'_, R>, workspace: &mut SolverWorkspace<'_, R>, contacts: &mut Contacts<R>) {
-    let AssembledRows { owners, slots, rolling_slots, .. } = *rows;
-    let SolverWorkspace { iterate, scalar_impulse, .. } = workspace;
+pub fn store_impulses<R: Real>(problem: &ConstraintProblem<R>, velocity: &mut VelocitySolution<R>, contacts: &mut Contacts<R>) {
+    let ConstraintProblem { owners, slots, rolling_slots, .. } = problem;
+    let VelocitySolution { impulses, scalar_impulse, .. } = velocity;
     R::vectorize(
         #[inline(always)]
         || {
-            for (&owner, &lambda) in owners.iter().zip(&iterate.scalars) {
+            for (&owner, &lambda) in owners.iter().zip(&impulses.scalars) {
                 scalar_impulse[owner] = lambda;
             }
-            for (&(k, lanes), &lambda) in slots.iter().zip(&iterate.contacts) {
+            for (&(k, lanes), &lambda) in slots.iter().zip(&impulses.contacts) {
                 contacts.data[k].impulse = select(lanes, lambda, contacts.data[k].impulse);
             }
-            for (&(k, lanes, scale), &[n, a, b, spin, roll, other]) in rolling_slots.iter().zip(&iterate.rolling_contacts) {
+            for (&(k, lanes, scale), &[n, a, b, spin, roll, other]) in rolling_slots.iter().zip(&impulses.rolling_contacts) {
                 contacts.data[k].impulse = select(lanes, [n, a, b], contacts.data[k].impulse);
                 contacts.torque[k] = select(lanes, [spin * scale[0], roll * scale[1], other * scale[2]], contacts.torque[k]);
             }
@@ -83,29 +82,29 @@ pub fn keep_row_impulses<R: Real>(rows: &AssembledRows<'_, R>, workspace: &mut S
 /// unsettles, since a patch turns while it slips, are solved again from the shared loads.
 #[inline(always)]
 fn share_loads<R: Real>(
-    rows: &AssembledRows<'_, R>,
+    problem: &ConstraintProblem<R>,
     settings: Settings<R>,
-    workspace: &mut SolverWorkspace<'_, R>,
+    velocity: &mut VelocitySolution<R>,
     solved: R::Mask,
     outcome: &mut Outcome<R>,
 ) {
-    let SolverWorkspace { iterate, newton, patches, shared, .. } = workspace;
-    let slipping = patches.find_slips(rows, iterate, solved.and(patches.lanes()));
+    let VelocitySolution { impulses, newton, patches, shared, .. } = velocity;
+    let slipping = patches.find_slips(problem, impulses, solved.and(patches.lanes()));
     if slipping.none() {
         return;
     }
-    shared.save(iterate, slipping);
-    let anew = patches.share(rows, iterate, slipping);
-    shared.restore(iterate, anew.not());
+    shared.save(impulses, slipping);
+    let anew = patches.share(problem, impulses, slipping);
+    shared.restore(impulses, anew.not());
     let left = R::vectorize(
         #[inline(always)]
-        || residual(rows.problem, iterate),
+        || residual(&problem.rows, impulses),
     );
     let before = outcome.residual;
     outcome.residual = R::select(anew, left, before);
     let moved = anew.and_not(left.le(before.max(settings.tolerance)));
     if moved.any() {
-        let repeated = stepper_solve::solve(rows.problem, iterate, settings, moved, newton);
+        let repeated = stepper_solve::solve(&problem.rows, impulses, settings, moved, newton);
         outcome.replace(&repeated, moved);
     }
 }
@@ -124,12 +123,14 @@ pub struct Estimate<R: Real> {
 }
 
 impl<R: Real> Estimate<R> {
-    /// That of a step of `h` seconds from the velocity `v`. It is solved for where it decides whether servos are on their bounds, where
-    /// loads are shared, and for who asks for more than the default: for Newton's method, or a smaller tolerance.
+    /// Estimate of a step of `h` seconds from the velocity `v`.
+    ///
+    /// A rough estimate has an error of up to [`ESTIMATE_ERROR`]. The estimate is solved if a smaller error is required, where it decides
+    /// whether servos are at their bounds, where loads are shared, and with Newton's method.
     #[inline(always)]
-    pub fn new(compiled: &LaneModel<R>, options: &StepSettings, v: &[R], h: R, constraints: &Constraints<R>) -> Self {
-        let error = if options.is_tight() { ESTIMATE_RATIO * options.tolerance } else { ESTIMATE_ERROR };
-        let exact = compiled.servos_are_bounded || options.is_tight() || options.solver == Solver::Newton;
+    pub fn new(compiled: &LaneModel<R>, options: &StepSettings, v: &[R], h: R, velocity: &VelocitySolution<R>) -> Self {
+        let error = ESTIMATE_ERROR / options.refinement();
+        let exact = compiled.servos_are_bounded || error < ESTIMATE_ERROR || options.solver == Solver::Newton;
         let least = if compiled.ntree > 1 { STRUCTURE_MOTION } else { REST_MOTION };
         R::vectorize(
             #[inline(always)]
@@ -138,7 +139,7 @@ impl<R: Real> Estimate<R> {
                 let slow = (turn * R::of(MAX_ESTIMATE_TOLERANCE)).le(R::of(error));
                 let tolerance = R::select(slow, R::of(MAX_ESTIMATE_TOLERANCE), R::of(error) / R::select(slow, R::one(), turn));
                 let moving = is_moving(turn);
-                let rough = turn.gt(R::of(least)).and(turn.lt(R::of(ROUGH_MOTION))).and_not(constraints.patches.lanes());
+                let rough = turn.gt(R::of(least)).and(turn.lt(R::of(ROUGH_MOTION))).and_not(velocity.patches.lanes());
                 Self { moving, rough: if exact { R::Mask::splat(false) } else { rough }, tolerance }
             },
         )
@@ -146,35 +147,37 @@ impl<R: Real> Estimate<R> {
 
     /// Estimates the impulses in the lanes `lanes`.
     #[inline(always)]
-    pub fn make(&self, options: &StepSettings, lanes: R::Mask, constraints: &mut Constraints<R>) {
-        let Constraints { iterate, shared, patches, .. } = &mut *constraints;
-        shared.save(iterate, lanes.and(self.rough.or(patches.lanes())));
-        self.repeat(options, lanes, constraints);
+    pub fn make(&self, options: &StepSettings, lanes: R::Mask, problem: &ConstraintProblem<R>, velocity: &mut VelocitySolution<R>) {
+        let VelocitySolution { impulses, shared, patches, .. } = &mut *velocity;
+        shared.save(impulses, lanes.and(self.rough.or(patches.lanes())));
+        self.repeat(options, lanes, problem, velocity);
     }
 
     /// Estimates the impulses in the lanes `lanes` again, once more rows are active.
     #[inline(always)]
-    pub fn repeat(&self, options: &StepSettings, lanes: R::Mask, constraints: &mut Constraints<R>) {
-        let Constraints { problem, iterate, .. } = constraints;
+    pub fn repeat(&self, options: &StepSettings, lanes: R::Mask, problem: &ConstraintProblem<R>, velocity: &mut VelocitySolution<R>) {
+        let (rows, impulses) = (&problem.rows, &mut velocity.impulses);
         let [rough, solved] = [lanes.and(self.rough), lanes.and_not(self.rough)];
         if rough.any() {
-            stepper_solve::gauss_seidel::sweep_from_none(problem, iterate, ROUGH_ITERATIONS, rough);
+            stepper_solve::gauss_seidel::sweep_from_none(rows, impulses, ROUGH_ITERATIONS, rough);
         }
         if solved.any() {
-            let sweeps = if options.is_tight() { ESTIMATE_ITERATIONS.max(options.iterations) } else { ESTIMATE_ITERATIONS };
+            // Rounding may prevent a small tolerance from being met, hence the limit of the solve too.
+            let limit = f64::from(options.iterations).max(ESTIMATE_ITERATIONS);
+            let sweeps = (ESTIMATE_ITERATIONS * options.refinement()).min(limit) as u32;
             let settings = stepper_solve::gauss_seidel::SweepSettings { sweeps, tolerance: self.tolerance };
-            stepper_solve::gauss_seidel::estimate(problem, iterate, settings, solved, solved.and(self.moving));
+            stepper_solve::gauss_seidel::estimate(rows, impulses, settings, solved, solved.and(self.moving));
         }
     }
 
     /// Gives the lanes `lanes` the impulses from before the estimate back where loads are shared evenly, which is not for sweeps to change,
     /// and where those are as good a start of the solve as a rough estimate.
     #[inline(always)]
-    pub fn choose_start(&self, lanes: R::Mask, constraints: &mut Constraints<R>) {
-        let Constraints { problem, iterate, shared, patches, .. } = constraints;
+    pub fn choose_start(&self, lanes: R::Mask, problem: &ConstraintProblem<R>, velocity: &mut VelocitySolution<R>) {
+        let VelocitySolution { impulses, shared, patches, .. } = velocity;
         let rough = lanes.and(self.rough);
-        let as_good = if rough.any() { rough.and(shared.is_as_good(problem, iterate)) } else { rough };
-        shared.restore(iterate, lanes.and(patches.lanes()).or(as_good));
+        let as_good = if rough.any() { rough.and(shared.is_as_good(&problem.rows, impulses)) } else { rough };
+        shared.restore(impulses, lanes.and(patches.lanes()).or(as_good));
     }
 }
 

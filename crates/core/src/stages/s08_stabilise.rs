@@ -10,11 +10,12 @@
 //! witness proves that no motion within the bounds meets them, the lane is marked infeasible.
 
 use stepper_real::{Mask, Real, Scalar};
-use stepper_solve::{Damping, Iterate, Outcome, Problem, Settings, System};
+use stepper_solve::{Damping, Iterate, Outcome, Reference, Settings, Snapshot, System};
 
 use crate::collision::contact_set::Contacts;
 use crate::compile::{LaneModel, ModelStructure};
-use crate::constraints::{AssembledRows, SolverWorkspace};
+use crate::constraints::islands::Islands;
+use crate::constraints::{ConstraintProblem, PositionSolution, VelocitySolution};
 use crate::dynamics::inertia::MassMatrix;
 use crate::dynamics::kinematics::displace;
 use crate::math::lanes::each_of;
@@ -22,8 +23,8 @@ use crate::math::spatial::*;
 use crate::model::JointKind;
 use crate::options::{Solver, Stabilization, StepSettings};
 use crate::tuning::{
-    BAUMGARTE_LIMIT, CORRECTION_ARM, CORRECTION_ITERATIONS, CORRECTION_NEWTON_STEPS, CORRECTION_NEWTON_THRESHOLD, CORRECTION_RATIO,
-    CORRECTION_TOLERANCE, DAMPING, MAX_CORRECTION_ROTATION, MAX_SPEED_RATIO, MIN_UNMET_DEMAND, NEGLIGIBLE_CORRECTION,
+    BAUMGARTE_LIMIT, CORRECTION_ARM, CORRECTION_ITERATIONS, CORRECTION_NEWTON_STEPS, CORRECTION_NEWTON_THRESHOLD, CORRECTION_TOLERANCE,
+    DAMPING, MAX_CORRECTION_ROTATION, MAX_SPEED_RATIO, MIN_UNMET_DEMAND, NEGLIGIBLE_CORRECTION,
 };
 
 /// Bounds of the motion of a correction.
@@ -56,108 +57,119 @@ impl<R: Real> Bounds<R> {
     }
 }
 
-/// What joins the state before the step and that after it.
-pub struct Solved<'a, R: Real> {
-    /// Rows of the step.
-    pub rows: AssembledRows<'a, R>,
+/// Input of the position solve.
+pub struct PositionInput<'a, R: Real> {
+    /// Problem of the step.
+    pub problem: &'a ConstraintProblem<R>,
     /// Factors of the mass matrix.
     pub mass: &'a MassMatrix<R>,
     /// Contacts of the step.
     pub contacts: &'a Contacts<R>,
-    /// Velocity after the step without constraints.
-    pub v_free: &'a [R],
+    /// Lanes whose positions are corrected.
+    pub lanes: R::Mask,
+    /// Lanes in which a contact bounces. Their correction has no bounds, because it leads to the position after the rebound.
+    pub rebounding: R::Mask,
     /// Time step, s.
     pub h: R,
 }
 
-/// Corrects `q_next`, which has moved with `v_next`, in the lanes that need it: leaves the result in `corrected`. Returns those of them in
-/// which the demands cannot be met.
+/// Corrects the configuration `position.q`, which has advanced with `velocity.v`, and writes the result to `position.q_corrected`. Returns
+/// the lanes in which the position errors cannot be removed.
+///
+/// The position rows and the free velocity of `position` are those of [`prepare_position_solve`]. The solve starts from the impulses of the
+/// velocity solution and overwrites them.
+///
+/// [`prepare_position_solve`]: crate::integrators::impact::prepare_position_solve
 #[inline(always)]
 pub fn stabilise<R: Real>(
     compiled: &LaneModel<R>,
     options: &StepSettings,
-    solved: &Solved<'_, R>,
-    workspace: &mut SolverWorkspace<'_, R>,
-    v_next: &[R],
-    [work, corrected]: [&mut [R]; 2],
-    q_next: &[R],
+    input: &PositionInput<'_, R>,
+    velocity: &mut VelocitySolution<R>,
+    position: &mut PositionSolution<R>,
 ) -> R::Mask {
-    let infeasible = correct(compiled, options, solved, workspace, solved.rows.needs_position_solve, v_next, work);
-    displace(compiled, q_next, work, solved.h, corrected);
+    let infeasible = correct(compiled, options, input, velocity, position);
+    displace(compiled, &position.q, &position.correction, input.h, &mut position.q_corrected);
     infeasible
 }
 
 /// Limits Baumgarte's method in lanes with a bias where constraints change a velocity by more than four times what a correction may, or
-/// where a row that nothing can move demands more than 1 cm/s. There the velocity `v_next` becomes that of the rows without their bias,
-/// with the bounded correction that the split form would give positions. Returns the lanes in which demands cannot be met.
+/// where a row that nothing can move demands more than 1 cm/s. There `velocity.v` becomes the velocity of the rows without their bias, plus
+/// the bounded correction that the split form would give positions. `v_free` is the free velocity. Returns the lanes in which the position
+/// errors cannot be removed.
 #[inline(always)]
 pub fn limit_baumgarte<R: Real>(
     compiled: &LaneModel<R>,
     options: &StepSettings,
-    solved: &Solved<'_, R>,
-    workspace: &mut SolverWorkspace<'_, R>,
+    input: &PositionInput<'_, R>,
+    v_free: &[R],
+    velocity: &mut VelocitySolution<R>,
+    position: &mut PositionSolution<R>,
     outcome: &mut Outcome<R>,
-    work: &mut [R],
-    v_next: &mut [R],
 ) -> R::Mask {
     let never = R::Mask::splat(false);
-    let AssembledRows { problem, biased, .. } = solved.rows;
+    let ConstraintProblem { rows, biased, .. } = input.problem;
     if biased.none() {
         return never;
     }
+    position.v_free.copy_from_slice(v_free);
     let bounds = Bounds::absurd(options);
     let lanes = R::vectorize(
         #[inline(always)]
         || {
-            for (work, (&v, &free)) in work.iter_mut().zip(v_next.iter().zip(solved.v_free)) {
-                *work = v - free;
+            let PositionSolution { correction, v_free, .. } = &mut *position;
+            for (change, (&v, &free)) in correction.iter_mut().zip(velocity.v.iter().zip(&*v_free)) {
+                *change = v - free;
             }
-            let unmet = System::from(problem).immovable_demand().gt(R::of(MIN_UNMET_DEMAND));
-            biased.and(excess(compiled, work, bounds).gt(R::one()).or(unmet))
+            let unmet = System::from(rows).immovable_demand().gt(R::of(MIN_UNMET_DEMAND));
+            biased.and(excess(compiled, correction, bounds).gt(R::one()).or(unmet))
         },
     );
     if lanes.none() {
         return never;
     }
-    let [sweeps, newton] = options.effort();
+    let [sweeps, newton_steps] = options.effort();
     let tolerance = R::of(options.tolerance);
-    let settings = Settings { sweeps, newton_steps: newton, tolerance, newton_threshold: tolerance };
+    let settings = Settings { sweeps, newton_steps, tolerance, newton_threshold: tolerance };
     R::vectorize(
         #[inline(always)]
         || {
-            workspace.positions.copy(problem);
-            workspace.positions.exchange_demands();
+            position.rows.copy(rows);
+            position.rows.exchange_demands();
         },
     );
-    let system = workspace.positions.system(problem);
-    let repeated = stepper_solve::solve(system, workspace.iterate, settings, lanes, workspace.newton);
+    let VelocitySolution { impulses, v, newton, worst, shared, .. } = &mut *velocity;
+    let system = position.rows.system(rows);
+    let repeated = stepper_solve::solve(system, impulses, settings, lanes, newton);
     let unsolved = lanes.and_not(repeated.residual.le(tolerance));
-    workspace.worst.renew(&solved.rows, system, workspace.iterate, solved.contacts, [lanes, unsolved]);
+    worst.renew(input.problem, system, impulses, input.contacts, [lanes, unsolved]);
     outcome.replace(&repeated, lanes);
     R::vectorize(
         #[inline(always)]
         || {
-            work.copy_from_slice(&workspace.iterate.w);
-            solved.mass.unscale(compiled, work);
+            let PositionSolution { correction: change, v_free, .. } = &mut *position;
+            change.copy_from_slice(&impulses.w);
+            input.mass.unscale(compiled, change);
             for i in 0..compiled.nv {
-                v_next[i] = R::select(lanes, solved.v_free[i] + work[i], v_next[i]);
+                v[i] = R::select(lanes, v_free[i] + change[i], v[i]);
             }
         },
     );
-    workspace.shared.save(workspace.iterate, lanes);
-    let infeasible = correct(compiled, options, solved, workspace, lanes, v_next, work);
+    shared.save(impulses, lanes);
+    let infeasible = correct(compiled, options, &PositionInput { lanes, ..*input }, velocity, position);
     R::vectorize(
         #[inline(always)]
         || {
-            for (v, &more) in v_next.iter_mut().zip(work.iter()) {
+            let (PositionSolution { correction, v_free, .. }, VelocitySolution { impulses, v, .. }) = (position, velocity);
+            for (v, &more) in v.iter_mut().zip(&*correction) {
                 *v += R::select(lanes, more, R::zero());
             }
-            // The impulses that make this velocity, for those who read them.
-            for (change, (&v, &free)) in work.iter_mut().zip(v_next.iter().zip(solved.v_free)) {
+            // The impulses that cause this velocity, for the user.
+            for (change, (&v, &free)) in correction.iter_mut().zip(v.iter().zip(&*v_free)) {
                 *change = v - free;
             }
-            solved.mass.scale(compiled, work);
-            for (w, &change) in workspace.iterate.w.iter_mut().zip(work.iter()) {
+            input.mass.scale(compiled, correction);
+            for (w, &change) in impulses.w.iter_mut().zip(&*correction) {
                 *w = R::select(lanes, change, *w);
             }
         },
@@ -165,102 +177,102 @@ pub fn limit_baumgarte<R: Real>(
     infeasible
 }
 
-/// Swaps the two right-hand sides of the position rows, damps them, solves, and leaves in `out` the bounded velocity to add to `v_next` so
-/// that positions move as they demand. Returns the lanes that are proven infeasible.
+/// Solves the position rows, and writes to `position.correction` the bounded velocity that added to `velocity.v` removes position errors.
+/// Returns the lanes that are proven infeasible.
 fn correct<R: Real>(
     compiled: &LaneModel<R>,
     options: &StepSettings,
-    solved: &Solved<'_, R>,
-    workspace: &mut SolverWorkspace<'_, R>,
-    lanes: R::Mask,
-    v_next: &[R],
-    out: &mut [R],
+    input: &PositionInput<'_, R>,
+    velocity: &mut VelocitySolution<R>,
+    position: &mut PositionSolution<R>,
 ) -> R::Mask {
-    let problem = solved.rows.problem;
-    damp_rows(compiled, options, solved, workspace);
+    let lanes = input.lanes;
+    damp_rows(compiled, input, &velocity.impulses, position);
     let [sweeps, newton] = options.effort();
-    let tight = CORRECTION_RATIO * options.tolerance;
-    let (tolerance, sweeps, newton, rough) = match options.is_tight() {
-        true => (tight, sweeps, newton, tight),
-        false => (
-            options.tolerance.max(CORRECTION_TOLERANCE),
-            sweeps.min(CORRECTION_ITERATIONS),
-            newton.min(CORRECTION_NEWTON_STEPS),
-            CORRECTION_NEWTON_THRESHOLD,
-        ),
-    };
+    let refinement = options.refinement();
+    let tolerance = (CORRECTION_TOLERANCE / refinement).max(options.tolerance);
+    let sweeps = sweeps.min((CORRECTION_ITERATIONS * refinement) as u32);
+    let newton = newton.min((CORRECTION_NEWTON_STEPS * refinement) as u32);
+    let rough = CORRECTION_NEWTON_THRESHOLD / refinement.powi(2);
     let newton = if options.solver == Solver::Newton { options.iterations } else { newton };
     let threshold = if options.solver == Solver::Newton { tolerance } else { tolerance.max(rough) };
     let settings = Settings { sweeps, newton_steps: newton, tolerance: R::of(tolerance), newton_threshold: R::of(threshold) };
-    let system = workspace.positions.system(problem);
-    let system = if options.is_tight() { system } else { system.uncertified() };
-    stepper_solve::solve(system, workspace.iterate, settings, lanes, workspace.newton);
-    let bounds = Bounds::new(options, solved.h);
+    let VelocitySolution { impulses, v: v_next, newton, shared, .. } = velocity;
+    let PositionSolution { rows, reference, islands, v_free, correction: out, .. } = position;
+    let system = rows.system(&input.problem.rows);
+    // The residual of a correction is not reported. Only a smaller tolerance needs its certificate.
+    let system = if tolerance < CORRECTION_TOLERANCE { system } else { system.uncertified() };
+    stepper_solve::solve(system, impulses, settings, lanes, newton);
+    let bounds = Bounds::new(options, input.h);
     let (fast, lacking) = R::vectorize(
         #[inline(always)]
         || {
-            find_motion(compiled, solved, workspace.iterate, v_next, out);
-            let short = system.shortfall(workspace.iterate, workspace.reference);
+            find_motion(compiled, input.mass, impulses, [v_free, v_next], out);
+            let short = system.shortfall(impulses, reference);
             let held = system.immovable_demand();
-            let fast = lanes.and_not(solved.rows.rebounding).and(excess(compiled, out, bounds).gt(R::one()));
+            let fast = lanes.and_not(input.rebounding).and(excess(compiled, out, bounds).gt(R::one()));
             (fast, lanes.and(short.max(held).gt(R::of(MIN_UNMET_DEMAND))))
         },
     );
-    let infeasible = if lacking.any() { prove_infeasible(compiled, solved, workspace, lacking, bounds) } else { lacking };
+    let infeasible =
+        if lacking.any() { prove_infeasible(compiled, input.mass, system, impulses, reference, lacking, bounds) } else { lacking };
     if fast.any() {
-        bound_islands(compiled, options, problem, workspace, fast, bounds, out);
+        // With Baumgarte's method the impulses, which users read, slow down with the motion.
+        let blended = (options.stabilization == Stabilization::Baumgarte).then_some(&*shared);
+        bound_islands(compiled, system, islands, (impulses, blended), fast, bounds, out);
     }
     infeasible
 }
 
-/// Makes the rows of the position solve of copies of those of the velocity solve: damped, counted from the present impulses, with the
-/// demands of positions.
+/// Turns the copied rows into those of the position solve: damped, counted from the impulses of the velocity solution, with position errors
+/// as targets.
 #[inline(always)]
 pub(crate) fn damp_rows<R: Real>(
     compiled: &LaneModel<R>,
-    options: &StepSettings,
-    solved: &Solved<'_, R>,
-    workspace: &mut SolverWorkspace<'_, R>,
+    input: &PositionInput<'_, R>,
+    impulses: &Iterate<R>,
+    position: &mut PositionSolution<R>,
 ) {
-    let negligible = R::of(if options.is_tight() { NEGLIGIBLE_CORRECTION } else { 0.0 });
-    let damping = Damping { ratio: R::of(DAMPING), bending: solved.h * R::of(1.0 / CORRECTION_ARM), negligible };
+    let damping =
+        Damping { ratio: R::of(DAMPING), bending: input.h * R::of(1.0 / CORRECTION_ARM), negligible: R::of(NEGLIGIBLE_CORRECTION) };
+    let PositionSolution { rows, floors, reference, .. } = position;
     R::vectorize(
         #[inline(always)]
         || {
-            workspace.positions.exchange_demands();
-            find_floors(compiled, solved, workspace.floors);
-            workspace.positions.damp(solved.rows.problem, workspace.iterate, damping, workspace.floors, workspace.reference);
+            rows.exchange_demands();
+            find_floors(compiled, input, floors);
+            rows.damp(&input.problem.rows, impulses, damping, floors, reference);
         },
     );
 }
 
-/// The velocity to add to `v_next` so that positions move as the impulses of the position solve say, left in `out`. Returns the largest
-/// part that it is of its bounds, above 1 where [`stabilise`] slows it down.
+/// Computes the velocity that the impulses of the position solve add to `v_next`, into `position.correction`. Returns its largest ratio to
+/// its bounds; above 1 [`stabilise`] slows it down.
 pub(crate) fn find_correction<R: Real>(
     compiled: &LaneModel<R>,
     options: &StepSettings,
-    solved: &Solved<'_, R>,
-    iterate: &Iterate<R>,
-    v_next: &[R],
-    out: &mut [R],
+    input: &PositionInput<'_, R>,
+    velocity: &VelocitySolution<R>,
+    position: &mut PositionSolution<R>,
 ) -> R {
-    let bounds = Bounds::new(options, solved.h);
+    let bounds = Bounds::new(options, input.h);
+    let PositionSolution { v_free, correction, .. } = position;
     R::vectorize(
         #[inline(always)]
         || {
-            find_motion(compiled, solved, iterate, v_next, out);
-            excess(compiled, out, bounds)
+            find_motion(compiled, input.mass, &velocity.impulses, [v_free, &velocity.v], correction);
+            excess(compiled, correction, bounds)
         },
     )
 }
 
-/// The velocity to add to `v_next` by the impulses of the position solve, without bounds.
+/// Computes the velocity that impulses of the position solve add to `v_next`, without bounds.
 #[inline(always)]
-fn find_motion<R: Real>(compiled: &LaneModel<R>, solved: &Solved<'_, R>, iterate: &Iterate<R>, v_next: &[R], out: &mut [R]) {
-    out.copy_from_slice(&iterate.w);
-    solved.mass.unscale(compiled, out);
+fn find_motion<R: Real>(compiled: &LaneModel<R>, mass: &MassMatrix<R>, impulses: &Iterate<R>, [v_free, v_next]: [&[R]; 2], out: &mut [R]) {
+    out.copy_from_slice(&impulses.w);
+    mass.unscale(compiled, out);
     for i in 0..compiled.nv {
-        out[i] = (solved.v_free[i] + out[i]) - v_next[i];
+        out[i] = (v_free[i] + out[i]) - v_next[i];
     }
 }
 
@@ -285,19 +297,17 @@ fn excess_of<R: Real>(kind: JointKind, v: &[R], bounds: Bounds<R>) -> R {
 }
 
 /// Slows the motion `v` down, in the lanes `lanes`, where an island of bodies that rows join exceeds its bounds: all of the island alike,
-/// so that loops stay closed. With Baumgarte's method the impulses, which people read, are slowed down with it, from those of the snapshot.
+/// so that loops stay closed. Impulses with a snapshot are blended with it in the same ratio.
 #[cold]
 fn bound_islands<R: Real>(
     compiled: &ModelStructure<R::Scalar>,
-    options: &StepSettings,
-    problem: &Problem<R>,
-    workspace: &mut SolverWorkspace<'_, R>,
+    system: System<'_, R>,
+    islands: &mut Islands,
+    (impulses, blended): (&mut Iterate<R>, Option<&Snapshot<R>>),
     lanes: R::Mask,
     bounds: Bounds<R>,
     v: &mut [R],
 ) {
-    let SolverWorkspace { iterate, positions, islands, shared, .. } = workspace;
-    let system = positions.system(problem);
     for lane in each_of(lanes.bits()) {
         islands.find(compiled, system, lane);
         for joint in &compiled.joints {
@@ -308,8 +318,8 @@ fn bound_islands<R: Real>(
             let most = islands.most(compiled.dofs[dof].tree);
             if most > 1.0 { 1.0 / most } else { 1.0 }
         };
-        if options.stabilization == Stabilization::Baumgarte {
-            shared.blend(system, iterate, lane, &mut |dof| part(dof as usize));
+        if let Some(snapshot) = blended {
+            snapshot.blend(system, impulses, lane, &mut |dof| part(dof as usize));
         }
         for joint in &compiled.joints {
             let factor = R::of(part(joint.v));
@@ -324,18 +334,19 @@ fn bound_islands<R: Real>(
 #[cold]
 fn prove_infeasible<R: Real>(
     compiled: &LaneModel<R>,
-    solved: &Solved<'_, R>,
-    workspace: &mut SolverWorkspace<'_, R>,
+    mass: &MassMatrix<R>,
+    system: System<'_, R>,
+    impulses: &Iterate<R>,
+    reference: &mut Reference<R>,
     lanes: R::Mask,
     bounds: Bounds<R>,
 ) -> R::Mask {
     R::vectorize(
         #[inline(always)]
         || {
-            let system = workspace.positions.system(solved.rows.problem);
-            let lack = system.witness(workspace.iterate, workspace.reference);
-            let momentum = workspace.reference.momentum();
-            solved.mass.momentum(compiled, momentum);
+            let lack = system.witness(impulses, reference);
+            let momentum = reference.momentum();
+            mass.momentum(compiled, momentum);
             let mut most = R::zero();
             for joint in &compiled.joints {
                 for k in 0..joint.kind.nv() {
@@ -351,14 +362,14 @@ fn prove_infeasible<R: Real>(
 
 /// Mobility of the bodies of every contact if nothing held them, 1/kg: what damping is at least relative to. 0 for scalar rows.
 #[inline(always)]
-fn find_floors<R: Real>(compiled: &LaneModel<R>, solved: &Solved<'_, R>, floors: &mut Vec<R>) {
-    let AssembledRows { problem, slots, rolling_slots, .. } = solved.rows;
+fn find_floors<R: Real>(compiled: &LaneModel<R>, input: &PositionInput<'_, R>, floors: &mut Vec<R>) {
+    let ConstraintProblem { rows, slots, rolling_slots, .. } = input.problem;
     floors.clear();
-    floors.resize(problem.scalars.len(), R::zero());
+    floors.resize(rows.scalars.len(), R::zero());
     let all = slots.iter().map(|slot| (slot.0, slot.1)).chain(rolling_slots.iter().map(|slot| (slot.0, slot.1)));
     for (k, lanes) in all {
         let mut floor = R::zero();
-        for (pair, lanes) in solved.contacts.pairs(k, lanes.bits()) {
+        for (pair, lanes) in input.contacts.pairs(k, lanes.bits()) {
             let geoms = compiled.pair_geoms(pair).expect("made from this compiled");
             let free = compiled.mobility(compiled.geoms[geoms[0]].frame) + compiled.mobility(compiled.geoms[geoms[1]].frame);
             floor = R::select(R::Mask::from_bits(lanes), free, floor);

@@ -7,7 +7,7 @@ use stepper_real::{Mask, Real};
 
 use crate::collision::contact_set::Contacts;
 use crate::compile::LaneModel;
-use crate::constraints::Constraints;
+use crate::constraints::ConstraintProblem;
 use crate::dynamics::kinematics::quat_at;
 use crate::math::lanes::each_of;
 use crate::math::spatial::*;
@@ -135,13 +135,13 @@ impl<R: Real> Record<R> {
 }
 
 /// Deepest overlap of the contacts beyond their margins, m, in the lanes `lanes`; 0 where none overlaps.
-pub fn depth<R: Real>(constraints: &Constraints<R>, contacts: &Contacts<R>, lanes: R::Mask) -> R {
+pub fn depth<R: Real>(problem: &ConstraintProblem<R>, contacts: &Contacts<R>, lanes: R::Mask) -> R {
     R::vectorize(
         #[inline(always)]
         || {
             let mut deepest = R::zero();
-            let slots = constraints.slots.iter().map(|slot| (slot.0, slot.1));
-            for (k, here) in slots.chain(constraints.rolling_slots.iter().map(|slot| (slot.0, slot.1))) {
+            let slots = problem.slots.iter().map(|slot| (slot.0, slot.1));
+            for (k, here) in slots.chain(problem.rolling_slots.iter().map(|slot| (slot.0, slot.1))) {
                 deepest = R::select(here, deepest.max(-contacts.data[k].point.distance), deepest);
             }
             R::select(lanes, deepest, R::zero())

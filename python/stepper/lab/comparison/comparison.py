@@ -17,6 +17,7 @@ from stepper.lab.comparison.trial import Array, Course, Drive, Engine, Ours, Sli
 from stepper.loading import load
 from stepper.shared.files import existing
 from stepper.shared.machine import require
+from stepper.shared.progress import Tick, silent
 
 ONSET = 1e-3
 """rad or m by which configurations differ where motions have parted."""
@@ -90,6 +91,7 @@ def compare(
     hold: float = 0.02,
     reward: Callable[..., Any] | None = None,
     seed: int = 0,
+    tick: Tick | None = None,
 ) -> Comparison:
     """Runs the same episodes under hard contact, under MuJoCo's law and, where it is installed, in MuJoCo itself.
 
@@ -104,6 +106,7 @@ def compare(
         hold: Time for which a random control is held, s.
         reward: A function of (qpos, qvel) before the step, controls (num_envs, nu) and (qpos, qvel) after it that returns (num_envs,).
         seed: Of what is random.
+        tick: Called with the name of an engine and the fraction of its steps.
 
     Returns:
         What differs: `print` shows it, `Comparison.draw` makes a picture.
@@ -131,7 +134,9 @@ def compare(
     engines: list[Engine] = [Ours("hard", model, hard, qpos, qvel), Ours("MuJoCo's law", model, law, qpos, qvel)]
     if compiled is not None:
         engines.append(Theirs(compiled, timestep, qpos, qvel))
-    return Comparison(tuple(run(engine, drive, steps, timestep, slip=slip, reward=reward) for engine in engines), reward is not None)
+    told = tick or silent
+    courses = tuple(run(engine, drive, steps, timestep, slip=slip, reward=reward, tick=told) for engine in engines)
+    return Comparison(courses, reward is not None)
 
 
 def _load(source: Any) -> tuple[Model, Any]:

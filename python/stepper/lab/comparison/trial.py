@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from stepper._options import Options
 from stepper._stepper import Model, Stepper
 from stepper.shared.machine import require
+from stepper.shared.progress import Tick
 
 Array = NDArray[np.float64]
 
@@ -205,7 +206,9 @@ class Slip:
         return sum(most.values())
 
 
-def run(engine: Engine, drive: Drive, steps: int, timestep: float, *, slip: Slip | None, reward: Callable[..., Any] | None) -> Course:
+def run(
+    engine: Engine, drive: Drive, steps: int, timestep: float, *, slip: Slip | None, reward: Callable[..., Any] | None, tick: Tick
+) -> Course:
     """Steps an engine and keeps what it did."""
     qpos, qvel = engine.state()
     n = len(qpos)
@@ -231,4 +234,5 @@ def run(engine: Engine, drive: Drive, steps: int, timestep: float, *, slip: Slip
         rows["begins"].append([len(pairs - old) for pairs, old in zip(now, before, strict=True)])
         rows["reward"].append(np.zeros(n) if reward is None else np.broadcast_to(reward(last, ctrl, (qpos, qvel)), n))
         before = now
+        tick(engine.name, (k + 1) / steps)
     return Course(engine.name, timestep, **{key: np.array(value, float) for key, value in rows.items()})

@@ -30,7 +30,7 @@ impl Simulation {
             q: self.values(Field::Qpos, env),
             v: self.values(Field::Qvel, env),
             act: self.values(Field::Act, env),
-            inputs: Inputs { ctrl, actuator_dynamics, qfrc: inputs.qfrc.to_vec(), xfrc: inputs.xfrc.to_vec() },
+            inputs: Inputs { ctrl, actuator_dynamics, qfrc: inputs.qfrc.to_vec(), xfrc: inputs.xfrc.to_vec(), mocap_trajectories: vec![] },
             mocap: self.mocap_poses(inputs.mocap_pos, inputs.mocap_quat).collect(),
         })
     }

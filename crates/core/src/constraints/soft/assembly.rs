@@ -3,24 +3,25 @@
 use stepper_real::{Mask, Real};
 
 use crate::collision::contact_set::{Contacts, Slot};
-use crate::constraints::constraint_set::Constraints;
+use crate::constraints::assembler::Assembler;
+use crate::constraints::constraint_problem::ConstraintProblem;
 use crate::constraints::soft::frames::align_tangents;
 use crate::constraints::soft::input::SoftInput;
 use crate::math::spatial::*;
 
-impl<R: Real> Constraints<R> {
+impl<R: Real> Assembler<'_, R> {
     /// Makes the soft rows of all constraints. Velocities of rows are those of `row.assembly.v_free`, before the step.
-    pub fn assemble_soft(&mut self, input: SoftInput<'_, R>, contacts: &mut Contacts<R>) {
-        let Some(mut system) = self.soft.take() else { return };
+    pub(crate) fn assemble_soft(&mut self, input: SoftInput<'_, R>, contacts: &mut Contacts<R>) {
+        let Some(mut system) = self.problem.soft.take() else { return };
         align_tangents(input.row.compiled, input.row.kinematics, contacts);
         R::vectorize(
             #[inline(always)]
             || {
                 system.problem.clear();
-                self.owners.clear();
-                self.slots.clear();
-                self.rolling_slots.clear();
-                self.constrained = R::Mask::splat(false);
+                self.problem.owners.clear();
+                self.problem.slots.clear();
+                self.problem.rolling_slots.clear();
+                self.problem.constrained = R::Mask::splat(false);
                 self.add_soft_equalities(input, &mut system);
                 self.add_soft_frictions(input, &mut system);
                 self.add_soft_limits(input, &mut system);
@@ -30,20 +31,22 @@ impl<R: Real> Constraints<R> {
         if let Some(effective) = input.effective {
             let lanes = input.row.assembly.alive;
             if effective.couple(&mut system, lanes) {
-                self.constrained = lanes;
+                self.problem.constrained = lanes;
             }
         }
-        self.soft = Some(system);
+        self.problem.soft = Some(system);
     }
+}
 
-    /// Leaves the impulses of the solution, `h` times its forces: those of the rows where sensors and people read them, and that of all
-    /// together on the joints in `impulse`, where the next step finds its start.
-    pub fn keep_soft_impulses(&mut self, h: R, contacts: &mut Contacts<R>, impulse: &mut [R]) {
+impl<R: Real> ConstraintProblem<R> {
+    /// Stores the impulses of the solution, which are `h` times its forces: those of contacts in `contacts`, those of scalar rows in
+    /// `scalar_impulse`, and their sum on the joints in `impulse`, from which the next step starts.
+    pub fn store_soft_impulses(&self, h: R, contacts: &mut Contacts<R>, scalar_impulse: &mut [R], impulse: &mut [R]) {
         let Some(system) = &self.soft else { return };
         R::vectorize(
             #[inline(always)]
             || {
-                self.scalar_impulse.fill(R::zero());
+                scalar_impulse.fill(R::zero());
                 impulse.fill(R::zero());
                 if self.constrained.any() {
                     for (impulse, &force) in impulse.iter_mut().zip(system.solver.forces()) {
@@ -59,7 +62,7 @@ impl<R: Real> Constraints<R> {
                     }
                 }
                 for (i, &owner) in self.owners.iter().enumerate() {
-                    self.scalar_impulse[owner] = system.solver.row_force(&system.problem, i) * h;
+                    scalar_impulse[owner] = system.solver.row_force(&system.problem, i) * h;
                 }
                 for (i, &(k, lanes)) in self.slots.iter().enumerate() {
                     let force = system.solver.contact_force(&system.problem, i);

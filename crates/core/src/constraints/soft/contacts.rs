@@ -6,7 +6,7 @@ use stepper_solve::soft::Cone;
 use crate::collision::contact_set::Contacts;
 use crate::collision::surface_velocity;
 use crate::compile::{EndLaw, LaneModel, MIN_FRICTION, SoftContactLaw, SoftLaw};
-use crate::constraints::constraint_set::Constraints;
+use crate::constraints::assembler::Assembler;
 use crate::constraints::soft::effective_mass::in_metric;
 use crate::constraints::soft::input::SoftInput;
 use crate::constraints::soft::system::SoftSystem;
@@ -153,7 +153,7 @@ impl<R: Real> ContactLaw<R> {
     }
 }
 
-impl<R: Real> Constraints<R> {
+impl<R: Real> Assembler<'_, R> {
     /// Contacts that are closer than their margin, those that roll last. A slot may hold contacts of other trees in every lane: it makes a
     /// contact for the lanes in which these are the same, so that no row joins trees which touch in no lane.
     pub(super) fn add_soft_contacts(&mut self, input: SoftInput<'_, R>, contacts: &Contacts<R>, system: &mut SoftSystem<R>) {
@@ -163,7 +163,8 @@ impl<R: Real> Constraints<R> {
                 break;
             }
             for k in 0..contacts.slots() {
-                let distance = self.solved_overlaps.as_ref().map_or(contacts.data[k].point.distance, |solved| solved.distance(contacts, k));
+                let distance =
+                    input.row.assembly.solved_overlaps.map_or(contacts.data[k].point.distance, |solved| solved.distance(contacts, k));
                 let near = R::Mask::from_bits(contacts.lanes_of(k)).and(distance.lt(R::zero())).bits();
                 let mut rolling = 0;
                 if compiled.has_rolling_friction {
@@ -194,28 +195,28 @@ impl<R: Real> Constraints<R> {
     fn add_soft_contact(&mut self, input: SoftInput<'_, R>, contacts: &Contacts<R>, k: usize, lanes: u32, system: &mut SoftSystem<R>) {
         let (compiled, active) = (input.row.compiled, R::Mask::from_bits(lanes));
         let slot = &contacts.data[k];
-        self.gather_support(compiled, contacts, k, lanes);
-        let [v, _] = self.contact_columns(input.row, contacts, k, lanes);
+        self.builder.gather_support(self.problem, compiled, contacts, k, lanes);
+        let [v, _] = self.builder.contact_columns(input.row, contacts, k, lanes);
         let law = ContactLaw::gather(input, contacts, k, lanes);
         let cone = system.problem.cone;
         let reference = law.reference(cone, slot.point.distance, v);
         let [weight, scales] = law.weights(cone, R::splat(input.softness.impratio), input.effective.is_some(), active);
-        for &d in &self.support {
+        for &d in &self.builder.support {
             let d = d as usize;
-            self.column[d] = select(active, self.column[d], zero());
+            self.builder.column[d] = select(active, self.builder.column[d], zero());
         }
-        let weight = law.in_metric(input, cone, &self.support, &self.column, weight);
-        let column = &self.column;
+        let weight = law.in_metric(input, cone, &self.builder.support, &self.builder.column, weight);
+        let column = &self.builder.column;
         system.problem.contacts.push(
-            &self.support,
+            &self.builder.support,
             #[inline(always)]
             |d| column[d],
             reference,
             weight,
             scales,
         );
-        self.slots.push((k, active));
-        self.constrained = self.constrained.or(active);
+        self.problem.slots.push((k, active));
+        self.problem.constrained = self.problem.constrained.or(active);
     }
 
     #[inline(always)]
@@ -229,15 +230,15 @@ impl<R: Real> Constraints<R> {
     ) {
         let (compiled, active) = (input.row.compiled, R::Mask::from_bits(lanes));
         let slot = &contacts.data[k];
-        self.gather_support(compiled, contacts, k, lanes);
-        let [v, _] = self.contact_columns(input.row, contacts, k, lanes);
+        self.builder.gather_support(self.problem, compiled, contacts, k, lanes);
+        let [v, _] = self.builder.contact_columns(input.row, contacts, k, lanes);
         let n = slot.point.normal;
         let axes = [n, slot.tangent, cross(n, slot.tangent)];
         let carried = angular(&surface_velocity::motion(compiled, input.row.kinematics, contacts, k, lanes));
         let mut turning = [dot(axes[0], carried), R::zero(), R::zero()];
-        for &d in &self.support {
+        for &d in &self.builder.support {
             let d = d as usize;
-            let (sign, axis) = (self.sign_of(d), angular(&input.row.kinematics.axes[d]));
+            let (sign, axis) = (self.builder.sign_of(d), angular(&input.row.kinematics.axes[d]));
             let j = [dot(axes[0], axis) * sign + R::zero(), dot(axes[1], axis) * sign + R::zero(), dot(axes[2], axis) * sign + R::zero()];
             turning = add_scaled(turning, j, input.row.assembly.v_free[d]);
             system.angular[d] = j;
@@ -246,15 +247,15 @@ impl<R: Real> Constraints<R> {
         let cone = system.problem.cone;
         let reference = law.reference(cone, slot.point.distance, [v[0], v[1], v[2], turning[0], turning[1], turning[2]]);
         let [weight, scales] = law.weights(cone, R::splat(input.softness.impratio), input.effective.is_some(), active);
-        for &d in &self.support {
+        for &d in &self.builder.support {
             let d = d as usize;
-            self.column[d] = select(active, self.column[d], zero());
+            self.builder.column[d] = select(active, self.builder.column[d], zero());
             system.angular[d] = select(active, system.angular[d], zero());
         }
-        let weight = law.in_metric(input, cone, &self.support, &self.column, weight);
-        let (linear, angular) = (&self.column, &system.angular);
+        let weight = law.in_metric(input, cone, &self.builder.support, &self.builder.column, weight);
+        let (linear, angular) = (&self.builder.column, &system.angular);
         system.problem.rolling_contacts.push(
-            &self.support,
+            &self.builder.support,
             #[inline(always)]
             |d| {
                 let ([a, b, c], [x, y, z]) = (linear[d], angular[d]);
@@ -264,8 +265,8 @@ impl<R: Real> Constraints<R> {
             weight,
             scales,
         );
-        self.rolling_slots.push((k, active, [R::one(); 3]));
-        self.constrained = self.constrained.or(active);
+        self.problem.rolling_slots.push((k, active, [R::one(); 3]));
+        self.problem.constrained = self.problem.constrained.or(active);
     }
 }
 

@@ -3,7 +3,7 @@
 use stepper_real::{Mask, Real};
 
 use crate::compile::{CompiledEquality, EqualityRows, SoftLaw};
-use crate::constraints::constraint_set::Constraints;
+use crate::constraints::assembler::Assembler;
 use crate::constraints::equality::{angular_acceleration, moves};
 use crate::constraints::soft::effective_mass::law_at;
 use crate::constraints::soft::input::SoftInput;
@@ -17,12 +17,12 @@ struct Errors<R: Real> {
     kappa: V3<R>,
 }
 
-impl<R: Real> Constraints<R> {
+impl<R: Real> Assembler<'_, R> {
     /// Equalities, each with the impedance of all of its errors together.
     #[inline(always)]
     pub(super) fn add_soft_equalities(&mut self, input: SoftInput<'_, R>, system: &mut SoftSystem<R>) {
         for (k, block) in input.row.compiled.equalities.iter().enumerate() {
-            if self.active_equalities.has_rows(k) {
+            if self.problem.active_equalities.has_rows(k) {
                 block.equalities.iter().for_each(
                     #[inline(always)]
                     |equality| self.add_soft_equality(input, equality, system),
@@ -37,8 +37,8 @@ impl<R: Real> Constraints<R> {
         match &equality.rows {
             EqualityRows::Points { frames, anchors, turn, .. } => {
                 let turned = turn.as_ref().map(|(mats, weight)| (Turn::of(input, *frames, mats), R::splat(*weight)));
-                self.use_own_support(equality);
-                let points = self.connect_points(input.row, *frames, *anchors);
+                self.builder.use_own_support(equality);
+                let points = self.builder.connect_points(input.row, *frames, *anchors);
                 let mut square = dot(points.error, points.error);
                 if let Some((turn, weight)) = &turned {
                     let error = scale(turn.error, *weight);
@@ -56,20 +56,20 @@ impl<R: Real> Constraints<R> {
                                 j = if side == 0 { add(j, axis) } else { sub(j, axis) };
                             }
                         }
-                        self.column[d] = scale(turn.rate(j), weight);
+                        self.builder.column[d] = scale(turn.rate(j), weight);
                     }
                     let errors = Errors { error: scale(turn.error, weight), kappa: scale(turn.kappa, weight) };
                     self.push_soft_triple(input, equality, system, rotation_law, impedance, errors, 3);
                 }
             }
             EqualityRows::Coupling { first, second, polynomial } => {
-                self.use_own_support(equality);
-                let rows = self.couple_joints(input.row, first, second.as_ref(), splat(*polynomial));
+                self.builder.use_own_support(equality);
+                let rows = self.builder.couple_joints(input.row, first, second.as_ref(), splat(*polynomial));
                 let mut rate = R::zero();
                 for &d in &equality.support {
-                    rate += self.column[d as usize][0] * input.row.assembly.v_free[d as usize];
+                    rate += self.builder.column[d as usize][0] * input.row.assembly.v_free[d as usize];
                 }
-                let active = input.row.assembly.alive.and(self.active_equalities.lanes(equality));
+                let active = input.row.assembly.alive.and(self.problem.active_equalities.lanes(equality));
                 // MuJoCo leaves J' v of couplings out.
                 let law = row_law(law, input, [rows.error[0], rate], active);
                 system.terms.clear();
@@ -93,9 +93,9 @@ impl<R: Real> Constraints<R> {
         first: usize,
     ) {
         let (assembly, mut rate) = (input.row.assembly, zero());
-        let active = assembly.alive.and(self.active_equalities.lanes(equality));
+        let active = assembly.alive.and(self.problem.active_equalities.lanes(equality));
         for &d in &equality.support {
-            rate = add_scaled(rate, self.column[d as usize], assembly.v_free[d as usize]);
+            rate = add_scaled(rate, self.builder.column[d as usize], assembly.v_free[d as usize]);
         }
         system.terms.clear();
         system.terms.extend_from_slice(&equality.support);
@@ -104,8 +104,8 @@ impl<R: Real> Constraints<R> {
             let owner = equality.owner + first + k;
             self.push_soft_row(input, system, RowOf { law, bounds: unbounded(), active, owner });
             for &d in &equality.support {
-                let [_, b, c] = self.column[d as usize];
-                self.column[d as usize] = [b, c, R::zero()];
+                let [_, b, c] = self.builder.column[d as usize];
+                self.builder.column[d as usize] = [b, c, R::zero()];
             }
         }
     }

@@ -3,7 +3,8 @@
 use stepper_real::{Mask, Real};
 
 use crate::compile::{Combination, LaneModel, SoftLaw};
-use crate::constraints::constraint_set::Constraints;
+use crate::constraints::assembler::Assembler;
+use crate::constraints::row_builder::RowBuilder;
 use crate::constraints::soft::effective_mass::{in_metric, law_at};
 use crate::constraints::soft::input::SoftInput;
 use crate::constraints::soft::system::SoftSystem;
@@ -22,38 +23,7 @@ pub(super) struct RowOf<R: Real> {
     pub(super) owner: usize,
 }
 
-impl<R: Real> Constraints<R> {
-    /// Appends a scalar row whose Jacobian is in the first component of `column` at `system.terms`, ascending.
-    #[inline(always)]
-    pub(super) fn push_soft_row(&mut self, input: SoftInput<'_, R>, system: &mut SoftSystem<R>, row: RowOf<R>) {
-        let RowOf { law: [reference, mut weight], bounds, active, owner } = row;
-        for &d in &system.terms {
-            let entry = R::select(active, self.column[d as usize][0], R::zero());
-            self.column[d as usize][0] = entry;
-        }
-        let column = &self.column;
-        if let Some(effective) = input.effective {
-            weight = in_metric(
-                weight,
-                effective.mobility(
-                    &system.terms,
-                    #[inline(always)]
-                    |d| column[d][0],
-                ),
-            );
-        }
-        system.problem.push_row(
-            &system.terms,
-            #[inline(always)]
-            |d| column[d][0],
-            reference,
-            weight,
-            bounds,
-        );
-        self.owners.push(owner);
-        self.constrained = self.constrained.or(active);
-    }
-
+impl<R: Real> RowBuilder<R> {
     /// Leaves the Jacobian of a combination of joints, times `sign`, in the first component of `column`, on `system.terms`.
     #[inline(always)]
     pub(super) fn combine(&mut self, system: &mut SoftSystem<R>, parts: &[(&Combination<R::Scalar>, R)]) {
@@ -72,6 +42,39 @@ impl<R: Real> Constraints<R> {
             }
         }
     }
+}
+
+impl<R: Real> Assembler<'_, R> {
+    /// Appends a scalar row whose Jacobian is in the first component of `column` at `system.terms`, ascending.
+    #[inline(always)]
+    pub(super) fn push_soft_row(&mut self, input: SoftInput<'_, R>, system: &mut SoftSystem<R>, row: RowOf<R>) {
+        let RowOf { law: [reference, mut weight], bounds, active, owner } = row;
+        for &d in &system.terms {
+            let entry = R::select(active, self.builder.column[d as usize][0], R::zero());
+            self.builder.column[d as usize][0] = entry;
+        }
+        let column = &self.builder.column;
+        if let Some(effective) = input.effective {
+            weight = in_metric(
+                weight,
+                effective.mobility(
+                    &system.terms,
+                    #[inline(always)]
+                    |d| column[d][0],
+                ),
+            );
+        }
+        system.problem.push_row(
+            &system.terms,
+            #[inline(always)]
+            |d| column[d][0],
+            reference,
+            weight,
+            bounds,
+        );
+        self.problem.owners.push(owner);
+        self.problem.constrained = self.problem.constrained.or(active);
+    }
 
     /// Dry friction of joints and tendons.
     #[inline(always)]
@@ -85,7 +88,7 @@ impl<R: Real> Constraints<R> {
                 bounds = [bounds[0] - forwards, bounds[1] + backwards];
             }
             let law = row_law(law, input, [R::zero(), assembly.v_free[friction.dof]], assembly.alive);
-            self.column[friction.dof] = [R::one(), R::zero(), R::zero()];
+            self.builder.column[friction.dof] = [R::one(), R::zero(), R::zero()];
             system.terms.clear();
             system.terms.push(friction.dof as u32);
             let owner = compiled.limits.len() + i;
@@ -95,7 +98,7 @@ impl<R: Real> Constraints<R> {
             if tendon.friction > <R::Scalar as Default>::default() {
                 let most = R::splat(tendon.friction);
                 let law = row_law(law, input, [R::zero(), tendon.length.rate(assembly.v_free)], assembly.alive);
-                self.combine(system, &[(&tendon.length, R::one())]);
+                self.builder.combine(system, &[(&tendon.length, R::one())]);
                 let row = RowOf { law, bounds: [-most, most], active: assembly.alive, owner: tendon.owner + 1 };
                 self.push_soft_row(input, system, row);
             }
@@ -110,10 +113,10 @@ impl<R: Real> Constraints<R> {
             let q = assembly.q[limit.q];
             let [lowest, highest] = compiled.params.limit(i);
             let (sign, error) = nearer_end(q, lowest, highest);
-            let distance = self.solved_overlaps.as_ref().map_or(error, |solved| solved.limit(i));
+            let distance = input.row.assembly.solved_overlaps.map_or(error, |solved| solved.limit(i));
             let active = assembly.alive.and(distance.lt(R::zero()));
             if active.any() {
-                self.column[limit.dof] = [sign, R::zero(), R::zero()];
+                self.builder.column[limit.dof] = [sign, R::zero(), R::zero()];
                 system.terms.clear();
                 system.terms.push(limit.dof as u32);
                 self.push_soft_limit(input, system, law, [error, sign * assembly.v_free[limit.dof]], active, i);
@@ -125,7 +128,7 @@ impl<R: Real> Constraints<R> {
             let (sign, error) = nearer_end(tendon.length.value(assembly.q), R::splat(lowest), R::splat(highest));
             let active = assembly.alive.and(error.lt(R::zero()));
             if active.any() {
-                self.combine(system, &[(&tendon.length, sign)]);
+                self.builder.combine(system, &[(&tendon.length, sign)]);
                 let rate = sign * tendon.length.rate(assembly.v_free);
                 self.push_soft_limit(input, system, law, [error, rate], active, tendon.owner);
             }
@@ -147,7 +150,7 @@ impl<R: Real> Constraints<R> {
                 system.terms.clear();
                 for k in 0..3 {
                     system.terms.push((limit.dof + k) as u32);
-                    self.column[limit.dof + k] = [axis[k], R::zero(), R::zero()];
+                    self.builder.column[limit.dof + k] = [axis[k], R::zero(), R::zero()];
                 }
                 self.push_soft_limit(input, system, law, [error, dot(axis, v)], active, limit.owner);
             }

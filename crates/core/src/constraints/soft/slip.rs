@@ -8,11 +8,11 @@ use stepper_solve::soft::{ContactVisit, SlipEffort};
 
 use crate::collision::contact_set::Contacts;
 use crate::compile::LaneModel;
-use crate::constraints::constraint_set::Constraints;
+use crate::constraints::constraint_problem::ConstraintProblem;
 use crate::constraints::soft::visit_order::{Key, VisitOrder};
 use crate::dynamics::inertia::MassMatrix;
 
-impl<R: Real> Constraints<R> {
+impl<R: Real> ConstraintProblem<R> {
     /// Takes the slip out of friction in the lanes that have constraints, once the soft problem is solved. Returns the sweeps of each lane.
     pub fn remove_slip(
         &mut self,

@@ -22,20 +22,20 @@ impl<R: Real> HeldOverlaps<R> {
         if let Some(mut overlaps) = self.0.take() {
             // The step has handed its contacts on.
             overlaps.keep(compiled, &s.state.contacts, &s.evaluation.q);
-            s.constraints.solved_overlaps = Some(overlaps);
+            s.evaluation.solved_overlaps = Some(overlaps);
         }
     }
 
     /// Makes rows by their own overlaps again.
     pub(crate) fn release(&mut self, s: &mut Workspace<R>) {
-        self.0 = s.constraints.solved_overlaps.take().or_else(|| self.0.take());
+        self.0 = s.evaluation.solved_overlaps.take().or_else(|| self.0.take());
     }
 }
 
 /// Calls `near` with the gaps that have crossed zero at the displaced state in `s`, in the lanes `lanes` (bits). Returns those of them that
 /// have all overlaps of the solution.
 pub(crate) fn compare_overlaps<R: Real>(compiled: &LaneModel<R>, s: &Workspace<R>, lanes: u32, near: &mut dyn FnMut(Followed)) -> u32 {
-    let Some(overlaps) = &s.constraints.solved_overlaps else { return lanes };
+    let Some(overlaps) = &s.evaluation.solved_overlaps else { return lanes };
     let contacts = &s.evaluation.contacts;
     overlaps.find_crossings(compiled, contacts, &s.evaluation.q, lanes, &mut |Crossing { lane, is_limit, distance }| {
         near(Followed { lane, switch: if is_limit { Switch::Limit } else { Switch::Contact }, distance });

@@ -5,7 +5,9 @@
 //! held. Geometry, forces and inertia are differentiated by differences of this, which has no kinks of its own. Where the configuration
 //! stays, poses, mass matrix and rows do.
 
+mod held_overlaps;
 pub(crate) mod kink;
+mod response;
 
 use stepper_real::{Mask, Real, Scalar};
 use stepper_solve::newton::{Followed, Switch};
@@ -13,18 +15,19 @@ use stepper_solve::newton::{Followed, Switch};
 use crate::compile::LaneModel;
 use crate::dynamics::kinematics::{displace, quat_at};
 use crate::integrators::devices::Devices;
-use crate::integrators::held_overlaps::{HeldOverlaps, compare_overlaps};
 use crate::integrators::mujoco;
 use crate::integrators::recomputed::Recomputed;
-use crate::integrators::response::{HardResponse, is_solved};
-use crate::integrators::workspace::{State, Workspace};
+use crate::integrators::step_values::State;
+use crate::integrators::workspace::Workspace;
 use crate::math::lanes::{MAX_LANES, each_of};
 use crate::math::spatial::*;
 use crate::model::JointKind;
 use crate::options::{ContactLaw, StepSettings};
 use crate::probe::NoProbe;
 use crate::step::step;
+use crate::step_derivative::held_overlaps::{HeldOverlaps, compare_overlaps};
 use crate::step_derivative::kink::*;
+use crate::step_derivative::response::{HardResponse, is_solved};
 
 /// Change of a slope per unit of a coordinate, relative to the slope, that smooth motion may have, and the largest for any width.
 const CURVATURE: f64 = 1e4;
@@ -222,10 +225,10 @@ impl<R: Real> StepDerivative<R> {
         for (kept, now) in self.before.iter_mut().zip([&s.state.q, &s.state.v, &s.state.act, &s.inputs.ctrl]) {
             kept.copy_from_slice(now);
         }
-        let elapsed = s.elapsed;
+        let elapsed = s.state.elapsed;
         let mut devices = Devices { group: 0, actuators: None, sensors: None };
         let record = step(compiled, options, s, &mut devices, NoProbe);
-        s.elapsed = elapsed;
+        s.state.elapsed = elapsed;
         for (kept, now) in self.after.iter_mut().zip([&s.state.q, &s.state.v, &s.state.act]) {
             kept.copy_from_slice(now);
         }
@@ -254,7 +257,7 @@ impl<R: Real> StepDerivative<R> {
         match &mut self.law {
             LawResponse::Hard(response) => response.keep(compiled, s),
             LawResponse::Mujoco(solution) => {
-                if let Some(system) = &mut s.constraints.soft {
+                if let Some(system) = &mut s.problem.soft {
                     solution.copy_from_slice(&system.acceleration);
                     system.settle(compiled, &s.free_motion.smooth.mass, &s.free_motion.smooth.acc);
                 }
@@ -341,7 +344,7 @@ impl<R: Real> StepDerivative<R> {
             LawResponse::Hard(response) => response.follow(compiled, options, s, recomputed, lanes, near),
             LawResponse::Mujoco(solution) => {
                 if recomputed == Recomputed::Configuration {
-                    s.poses.begin();
+                    s.evaluation.poses.begin();
                 }
                 mujoco::respond_step(compiled, options, s, solution, recomputed);
                 if recomputed == Recomputed::Configuration { compare_overlaps(compiled, s, lanes, near) } else { lanes }
@@ -363,15 +366,15 @@ impl<R: Real> StepDerivative<R> {
                         JointKind::Slide | JointKind::Hinge => None,
                     };
                     for k in 0..turn.unwrap_or(1) {
-                        moved[joint.v + k] = s.next.q[joint.q + k] - after[0][joint.q + k];
+                        moved[joint.v + k] = s.position.q[joint.q + k] - after[0][joint.q + k];
                     }
                     if let Some(k) = turn {
                         let [w, x, y, z] = quat_at(&after[0], joint.q + k);
-                        let turned = quat_log(quat_mul([w, -x, -y, -z], quat_at(&s.next.q, joint.q + k)));
+                        let turned = quat_log(quat_mul([w, -x, -y, -z], quat_at(&s.position.q, joint.q + k)));
                         moved[joint.v + k..joint.v + k + 3].copy_from_slice(&turned);
                     }
                 }
-                let pairs = s.next.v.iter().chain(&s.next.act).zip(after[1].iter().chain(&after[2]));
+                let pairs = s.velocity.v.iter().chain(&s.position.act).zip(after[1].iter().chain(&after[2]));
                 for (rate, (&next, &after)) in rates.iter_mut().zip(pairs) {
                     *rate = next - after;
                 }

@@ -6,27 +6,27 @@ use stepper_solve::{Iterate, Settings, System};
 
 use crate::collision::contact_set::{Contacts, Slot};
 use crate::compile::{ActuatorParams, LaneModel};
-use crate::constraints::Constraints;
 use crate::constraints::restitution::any_elastic;
 use crate::constraints::solved_overlaps::limit_gap;
+use crate::constraints::{ConstraintProblem, PositionSolution, VelocitySolution};
 use crate::dynamics::kinematics::{advance, displace};
-use crate::integrators::corrected_forces::recompute_forces;
-use crate::integrators::evaluation::{assemble_here, evaluate};
-use crate::integrators::free_motion::renew_forces;
+use crate::integrators::assemble::assemble_problem;
+use crate::integrators::free_motion::recompute_free_motion;
+use crate::integrators::locate::locate;
+use crate::integrators::positions::integrate_positions;
+use crate::integrators::predict::compute_smooth_velocity;
 use crate::integrators::recomputed::Recomputed;
 use crate::integrators::scheme;
 use crate::integrators::scheme::Scheme;
+use crate::integrators::step_values::{Evaluation, FreeMotion, Place, StepInput};
 use crate::integrators::workspace::Workspace;
 use crate::math::lanes::each_of;
-use crate::math::spatial::V3;
 use crate::options::{Stabilization, StepSettings};
 use crate::probe::NoProbe;
-use crate::stages::s01_actuate::advance_activation;
 use crate::stages::s04_assemble::assemble_demands;
 use crate::stages::s05_solve::{fastest, is_estimated};
 use crate::stages::s06_integrate_velocity::integrate_velocity;
-use crate::stages::s07_integrate_position::integrate_position;
-use crate::stages::s08_stabilise::{Solved, damp_rows, find_correction};
+use crate::stages::s08_stabilise::{PositionInput, damp_rows, find_correction};
 use crate::tuning::{BOUND_DISTANCE, EXPECTED_VELOCITY_WEIGHT, SOLVED_RESIDUAL};
 
 /// Number of a constraint that is none.
@@ -61,9 +61,8 @@ pub(crate) struct HardResponse<R: Real> {
     /// Free velocity for which the present rows are.
     v_free: Vec<R>,
     change: Vec<R>,
-    /// The scheme, and the lanes that it takes at the beginning of the step.
+    /// Scheme of the step, with the evaluation time of each lane.
     scheme: Scheme<R>,
-    at_beginning: R::Mask,
 }
 
 /// What becomes of the impulses of a system of rows, in the lanes `lanes` (bits).
@@ -92,7 +91,6 @@ impl<R: Real> HardResponse<R> {
             v_free: zeros(),
             change: zeros(),
             scheme: scheme(options),
-            at_beginning: R::Mask::splat(false),
         }
     }
 
@@ -101,7 +99,7 @@ impl<R: Real> HardResponse<R> {
         // The step has handed its contacts on.
         self.contacts.clone_from(&s.state.contacts);
         self.v_expected.copy_from_slice(&s.free_motion.v_expected);
-        for (i, (gap, impulse)) in self.limits.iter_mut().zip(&s.constraints.scalar_impulse).enumerate() {
+        for (i, (gap, impulse)) in self.limits.iter_mut().zip(&s.velocity.scalar_impulse).enumerate() {
             *gap = R::select(impulse.gt(R::zero()), limit_gap(compiled, i, &s.evaluation.q), R::of(f64::NAN));
         }
     }
@@ -111,12 +109,12 @@ impl<R: Real> HardResponse<R> {
     pub(crate) fn settle(&mut self, compiled: &LaneModel<R>, options: &StepSettings, s: &mut Workspace<R>, lanes: u32) -> u32 {
         let lanes = self.take(compiled, options, s, Recomputed::Configuration, Pass::Solve { lanes });
         // What bounces has other impulses in the correction of positions, or none.
-        let lanes = lanes & !s.constraints.rebounding.or(s.constraints.bouncing()).bits();
+        let lanes = lanes & !s.problem.rebounding.or(s.problem.bouncing()).bits();
         if !self.scheme.corrects {
             return lanes;
         }
         // The time of an impact is found by iteration, to a part of the step.
-        let lanes = lanes & !s.impacts.lanes.bits();
+        let lanes = lanes & !s.evaluation.impacts.lanes.bits();
         let matters = depends_on_estimate(compiled);
         let estimated = is_estimated(&s.state.v, self.scheme.h).bits();
         // What rests expects the velocity by the impulses of the step before.
@@ -206,83 +204,85 @@ impl<R: Real> HardResponse<R> {
         recomputed: Recomputed,
         mut pass: Pass<'_>,
     ) -> u32 {
-        let everywhere = R::Mask::splat(true);
+        let Workspace { state, inputs, evaluation, free_motion: free, problem, builder, velocity, position, alive, .. } = s;
+        let input = StepInput { compiled, options, state, inputs, alive: *alive };
         match recomputed {
             Recomputed::Configuration => {
-                self.scheme = scheme(options);
-                s.poses.begin();
-                self.at_beginning = evaluate(compiled, options, &mut self.scheme, s, NoProbe);
-                s.evaluation.contacts.follow_tangents(&self.contacts);
-                self.assemble(compiled, options, s);
+                evaluation.poses.begin();
+                locate(input, evaluation, free, NoProbe);
+                self.scheme = evaluation.scheme;
+                evaluation.match_contacts(compiled, &mut state.contacts);
+                evaluation.contacts.follow_tangents(&self.contacts);
             }
-            Recomputed::Velocity => {
-                renew_forces(compiled, &self.scheme, s);
-                self.assemble(compiled, options, s);
-            }
-            Recomputed::Forces => {
-                renew_forces(compiled, &self.scheme, s);
-                advance(&s.free_motion.v, &self.v_free, -R::one(), &mut self.change);
-                assemble_demands(compiled, &s.free_motion.smooth.mass, &mut s.constraints, &mut self.change, None, everywhere);
-            }
+            Recomputed::Velocity | Recomputed::Forces => recompute_free_motion(input, evaluation, free),
+        }
+        let place = Place { input: StepInput { compiled, options, state, inputs, alive: *alive }, evaluation };
+        if recomputed == Recomputed::Forces {
+            advance(&free.v, &self.v_free, -R::one(), &mut self.change);
+            assemble_demands(compiled, &free.smooth.mass, problem, &mut self.change, None, R::Mask::splat(true));
+        } else {
+            // Stage 4 with the contacts that the step had.
+            assemble_problem(place, free, problem, velocity, builder, NoProbe);
+            problem.activate_matching(velocity, &evaluation.contacts, &self.contacts);
         }
         if self.scheme.corrects {
-            pass.find_step_impulses(options, &mut self.estimate, &mut s.constraints, &s.evaluation.contacts);
-            recompute_forces(compiled, &self.scheme, s, NoProbe);
+            pass.find_step_impulses(options, &mut self.estimate, problem, velocity, &evaluation.contacts);
+            compute_smooth_velocity(place, free, problem, velocity, NoProbe);
         }
-        self.v_free.copy_from_slice(&s.free_motion.v);
-        pass.find_step_impulses(options, &mut self.solution, &mut s.constraints, &s.evaluation.contacts);
-        integrate_velocity(compiled, &s.free_motion.smooth.mass, &s.free_motion.v, &s.constraints, &mut s.next.v);
-        integrate_position(compiled, &s.evaluation.q, &s.next.v, self.scheme.time_after, &mut s.next.q);
-        advance_activation(compiled, &s.state.act, &s.evaluation.act, &s.inputs.ctrl, self.scheme.h, &mut s.next.act);
+        self.v_free.copy_from_slice(&free.v);
+        pass.find_step_impulses(options, &mut self.solution, problem, velocity, &evaluation.contacts);
+        integrate_velocity(compiled, &free.smooth.mass, &free.v, velocity);
+        integrate_positions(place, velocity, position, NoProbe);
         if self.split {
-            self.correct_positions(compiled, options, s, &mut pass);
+            self.correct_positions(place, free, problem, velocity, position, &mut pass);
         }
         let (Pass::Solve { lanes } | Pass::Follow { lanes, .. }) = pass;
         lanes
     }
 
-    /// Stage 4 with the contacts that the step had.
-    fn assemble(&self, compiled: &LaneModel<R>, options: &StepSettings, s: &mut Workspace<R>) {
-        assemble_here(compiled, options, &self.scheme, s, self.at_beginning);
-        s.constraints.activate_matching(&s.evaluation.contacts, &self.contacts);
-    }
-
     /// Stage 8 with `pass` in the place of its solve.
-    fn correct_positions(&mut self, compiled: &LaneModel<R>, options: &StepSettings, s: &mut Workspace<R>, pass: &mut Pass<'_>) {
+    fn correct_positions(
+        &mut self,
+        place: Place<'_, R>,
+        free: &FreeMotion<R>,
+        problem: &ConstraintProblem<R>,
+        velocity: &mut VelocitySolution<R>,
+        position: &mut PositionSolution<R>,
+        pass: &mut Pass<'_>,
+    ) {
+        let Place { input: StepInput { compiled, options, .. }, evaluation: Evaluation { contacts, .. } } = place;
         if matches!(pass, Pass::Solve { .. }) {
             // Errors of equalities that are none, so that the step corrects nothing, are some beside it.
-            let Constraints { needs_position_solve, constrained, .. } = &s.constraints;
+            let ConstraintProblem { needs_position_solve, constrained, .. } = problem;
             self.corrected = if compiled.equalities.is_empty() { needs_position_solve.bits() } else { constrained.bits() };
         }
         if self.corrected == 0 {
             return;
         }
-        s.constraints.copy_positions();
-        let (rows, mut workspace) = s.constraints.split();
-        let (mass, contacts) = (&s.free_motion.smooth.mass, &s.evaluation.contacts);
-        let solved = Solved { rows, mass, contacts, v_free: &s.free_motion.v, h: self.scheme.h };
-        damp_rows(compiled, options, &solved, &mut workspace);
-        let system = workspace.positions.system(rows.problem);
-        let name = names(rows.owners, rows.slots, rows.rolling_slots, contacts);
+        position.copy_rows(problem);
+        position.v_free.copy_from_slice(&free.v);
+        let corrected = R::Mask::from_bits(self.corrected);
+        let (mass, h) = (&free.smooth.mass, self.scheme.h);
+        let rows = PositionInput { problem, mass, contacts, lanes: corrected, rebounding: problem.rebounding, h };
+        damp_rows(compiled, &rows, &velocity.impulses, position);
         pass.find_impulses(
             options,
             &mut self.correction,
-            (system, workspace.iterate, workspace.newton),
+            (position.rows.system(&problem.rows), &mut velocity.impulses, &mut velocity.newton),
             [self.corrected; 2],
-            name,
+            names(problem, contacts),
             Some(&self.solution),
         );
-        let excess = find_correction(compiled, options, &solved, workspace.iterate, &s.next.v, &mut s.work.correction);
+        let excess = find_correction(compiled, options, &rows, velocity, position);
         if let Pass::Solve { lanes } = pass {
             // Slowed down, it follows from its fastest joint.
             *lanes &= !self.corrected | excess.lt(R::of(1.0 - BOUND_DISTANCE)).bits();
         }
-        displace(compiled, &s.next.q, &s.work.correction, self.scheme.h, &mut s.work.q_corrected);
-        let corrected = R::Mask::from_bits(self.corrected);
+        displace(compiled, &position.q, &position.correction, h, &mut position.q_corrected);
         R::vectorize(
             #[inline(always)]
             || {
-                for (q, &new) in s.next.q.iter_mut().zip(&s.work.q_corrected) {
+                for (q, &new) in position.q.iter_mut().zip(&position.q_corrected) {
                     *q = R::select(corrected, new, *q);
                 }
             },
@@ -311,19 +311,17 @@ impl Pass<'_> {
         &mut self,
         options: &StepSettings,
         response: &mut Response<R>,
-        constraints: &mut Constraints<R>,
+        problem: &ConstraintProblem<R>,
+        velocity: &mut VelocitySolution<R>,
         contacts: &Contacts<R>,
     ) {
-        let constrained = constraints.constrained;
-        let (rows, workspace) = constraints.split();
-        let name = names(rows.owners, rows.slots, rows.rolling_slots, contacts);
         let all = R::Mask::splat(true).bits();
         self.find_impulses(
             options,
             response,
-            (rows.problem.into(), workspace.iterate, workspace.newton),
-            [constrained.bits(), all],
-            name,
+            ((&problem.rows).into(), &mut velocity.impulses, &mut velocity.newton),
+            [problem.constrained.bits(), all],
+            names(problem, contacts),
             None,
         );
     }
@@ -378,18 +376,13 @@ fn depends_on_estimate<R: Real>(compiled: &LaneModel<R>) -> bool {
     !compiled.fluid.is_empty() || compiled.servos.iter().any(|servo| pushes(servo.actuator))
 }
 
-/// Which constraint a kind's constraint of some index is in a lane: the number of its owner, or of its contact.
-fn names<'a, R: Real>(
-    owners: &'a [usize],
-    slots: &'a [(usize, R::Mask)],
-    rolling_slots: &'a [(usize, R::Mask, V3<R>)],
-    contacts: &'a Contacts<R>,
-) -> impl Fn(usize, usize, usize) -> u64 + 'a {
+/// Number of the owner or contact of a kind's constraint, by kind, index and lane.
+fn names<'a, R: Real>(problem: &'a ConstraintProblem<R>, contacts: &'a Contacts<R>) -> impl Fn(usize, usize, usize) -> u64 + 'a {
     move |kind, i, lane| {
         let (k, lanes) = match kind {
-            0 => return owners[i] as u64,
-            1 => slots[i],
-            _ => (rolling_slots[i].0, rolling_slots[i].1),
+            0 => return problem.owners[i] as u64,
+            1 => problem.slots[i],
+            _ => (problem.rolling_slots[i].0, problem.rolling_slots[i].1),
         };
         if lanes.bits() >> lane & 1 == 1 { contacts.ids[k][lane].0 } else { NOBODY }
     }

@@ -1,0 +1,55 @@
+//! Assembly of the constraint problem: rows of contacts, limits, dry friction, equalities and tendons.
+
+use stepper_real::Real;
+
+use crate::constraints::constraint_problem::ConstraintProblem;
+use crate::constraints::row_builder::RowBuilder;
+use crate::constraints::solved_overlaps::SolvedOverlaps;
+use crate::constraints::velocity_solution::VelocitySolution;
+use crate::dynamics::inertia::NewtonEuler;
+
+/// Assembler of a step's rows. Each element of the model has a file with its rows.
+pub(crate) struct Assembler<'a, R: Real> {
+    /// Problem to which the rows are added.
+    pub(crate) problem: &'a mut ConstraintProblem<R>,
+    /// Solution, which gets the initial impulse of every row.
+    pub(crate) velocity: &'a mut VelocitySolution<R>,
+    /// Row under construction.
+    pub(crate) builder: &'a mut RowBuilder<R>,
+}
+
+/// Input of the assembly of rows.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct AssemblyInput<'a, R: Real> {
+    /// Configuration at which the rows are taken.
+    pub q: &'a [R],
+    /// Velocity before the step.
+    pub v: &'a [R],
+    /// Velocities of the links, and their accelerations if no joint accelerates (both of `v`, at `q`).
+    pub motion: &'a NewtonEuler<R>,
+    /// Velocity after the step without constraints.
+    pub v_free: &'a [R],
+    /// What actuator dynamics lose to friction (against motion forwards, against motion backwards), N or N m, for every row of dry
+    /// friction; empty without any.
+    pub losses: &'a [[R; 2]],
+    /// Time step, s.
+    pub h: R,
+    /// From the configuration before the step to that at which the rows are taken, s.
+    pub time_before: R,
+    /// Whether the step is taken in its middle, with impacts at their own time.
+    pub in_the_middle: bool,
+    /// Part of a gap that may close in the step.
+    pub closing_fraction: R,
+    /// Overlaps of the nominal step, if the step is differentiated: rows then follow them instead of their own.
+    pub solved_overlaps: Option<&'a SolvedOverlaps<R>>,
+    /// Environments that step.
+    pub alive: R::Mask,
+}
+
+impl<R: Real> AssemblyInput<'_, R> {
+    /// Part of the distance `phi` that may close in the step, m. An overlap is returned unchanged.
+    #[inline(always)]
+    pub(crate) fn gap(&self, phi: R) -> R {
+        R::select(phi.gt(R::zero()), phi * self.closing_fraction, phi)
+    }
+}

@@ -1,0 +1,147 @@
+//! The constraint problem of a step. Stage 4 assembles it, and stages 5 and 8 solve it, for velocities and for positions.
+
+use stepper_real::{Mask, Real, Scalar};
+use stepper_solve::{Capacity, Problem};
+
+use crate::compile::{LaneModel, ModelStructure};
+use crate::constraints::active_equalities::ActiveEqualities;
+use crate::constraints::soft::SoftSystem;
+use crate::dynamics::inertia::MassMatrix;
+use crate::math::spatial::*;
+
+/// Constraint problem of a step, with the element of the model that each row belongs to.
+///
+/// Rows are fixed once stage 4 has assembled them. The passes of a step change two things: the target velocities
+/// ([`ConstraintProblem::shift`]) and the deferred contacts that are active ([`ConstraintProblem::activate`]).
+#[derive(Clone, Debug)]
+pub struct ConstraintProblem<R: Real> {
+    /// Rows in the form of the solver.
+    pub rows: Problem<R>,
+    /// Index of the impulse of every scalar row, in [`VelocitySolution::scalar_impulse`].
+    ///
+    /// [`VelocitySolution::scalar_impulse`]: crate::constraints::velocity_solution::VelocitySolution::scalar_impulse
+    pub owners: Vec<usize>,
+    /// Slot of every contact of three rows, and the lanes in which it exists.
+    pub slots: Vec<(usize, R::Mask)>,
+    /// Slot and lanes of every contact of six rows, and the lengths by which its three rotation rows are scaled, m.
+    pub rolling_slots: Vec<(usize, R::Mask, V3<R>)>,
+    /// Lanes with at least one row.
+    pub constrained: R::Mask,
+    /// Lanes whose positions need a solve of their own in stage 8.
+    pub needs_position_solve: R::Mask,
+    /// Lanes in which Baumgarte's bias is part of the velocities.
+    pub biased: R::Mask,
+    /// Lanes in which a contact bounces. Positions and velocities may differ there by any speed.
+    pub rebounding: R::Mask,
+    /// Whether there may be rows along which nothing can move.
+    pub(crate) may_be_held: bool,
+    /// Impacts of the contacts, in their order: contacts of three rows first. Empty if no contact is elastic.
+    pub(crate) impacts: Vec<Impact<R>>,
+    /// Whether a contact is elastic, for a scheme that resolves the times of impacts.
+    pub(crate) has_impacts: bool,
+    /// Approaching contacts, whose rows are deferred until the solved motion closes their gap.
+    pub(crate) deferred: Vec<DeferredContact<R>>,
+    /// Time within which a row lets its gap close, s.
+    pub(crate) closing_time: R,
+    /// Lanes in which each equality of the model acts.
+    pub(crate) active_equalities: ActiveEqualities<R>,
+    /// Rows of MuJoCo's contact law. With that law `rows` is empty.
+    pub(crate) soft: Option<Box<SoftSystem<R>>>,
+}
+
+/// A contact that bounces within the step.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Impact<R: Real> {
+    /// Lanes in which it does.
+    pub(crate) lanes: R::Mask,
+    /// Lanes in which it overlapped before.
+    pub(crate) overlapping: R::Mask,
+    /// When, from the beginning of the step, as a part of it.
+    pub(crate) time_fraction: R,
+    /// 1 + e.
+    pub(crate) normal_factor: R,
+}
+
+/// Contact whose rows are deferred in some lanes.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct DeferredContact<R: Real> {
+    /// Index of the contact in the problem: those of three rows come first, then those of six.
+    pub(crate) contact: usize,
+    /// Slot of the contact in the contact set.
+    pub(crate) slot: usize,
+    /// Lanes in which the rows are deferred.
+    pub(crate) lanes: R::Mask,
+    /// Lanes in which the contact bounces. The bias there is the rebound velocity.
+    pub(crate) bounces: R::Mask,
+    /// Bias of the normal row, m/s: g minus the free velocity.
+    pub(crate) bias: R,
+    /// Initial impulse of the rows at activation, N s and N m s.
+    pub(crate) impulse: [R; 6],
+}
+
+impl<R: Real> ConstraintProblem<R> {
+    /// Problem for a compiled model with at most `max_contacts` contacts per environment.
+    pub fn new(compiled: &ModelStructure<R::Scalar>, max_contacts: usize) -> Self {
+        // With MuJoCo's law a slot is a contact for the lanes that touch the same trees: where there are several, at the most one for each
+        // lane, of that lane's own coordinates.
+        let parts = if compiled.softness.is_some() && compiled.ntree > 1 { R::LANES } else { 1 };
+        let (soft_contacts, soft_support) = (max_contacts * parts, capacity_of(compiled, 0, R::LANES / parts).contact_support);
+        let capacity = capacity_of(compiled, max_contacts, R::LANES);
+        let rolling_contacts = capacity.rolling_contacts;
+        let none = R::Mask::splat(false);
+        Self {
+            rows: Problem::new(&capacity),
+            owners: Vec::with_capacity(capacity.scalars),
+            slots: Vec::with_capacity(soft_contacts),
+            rolling_slots: Vec::with_capacity(if compiled.has_rolling_friction { soft_contacts } else { 0 }),
+            constrained: none,
+            needs_position_solve: none,
+            biased: none,
+            rebounding: none,
+            may_be_held: false,
+            impacts: Vec::with_capacity(max_contacts + rolling_contacts),
+            has_impacts: false,
+            deferred: Vec::with_capacity(max_contacts + rolling_contacts),
+            closing_time: R::zero(),
+            active_equalities: ActiveEqualities::new(compiled),
+            soft: SoftSystem::new(compiled, max_contacts, soft_contacts, soft_support),
+        }
+    }
+
+    /// Adds a change of the free velocity, in the lanes `lanes`, to the target velocities. Overwrites `change`.
+    pub fn shift(&mut self, compiled: &LaneModel<R>, mass: &MassMatrix<R>, change: &mut [R], lanes: R::Mask) {
+        if self.rows.is_empty() {
+            return;
+        }
+        R::vectorize(
+            #[inline(always)]
+            || {
+                mass.scale(compiled, change);
+                self.rows.shift(change, lanes);
+                self.undo_change_after_impacts(change, lanes);
+            },
+        )
+    }
+}
+
+/// Capacity for all rows of a compiled model: a contact touches the ancestors of two frames in each of its lanes, and every row the degrees
+/// of freedom that equalities couple to it.
+pub(crate) fn capacity_of<S: Scalar>(compiled: &ModelStructure<S>, contacts: usize, lanes: usize) -> Capacity {
+    let coupled = compiled.equalities.iter().filter(|b| b.eliminated).map(|b| b.support.len()).sum::<usize>();
+    let with_coupled = |entries: usize| (entries + coupled).min(compiled.nv);
+    let depth = |dof: usize| with_coupled(compiled.dofs[dof].depth);
+    let single = compiled.limits.iter().map(|l| depth(l.dof)).chain(compiled.frictions.iter().map(|f| depth(f.dof))).sum::<usize>();
+    let balls = compiled.ball_limits.iter().map(|b| depth(b.dof + 2)).sum::<usize>();
+    let equalities = compiled.equalities.iter().map(|b| b.rows * with_coupled(b.support.len())).sum::<usize>();
+    let tendons = compiled.tendons.iter().map(|t| 3 * with_coupled(t.support.len())).sum::<usize>();
+    let mut moved: Vec<usize> = compiled.moved_dofs.iter().map(|m| m.iter().map(|w| w.count_ones() as usize).sum()).collect();
+    moved.sort_unstable();
+    let deepest: usize = moved.iter().rev().take(2).sum();
+    let mut capacity = Capacity::of_coordinates(compiled.nv);
+    capacity.scalars = compiled.scalar_impulses;
+    capacity.scalar_entries = single + balls + equalities + tendons;
+    capacity.contacts = contacts;
+    capacity.rolling_contacts = if compiled.has_rolling_friction { contacts } else { 0 };
+    capacity.contact_support = with_coupled(deepest * lanes);
+    capacity
+}

@@ -1,0 +1,75 @@
+//! Solution of the position problem: stages 7 and 8.
+
+use stepper_real::Real;
+use stepper_solve::{PositionRows, Reference};
+
+use crate::collision::contact_set::Contacts;
+use crate::compile::LaneModel;
+use crate::constraints::constraint_problem::{ConstraintProblem, capacity_of};
+use crate::constraints::islands::Islands;
+use crate::dynamics::kinematics::Kinematics;
+
+/// Positions after the step, and the workspace of their correction.
+#[derive(Clone, Debug)]
+pub struct PositionSolution<R: Real> {
+    /// Configuration after the step, nq.
+    pub q: Vec<R>,
+    /// Activations after the step, na.
+    pub act: Vec<R>,
+    /// Rows of the position solve.
+    pub(crate) rows: PositionRows<R>,
+    /// Mobility of the bodies of every contact if nothing held them, 1/kg; 0 for scalar rows.
+    pub(crate) floors: Vec<R>,
+    /// Impulses of the velocity solution, from which a correction is counted.
+    pub(crate) reference: Reference<R>,
+    /// Sets of kinematic trees that rows connect.
+    pub(crate) islands: Islands,
+    /// Free velocity of the position solve, nv.
+    pub(crate) v_free: Vec<R>,
+    /// Displacement velocity that impacts leave out of `v_free`, nv.
+    pub(crate) carried: Vec<R>,
+    /// Velocity of the correction, nv.
+    pub(crate) correction: Vec<R>,
+    /// Corrected configuration, nq.
+    pub(crate) q_corrected: Vec<R>,
+    /// Poses at the corrected configuration.
+    pub(crate) kinematics: Kinematics<R>,
+    /// Contacts at the corrected configuration.
+    pub(crate) contacts: Contacts<R>,
+}
+
+impl<R: Real> PositionSolution<R> {
+    /// Workspace for a compiled model with at most `max_contacts` contacts per environment.
+    pub fn new(compiled: &LaneModel<R>, max_contacts: usize) -> Self {
+        let capacity = capacity_of(compiled, max_contacts, R::LANES);
+        let [q, v, act] = [compiled.nq, compiled.nv, compiled.na].map(|n| move || vec![R::zero(); n]);
+        Self {
+            q: q(),
+            act: act(),
+            rows: PositionRows::new(&capacity),
+            floors: Vec::with_capacity(capacity.scalars + capacity.contacts + capacity.rolling_contacts),
+            reference: Reference::new(&capacity),
+            islands: Islands::new(compiled.ntree),
+            v_free: v(),
+            carried: v(),
+            correction: v(),
+            q_corrected: q(),
+            kinematics: Kinematics::new(compiled),
+            contacts: Contacts::new(max_contacts).with_torques(compiled.has_rolling_friction),
+        }
+    }
+
+    /// Fills with NaN the vectors that a step computes before it reads them.
+    pub(crate) fn poison(&mut self) {
+        let Self { q, act, v_free, carried, correction, q_corrected, .. } = self;
+        [q, act, v_free, carried, correction, q_corrected].into_iter().for_each(|buffer| buffer.fill(R::of(f64::NAN)));
+    }
+
+    /// Copies the rows of the problem.
+    pub fn copy_rows(&mut self, problem: &ConstraintProblem<R>) {
+        R::vectorize(
+            #[inline(always)]
+            || self.rows.copy(&problem.rows),
+        )
+    }
+}

@@ -1,0 +1,81 @@
+//! Workspace in which stage 4 builds one row after the other: its Jacobian, half a solve of it, and the elimination of equalities.
+
+use std::ops::Range;
+
+use stepper_real::Real;
+
+use crate::compile::ModelStructure;
+use crate::math::spatial::*;
+
+/// Builder of rows. It holds the row under construction; [`crate::constraints::assembler::Assembler`] adds the row to the problem.
+#[derive(Clone, Debug)]
+pub(crate) struct RowBuilder<R: Real> {
+    /// Degrees of freedom of the row, ascending.
+    pub(crate) support: Vec<u32>,
+    /// Entries of up to three rows, by degree of freedom: first J^T, then L^-T J^T.
+    pub(crate) column: Vec<V3<R>>,
+    /// Entries of the sliding rows while the rotation rows of the same contact are built.
+    pub(crate) linear: Vec<V3<R>>,
+    /// Entries of a column along a chain.
+    pub(crate) path: Vec<R>,
+    /// Lanes (bits) in which each degree of freedom moves the second geom of a contact, and the first.
+    pub(crate) signs: Vec<[u32; 2]>,
+    /// Set of degrees of freedom as bits.
+    pub(crate) words: Vec<u64>,
+    /// Lanes (bits) in which both surfaces of the contact can move.
+    pub(crate) moving: u32,
+    /// Lanes (bits) in which the first surface of the contact is a plane.
+    pub(crate) flat: u32,
+    /// Eliminated equality rows that share a degree of freedom with the row.
+    pub(crate) coupled: Vec<Range<usize>>,
+    /// Entries of the eliminated equalities, times D^-1/2 and times D^1/2 of the mass matrix factors L^T D L.
+    pub(crate) eliminated_entries: [Vec<R>; 2],
+    /// Coefficients of the last elimination, or their scales, by index of the eliminated row.
+    pub(crate) projections: Vec<V3<R>>,
+    /// Squared scales of the entries of a column.
+    pub(crate) scales: Vec<V3<R>>,
+    /// Squared scales of what the elimination of equalities removes from each entry of a column.
+    pub(crate) removed_scales: Vec<V3<R>>,
+    /// Squared scales of the target velocities of hard equality rows, (m/s)^2, in the order of these rows.
+    pub(crate) velocity_scales: Vec<R>,
+    /// Squared lengths of the terms of each row of a block of equalities.
+    pub(crate) sizes: Vec<R>,
+    /// Whether each block of equalities needs scales of its entries; see [`crate::constraints::assembler::Assembler::add_equalities`].
+    pub(crate) needs_scales: Vec<bool>,
+    /// Squared scales of the entries of the rows of a block.
+    pub(crate) entry_scales: Vec<R>,
+    /// Squared scales of the projection coefficients of the rows of a block.
+    pub(crate) coefficient_scales: Vec<R>,
+    /// Velocity terms of the rows of a block: h/2 J' v, J v before the step, and the bias that corrects the position error.
+    pub(crate) demands: Vec<[R; 3]>,
+}
+
+impl<R: Real> RowBuilder<R> {
+    /// Workspace for a compiled model.
+    pub(crate) fn new(compiled: &ModelStructure<R::Scalar>) -> Self {
+        let block = compiled.equalities.iter().map(|b| b.rows).max().unwrap_or(0);
+        let rows = compiled.equalities.iter().map(|b| b.rows).sum();
+        let entries = || compiled.equalities.iter().map(|b| b.rows * b.support.len());
+        Self {
+            support: Vec::with_capacity(compiled.nv),
+            column: vec![zero(); compiled.nv],
+            linear: vec![zero(); if compiled.has_rolling_friction { compiled.nv } else { 0 }],
+            path: vec![R::zero(); compiled.nv],
+            signs: vec![[0; 2]; compiled.nv],
+            words: vec![0; compiled.nv.div_ceil(64)],
+            moving: 0,
+            flat: 0,
+            coupled: Vec::with_capacity(compiled.equalities.len()),
+            eliminated_entries: std::array::from_fn(|_| Vec::with_capacity(entries().sum())),
+            projections: vec![zero(); rows],
+            scales: vec![zero(); compiled.nv],
+            removed_scales: vec![zero(); compiled.nv],
+            velocity_scales: Vec::with_capacity(rows),
+            sizes: Vec::with_capacity(block),
+            needs_scales: vec![false; compiled.equalities.len()],
+            entry_scales: Vec::with_capacity(entries().max().unwrap_or(0)),
+            coefficient_scales: vec![R::zero(); block],
+            demands: Vec::with_capacity(block),
+        }
+    }
+}

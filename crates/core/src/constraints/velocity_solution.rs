@@ -1,0 +1,71 @@
+//! Solution of the velocity problem: stages 5 and 6.
+
+use stepper_real::Real;
+use stepper_solve::newton::Newton;
+use stepper_solve::{Iterate, Snapshot};
+
+use crate::compile::{LaneModel, ModelStructure};
+use crate::constraints::constraint_problem::capacity_of;
+use crate::constraints::hyperstatic::Patches;
+use crate::constraints::worst_row::WorstRows;
+use crate::dynamics::inertia::MassMatrix;
+
+/// Impulses of a step and the velocity that follows from them.
+#[derive(Clone, Debug)]
+pub struct VelocitySolution<R: Real> {
+    /// Impulses in the order of the rows. Stage 8 continues from them and overwrites them.
+    pub impulses: Iterate<R>,
+    /// Velocity after the step, nv.
+    pub v: Vec<R>,
+    /// Impulses of all scalar constraints: limits, dry friction, then equalities and tendons. They start the next step's solve.
+    pub scalar_impulse: Vec<R>,
+    /// Contact groups whose loads statics does not determine. Their contacts share the load evenly.
+    pub(crate) patches: Patches<R>,
+    /// Saved impulses, for lanes that may restore them.
+    pub(crate) shared: Snapshot<R>,
+    /// Newton's method with its workspace, which stage 8 uses too.
+    pub newton: Newton,
+    /// Worst rows of unsolved lanes.
+    pub worst: WorstRows<R>,
+    /// Request to save the problem of a lane.
+    pub(crate) capture: Capture,
+}
+
+/// Request for the problem of a lane as the next solve of stage 5 finds it, and the answer.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Capture {
+    /// Lane to save; none once it is saved.
+    pub(crate) lane: Option<usize>,
+    /// Saved problem; see [`stepper_solve::Problem::from_bytes`].
+    pub(crate) bytes: Vec<u8>,
+}
+
+impl<R: Real> VelocitySolution<R> {
+    /// Workspace for a compiled model with at most `max_contacts` contacts per environment.
+    pub fn new(compiled: &ModelStructure<R::Scalar>, max_contacts: usize) -> Self {
+        let capacity = capacity_of(compiled, max_contacts, R::LANES);
+        Self {
+            impulses: Iterate::new(&capacity),
+            v: vec![R::zero(); compiled.nv],
+            scalar_impulse: vec![R::zero(); compiled.scalar_impulses],
+            patches: Patches::new(max_contacts),
+            shared: Snapshot::new(&capacity),
+            newton: Newton::default(),
+            worst: WorstRows::new(),
+            capture: Capture::default(),
+        }
+    }
+
+    /// Computes the velocity change of the present impulses into `out`, nv.
+    pub fn impulse_change(&self, compiled: &LaneModel<R>, mass: &MassMatrix<R>, out: &mut [R]) {
+        R::vectorize(
+            #[inline(always)]
+            || {
+                out.copy_from_slice(&self.impulses.w);
+                if self.impulses.changes_velocity() {
+                    mass.unscale(compiled, out);
+                }
+            },
+        )
+    }
+}

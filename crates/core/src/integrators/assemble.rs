@@ -1,0 +1,39 @@
+//! Stage 4 at the evaluation point of a step.
+
+use crate::constraints::assembler::{Assembler, AssemblyInput};
+use crate::constraints::equality::RowInput;
+use crate::constraints::row_builder::RowBuilder;
+use crate::constraints::{ConstraintProblem, VelocitySolution};
+use crate::integrators::step_values::{Evaluation, FreeMotion, Place, StepInput};
+use crate::probe::{Probe, Span};
+use crate::stages::s04_assemble::assemble;
+use stepper_real::Real;
+
+/// Assembles the constraint problem, with the impulses from which its solution starts.
+#[inline(always)]
+pub(crate) fn assemble_problem<R: Real>(
+    place: Place<'_, R>,
+    free: &FreeMotion<R>,
+    problem: &mut ConstraintProblem<R>,
+    velocity: &mut VelocitySolution<R>,
+    builder: &mut RowBuilder<R>,
+    probe: impl Probe,
+) {
+    let Place { input: StepInput { compiled, options, state, alive, .. }, evaluation } = place;
+    let Evaluation { scheme, at_start, q, kinematics, contacts, impacts, solved_overlaps, .. } = evaluation;
+    let assembly = AssemblyInput {
+        q,
+        v: &state.v,
+        motion: &free.smooth.newton_euler,
+        v_free: &free.v,
+        losses: &free.actuator_forces.losses,
+        h: scheme.h,
+        time_before: scheme.time_before,
+        in_the_middle: scheme.in_the_middle,
+        closing_fraction: scheme.closing_fraction(*at_start, impacts.lanes),
+        solved_overlaps: solved_overlaps.as_deref(),
+        alive,
+    };
+    let input = RowInput { compiled, options, kinematics, mass: &free.smooth.mass, assembly: &assembly };
+    probe.span(Span::Assemble, || assemble(input, contacts, Assembler { problem, velocity, builder }));
+}

@@ -1,0 +1,84 @@
+//! Evaluation point of a step: the time in the step at which forces, contacts and rows are evaluated.
+
+use stepper_real::{Mask, Real};
+
+use crate::dynamics::kinematics::displace;
+use crate::dynamics::mocap;
+use crate::integrators::free_motion::{advance_evaluation, compute_free_motion};
+use crate::integrators::impact::first_impacts;
+use crate::integrators::scheme;
+use crate::integrators::step_values::{Evaluation, FreeMotion, Place, StepInput};
+use crate::probe::{Probe, Span};
+use crate::stages::s03_detect::detect;
+use crate::tuning::MAX_PLACEMENTS;
+
+/// Stages 1 to 3 at the evaluation point: forces, the free velocity and the contacts.
+///
+/// Euler's rule evaluates a step at its beginning, the midpoint rule in its middle. The loop moves the point of some lanes: to the
+/// beginning of the step where bodies are so fast that they could pass through a thin geom before, and to the time of the first elastic
+/// impact.
+#[inline(always)]
+pub(crate) fn locate<R: Real>(input: StepInput<'_, R>, evaluation: &mut Evaluation<R>, free: &mut FreeMotion<R>, probe: impl Probe) {
+    evaluation.scheme = scheme(input.options);
+    evaluation.at_start = R::Mask::splat(false);
+    evaluation.impacts.lanes = R::Mask::splat(false);
+    free.expected_impulse.copy_from_slice(&input.state.impulse);
+    let too_fast = evaluate(input, evaluation, free, probe);
+    if too_fast.any() {
+        evaluation.at_start = too_fast;
+        evaluation.scheme.move_to(R::zero(), too_fast);
+        evaluate(input, evaluation, free, probe);
+    }
+    if !evaluation.scheme.in_the_middle {
+        return;
+    }
+    for pass in 0..MAX_PLACEMENTS {
+        let elastic = |k: usize| evaluation.contacts.elastic(k).any();
+        if !(0..evaluation.contacts.slots()).any(elastic) {
+            return;
+        }
+        let moved = probe.span(Span::ImpactTimes, || first_impacts(input, evaluation, &free.v, pass == 0));
+        if moved.none() {
+            return;
+        }
+        evaluate(input, evaluation, free, probe);
+    }
+}
+
+/// Stages 1 to 3 at the present evaluation point. Returns the lanes whose contacts cannot be trusted so far from the beginning of the step.
+#[inline(always)]
+fn evaluate<R: Real>(input: StepInput<'_, R>, evaluation: &mut Evaluation<R>, free: &mut FreeMotion<R>, probe: impl Probe) -> R::Mask {
+    place_bodies(input, evaluation, free, probe);
+    compute_free_motion(Place { input, evaluation }, free, probe);
+    let Evaluation { scheme, kinematics, poses, contacts, .. } = evaluation;
+    let StepInput { compiled, state, alive, .. } = input;
+    detect(compiled, kinematics, [&state.v, &free.v], [scheme.h, scheme.time_before], alive, poses, contacts, probe)
+}
+
+/// Moves the bodies to the configuration at which forces are evaluated, with poses and transmissions there.
+#[inline(always)]
+fn place_bodies<R: Real>(input: StepInput<'_, R>, evaluation: &mut Evaluation<R>, free: &mut FreeMotion<R>, probe: impl Probe) {
+    let StepInput { compiled, state, inputs, .. } = input;
+    probe.span(Span::Displace, || displace_evaluation(input, evaluation));
+    let Evaluation { scheme, q, kinematics, .. } = evaluation;
+    probe.span(Span::Kinematics, || {
+        mocap::pose_bodies(compiled, &inputs.mocap_trajectories, R::of(state.elapsed) + scheme.time_before, kinematics);
+        kinematics.update(compiled, q);
+    });
+    probe.span(Span::Actuate, || free.actuator_forces.transmit(compiled, kinematics, &state.v, scheme.time_ahead));
+}
+
+/// Configuration and activations at which forces are evaluated.
+#[inline(always)]
+fn displace_evaluation<R: Real>(input: StepInput<'_, R>, evaluation: &mut Evaluation<R>) {
+    let StepInput { compiled, state, .. } = input;
+    if evaluation.scheme.in_the_middle {
+        displace(compiled, &state.q, &state.v, evaluation.scheme.time_before, &mut evaluation.q);
+    } else {
+        evaluation.q.copy_from_slice(&state.q);
+    }
+    advance_evaluation(input, evaluation);
+    if evaluation.scheme.looks_ahead {
+        displace(compiled, &evaluation.q, &state.v, evaluation.scheme.time_ahead, &mut evaluation.q_ahead);
+    }
+}

@@ -1,0 +1,208 @@
+//! Prediction of the velocity after the step, and the forces that depend on it.
+
+use stepper_real::{Mask, Real};
+
+use crate::constraints::row_builder::RowBuilder;
+use crate::constraints::{ConstraintProblem, VelocitySolution};
+use crate::dynamics::gyroscopic;
+use crate::dynamics::kinematics::{advance, blend};
+use crate::integrators::assemble::assemble_problem;
+use crate::integrators::free_motion::{compute_free_motion, has_bounded_servos};
+use crate::integrators::scheme::Scheme;
+use crate::integrators::step_resolution::assess_corrector;
+use crate::integrators::step_values::{Evaluation, FreeMotion, Place, Scratch, StepInput};
+use crate::integrators::strike_search::StrikeSearch;
+use crate::integrators::struck_contacts::predict_strikes;
+use crate::probe::{Probe, Span};
+use crate::stages::s01_actuate::actuate;
+use crate::stages::s04_assemble::assemble_demands;
+use crate::stages::s05_solve::Estimate;
+use crate::tuning::MAX_IMPACT_ROTATION;
+
+/// Assembles the problem again if servos reach or leave the bounds of their force by the impulses of this step.
+#[inline(always)]
+pub(crate) fn reconsider_servos<R: Real>(
+    place: Place<'_, R>,
+    free: &mut FreeMotion<R>,
+    problem: &mut ConstraintProblem<R>,
+    velocity: &mut VelocitySolution<R>,
+    builder: &mut RowBuilder<R>,
+    probe: impl Probe,
+) {
+    let Place { input: StepInput { compiled, options, state, .. }, evaluation: Evaluation { scheme, .. } } = place;
+    if !has_bounded_servos(compiled, scheme) || problem.constrained.none() {
+        return;
+    }
+    let changed = probe.span(Span::EstimateImpulses, || servos_disagree(place, free, problem, velocity));
+    if changed {
+        compute_free_motion(place, free, probe);
+        assemble_problem(place, free, problem, velocity, builder, probe);
+        // In lanes whose servos agree the repeated estimate has equal bits.
+        probe.span(Span::EstimateImpulses, || {
+            let (estimate, lanes) = (Estimate::new(compiled, options, &state.v, scheme.h, velocity), problem.constrained);
+            estimate.make(options, lanes, problem, velocity);
+            estimate.choose_start(lanes, problem, velocity);
+        });
+    }
+}
+
+/// Compares the servos at their bounds with those at the bounds by an estimate of the impulses. Lanes that differ expect the impulses of
+/// the estimate from then on. Returns whether any lane differs.
+fn servos_disagree<R: Real>(
+    place: Place<'_, R>,
+    free: &mut FreeMotion<R>,
+    problem: &ConstraintProblem<R>,
+    velocity: &mut VelocitySolution<R>,
+) -> bool {
+    let Place { input: StepInput { compiled, options, state, inputs, alive }, evaluation: Evaluation { scheme, .. } } = place;
+    let lanes = problem.constrained;
+    let estimate = Estimate::new(compiled, options, &state.v, scheme.h, velocity);
+    estimate.make(options, lanes, problem, velocity);
+    let FreeMotion { smooth, actuator_forces, v, expected_impulse, scratch: Scratch { expected_change, impulse, .. }, .. } = free;
+    velocity.impulse_change(compiled, &smooth.mass, expected_change);
+    R::vectorize(
+        #[inline(always)]
+        || {
+            for i in 0..compiled.nv {
+                expected_change[i] = (v[i] - state.v[i]) + expected_change[i];
+            }
+        },
+    );
+    let wrong =
+        actuator_forces.misjudged(compiled, &inputs.actuator_dynamics, scheme.weights, expected_change, scheme.h).and(lanes).and(alive);
+    if wrong.any() {
+        R::vectorize(
+            #[inline(always)]
+            || {
+                impulse.copy_from_slice(&velocity.impulses.w);
+                smooth.mass.momentum(compiled, impulse);
+                for (kept, &now) in expected_impulse.iter_mut().zip(&*impulse) {
+                    *kept = R::select(wrong, now, *kept);
+                }
+            },
+        );
+    }
+    estimate.choose_start(lanes, problem, velocity);
+    wrong.any()
+}
+
+/// Predicts the velocity after the step by an estimate of the impulses, and recomputes the forces that depend on it.
+///
+/// The prediction includes the impulses, so that a robot at rest feels no force of a motion that its contacts prevent. They are estimated
+/// from this step alone, so that the next state follows from the present one.
+pub(crate) fn predict<R: Real>(
+    place: Place<'_, R>,
+    free: &mut FreeMotion<R>,
+    problem: &mut ConstraintProblem<R>,
+    velocity: &mut VelocitySolution<R>,
+    strikes: &mut StrikeSearch<R>,
+    probe: impl Probe,
+) {
+    let Place { input: StepInput { compiled, options, state, alive, .. }, evaluation: Evaluation { scheme, .. } } = place;
+    if !scheme.corrects {
+        return;
+    }
+    let constrained = problem.constrained.or(problem.deferred_lanes(alive));
+    let estimate = Estimate::new(compiled, options, &state.v, scheme.h, velocity);
+    if constrained.any() {
+        probe.span(Span::EstimateImpulses, || {
+            estimate.make(options, constrained, problem, velocity);
+            predict_strikes(place, free, problem, velocity, strikes, (&estimate, constrained));
+        });
+    }
+    compute_smooth_velocity(place, free, problem, velocity, probe);
+    if constrained.any() {
+        probe.span(Span::EstimateImpulses, || estimate.choose_start(constrained, problem, velocity));
+    }
+}
+
+/// Computes the free velocity with velocity-dependent forces at the mean velocity of the step, which follows from the present impulses.
+///
+/// The implicit rule evaluates these forces at the velocity after the step instead of the mean. One such pass keeps the second order of the
+/// midpoint rule. The change of the free velocity goes to the target velocities of `problem`.
+pub(crate) fn compute_smooth_velocity<R: Real>(
+    place: Place<'_, R>,
+    free: &mut FreeMotion<R>,
+    problem: &mut ConstraintProblem<R>,
+    velocity: &VelocitySolution<R>,
+    probe: impl Probe,
+) {
+    let Place { input: StepInput { compiled, state, alive, .. }, evaluation: Evaluation { scheme, kinematics, .. } } = place;
+    let FreeMotion { smooth, actuator_forces, applied, v, v_expected, scratch, .. } = &mut *free;
+    let Scratch { impulse_change, v_mean, v_free_corrected, free_change, .. } = scratch;
+    velocity.impulse_change(compiled, &smooth.mass, impulse_change);
+    leave_out_blows(scheme, v, impulse_change);
+    advance(v, impulse_change, R::one(), v_expected);
+    blend(&state.v, v_expected, scheme.velocity_weight, v_mean);
+    // Without servos no force of stage 1 depends on the velocity.
+    if !compiled.servos.is_empty() {
+        probe.span(Span::Actuate, || actuate(compiled, &place.forces_at(v_mean), scheme.servos(), actuator_forces));
+    }
+    probe.span(Span::Acceleration, || smooth.acceleration(compiled, kinematics, [&actuator_forces.tau, applied], &state.v, v_mean));
+    advance(&state.v, &smooth.acc, scheme.h, v_free_corrected);
+    if !compiled.spinners.is_empty() && scheme.in_the_middle {
+        let times = [scheme.time_before, scheme.time_after];
+        gyroscopic::correct(compiled, kinematics, &smooth.mass, times, [&state.v, v_mean], v_free_corrected);
+    }
+    advance(v_free_corrected, v, -R::one(), free_change);
+    let lanes = assess_corrector(compiled, &state.v, v_free_corrected, free_change, scheme.h);
+    [free.unresolved, free.may_gain] = lanes.map(|lanes| lanes.and(alive));
+    if free.unresolved.any() {
+        leave_out_inertial_forces(place, free);
+    }
+    std::mem::swap(&mut free.v, &mut free.scratch.v_free_corrected);
+    let everywhere = R::Mask::splat(true);
+    assemble_demands(compiled, &free.smooth.mass, problem, &mut free.scratch.free_change, None, everywhere);
+}
+
+/// Removes the `change` by impulses from the prediction in lanes in which it makes the motion faster than the step resolves. Forces of such
+/// a motion would add energy to it.
+fn leave_out_blows<R: Real>(scheme: &Scheme<R>, v_free: &[R], change: &mut [R]) {
+    R::vectorize(
+        #[inline(always)]
+        || {
+            let (mut most, mut free, mut pushed) = (R::zero(), R::zero(), R::zero());
+            for (&change, &v) in change.iter().zip(v_free) {
+                most = most.max(change.abs());
+                free = free.max(v.abs());
+                pushed = pushed.max((v + change).abs());
+            }
+            let blow = (scheme.h * most).gt(R::of(MAX_IMPACT_ROTATION)).and(pushed.gt(free));
+            if blow.any() {
+                for change in change {
+                    *change = R::select(blow, R::zero(), *change);
+                }
+            }
+        },
+    )
+}
+
+/// Computes the free velocity of unresolved lanes without velocity-dependent inertial forces.
+fn leave_out_inertial_forces<R: Real>(place: Place<'_, R>, free: &mut FreeMotion<R>) {
+    let Place { input: StepInput { compiled, state, .. }, evaluation: Evaluation { scheme, kinematics, .. } } = place;
+    let FreeMotion { smooth, actuator_forces, applied, v, v_expected, unresolved, scratch, .. } = free;
+    let Scratch { v_mean: zero_velocity, v_forces, v_free_corrected, free_change, .. } = scratch;
+    // The other lanes' forces stay those of their mean velocity, to the bit: further solutions read them.
+    R::vectorize(
+        #[inline(always)]
+        || {
+            for i in 0..compiled.nv {
+                let mean = state.v[i] + (v_expected[i] - state.v[i]) * scheme.velocity_weight;
+                v_forces[i] = R::select(*unresolved, state.v[i], mean);
+            }
+        },
+    );
+    actuate(compiled, &place.forces_at(v_forces), scheme.servos(), actuator_forces);
+    zero_velocity.fill(R::zero());
+    smooth.acceleration(compiled, kinematics, [&actuator_forces.tau, applied], &state.v, zero_velocity);
+    R::vectorize(
+        #[inline(always)]
+        || {
+            for i in 0..compiled.nv {
+                let still = state.v[i] + smooth.acc[i] * scheme.h;
+                v_free_corrected[i] = R::select(*unresolved, still, v_free_corrected[i]);
+                free_change[i] = R::select(*unresolved, still - v[i], free_change[i]);
+            }
+        },
+    )
+}

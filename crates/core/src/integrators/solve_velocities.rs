@@ -1,0 +1,114 @@
+//! Stages 5 and 6: impulses and the velocity after the step.
+
+use stepper_real::{Mask, Real, Scalar};
+use stepper_solve::Outcome;
+
+use crate::constraints::{ConstraintProblem, PositionSolution, VelocitySolution};
+use crate::integrators::acceptance::{ambiguous, resolve_ambiguous};
+use crate::integrators::impact::correct_impact_forces;
+use crate::integrators::step_outcome::StepOutcome;
+use crate::integrators::step_resolution::{diverging, limit_joint_rates};
+use crate::integrators::step_values::{Evaluation, FreeMotion, Place, StepInput};
+use crate::integrators::strike_search::StrikeSearch;
+use crate::integrators::struck_contacts::{SweptMotion, activate_struck};
+use crate::probe::{Counter, Probe, Span};
+use crate::stages::s05_solve::solve;
+use crate::stages::s06_integrate_velocity::integrate_velocity;
+use crate::stages::s08_stabilise::{PositionInput, limit_baumgarte};
+use crate::tuning::{IMPACT_PASSES, ORDERED_PASSES};
+
+/// Solves for the velocity after the step until it agrees with the problem.
+///
+/// A solution agrees if it closes no gap of a deferred contact and has, after an impact, the velocity at which inertial forces were
+/// evaluated. Otherwise the contacts that collide become active, or the free velocity is computed again, and the lanes are solved again.
+/// The last pass gives the velocity after an impact.
+#[inline(always)]
+pub(crate) fn solve_velocities<R: Real>(
+    place: Place<'_, R>,
+    free: &mut FreeMotion<R>,
+    problem: &mut ConstraintProblem<R>,
+    velocity: &mut VelocitySolution<R>,
+    strikes: &mut StrikeSearch<R>,
+    probe: impl Probe,
+) -> Outcome<R> {
+    let Place { input: StepInput { compiled, options, state, .. }, evaluation: Evaluation { scheme, contacts, .. } } = place;
+    let mut outcome = Outcome { residual: R::zero(), sweeps: R::zero(), newton_steps: R::zero() };
+    let (mut lanes, mut first) = (problem.constrained, true);
+    let (mut collisions, mut impacts) = (0, 0);
+    loop {
+        let solved = probe.span(Span::Solve, || solve(options, &state.v, lanes, problem, velocity, contacts));
+        if first {
+            outcome = solved;
+        } else {
+            outcome.replace(&solved, lanes);
+        }
+        first = false;
+        probe.span(Span::IntegrateVelocity, || integrate_velocity(compiled, &free.smooth.mass, &free.v, velocity));
+        let motion = SweptMotion::Solved { ignores_order: collisions >= ORDERED_PASSES };
+        lanes = probe.span(Span::Solve, || activate_struck(place, free, problem, velocity, strikes, motion));
+        collisions += 1;
+        if lanes.none() && scheme.in_the_middle && impacts < IMPACT_PASSES {
+            lanes = probe.span(Span::SolveImpacts, || correct_impact_forces(place, free, problem, &velocity.v, impacts == 0));
+            (collisions, impacts) = (0, impacts + 1);
+        }
+        if lanes.none() {
+            break;
+        }
+    }
+    problem.activate_satisfied(velocity);
+    probe.span(Span::Solve, || resolve_ambiguous(place, free, problem, velocity, &mut outcome));
+    count_effort(&outcome, probe);
+    outcome
+}
+
+/// Bounds the velocity: where Baumgarte's bias is large, and where the motion is too fast for the step or its energy is ambiguous.
+#[inline(always)]
+pub(crate) fn bound_velocities<R: Real>(
+    place: Place<'_, R>,
+    free: &mut FreeMotion<R>,
+    problem: &ConstraintProblem<R>,
+    velocity: &mut VelocitySolution<R>,
+    position: &mut PositionSolution<R>,
+    mut outcome: Outcome<R>,
+    probe: impl Probe,
+) -> StepOutcome<R> {
+    let Place { input: StepInput { compiled, options, .. }, evaluation: Evaluation { scheme, contacts, .. } } = place;
+    let impulses_act = velocity.impulses.changes_velocity();
+    let (lanes, rebounding) = (problem.needs_position_solve, problem.rebounding);
+    let rows = PositionInput { problem, mass: &free.smooth.mass, contacts, lanes, rebounding, h: scheme.h };
+    let infeasible = probe.span(Span::Stabilise, || limit_baumgarte(compiled, options, &rows, &free.v, velocity, position, &mut outcome));
+    let [ambiguous, limited] = probe.span(Span::GuardEnergy, || limit_speed(place, free, problem, velocity, outcome.residual));
+    StepOutcome { solver: outcome, impulses_act, ambiguous, limited, infeasible, tunnelled: R::Mask::splat(false) }
+}
+
+/// Limits joint speeds in lanes whose motion is too fast for the step or whose energy is ambiguous. Stage 7 limits their energy.
+///
+/// Returns the ambiguous lanes and all limited lanes.
+#[inline(always)]
+fn limit_speed<R: Real>(
+    place: Place<'_, R>,
+    free: &mut FreeMotion<R>,
+    problem: &ConstraintProblem<R>,
+    velocity: &mut VelocitySolution<R>,
+    residual: R,
+) -> [R::Mask; 2] {
+    let Place { input: StepInput { compiled, state, alive, .. }, evaluation: Evaluation { scheme, .. } } = place;
+    let ambiguous = ambiguous(place, free, problem, velocity, residual);
+    if scheme.corrects && problem.constrained.any() {
+        free.unresolved = free.unresolved.or(alive.and(diverging(compiled, [&state.v, &free.v], &velocity.v, scheme.h)));
+    }
+    let limited = free.unresolved.or(ambiguous);
+    if limited.any() {
+        limit_joint_rates(compiled, limited, scheme.h, &mut velocity.v);
+    }
+    [ambiguous, limited]
+}
+
+/// Counts the effort of the solver.
+#[inline(always)]
+fn count_effort<R: Real>(outcome: &Outcome<R>, probe: impl Probe) {
+    let lanes = |x: R| (0..R::LANES).map(move |l| x.lane(l).to_f64());
+    probe.count(Counter::Sweeps, || lanes(outcome.sweeps).sum());
+    probe.count(Counter::SlowestSweeps, || lanes(outcome.sweeps).fold(0.0, f64::max));
+    probe.count(Counter::NewtonSteps, || lanes(outcome.newton_steps).sum());
+}

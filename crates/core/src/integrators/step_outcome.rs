@@ -1,0 +1,79 @@
+//! Outcome of a step, from which stage 10 makes its record.
+
+use stepper_real::{Mask, Real};
+use stepper_solve::{Outcome, System};
+
+use crate::constraints::ConstraintProblem;
+use crate::constraints::equality_violation::max_equality_violation;
+use crate::integrators::step_values::{FreeMotion, StepInput};
+use crate::stages::s10_record::{DEEP, EQUALITY_VIOLATED, OVER_LIMIT, Record, depth, limit_overshoot};
+
+/// Outcome of the solver and lane sets of a step.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct StepOutcome<R: Real> {
+    /// Residual and effort of the solver.
+    pub(crate) solver: Outcome<R>,
+    /// Whether constraint impulses changed any velocity.
+    pub(crate) impulses_act: bool,
+    /// Lanes whose impulses do not determine the kinetic energy.
+    pub(crate) ambiguous: R::Mask,
+    /// Lanes whose speed and energy are limited: the ambiguous ones, and those whose motion is too fast for the step.
+    pub(crate) limited: R::Mask,
+    /// Lanes whose constraints no motion satisfies.
+    pub(crate) infeasible: R::Mask,
+    /// Lanes in which a geom may have passed through a thin one.
+    pub(crate) tunnelled: R::Mask,
+}
+
+/// Residual, or the largest unmet target velocity of a row that cannot move, whichever is larger.
+///
+/// Rows without mobility and dependent rows are not part of the solve.
+#[inline(always)]
+fn with_blocked_rows<R: Real>(problem: &ConstraintProblem<R>, residual: R) -> R {
+    if !problem.may_be_held {
+        return residual;
+    }
+    R::vectorize(
+        #[inline(always)]
+        || {
+            let unmet = System::from(&problem.rows).unmet_velocity();
+            R::select(unmet.gt(residual), unmet, residual)
+        },
+    )
+}
+
+/// Stage 10: status and record of the step whose next state is that of `input`. `finite` marks the lanes in which the step was accepted.
+#[inline(always)]
+pub(crate) fn record<R: Real>(
+    input: StepInput<'_, R>,
+    free: &FreeMotion<R>,
+    problem: &ConstraintProblem<R>,
+    outcome: &StepOutcome<R>,
+    finite: R::Mask,
+) -> Record<R> {
+    let StepInput { compiled, options, state, inputs, alive } = input;
+    let (depth, overshoot) = (depth(problem, &state.contacts, finite), limit_overshoot(compiled, &state.q));
+    let active = &problem.active_equalities;
+    let violation = max_equality_violation(compiled, active, &state.q, &inputs.mocap_trajectories, state.elapsed);
+    let violation = R::select(finite, violation, R::zero());
+    // A rejected step has no residual: its value would depend on which numbers are NaN.
+    let residual = R::select(finite, with_blocked_rows(problem, outcome.solver.residual), R::zero());
+    let unsolved = outcome.ambiguous.or(alive.and_not(residual.le(R::of(options.tolerance))));
+    Record {
+        residual,
+        sweeps: outcome.solver.sweeps,
+        newton_steps: outcome.solver.newton_steps,
+        depth,
+        overshoot,
+        equality_violation: violation,
+        deep: alive.and(depth.gt(R::of(DEEP))),
+        over_limit: alive.and(overshoot.gt(R::of(OVER_LIMIT))),
+        equality_violated: alive.and(violation.gt(R::of(EQUALITY_VIOLATED))),
+        not_converged: unsolved.and(finite),
+        infeasible: alive.and(finite).and(outcome.infeasible),
+        non_finite: alive.and_not(finite),
+        contacts_full: state.contacts.full,
+        unresolved: free.unresolved.or(free.gains),
+        tunnelled: outcome.tunnelled,
+    }
+}

@@ -1,0 +1,218 @@
+//! Values of a step up to its constraint problem: state, input, evaluation point and free motion.
+
+use stepper_real::{Mask, Real};
+
+use crate::actuation::forces::{ActuatorForces, ForceState};
+use crate::collision::contact_set::Contacts;
+use crate::collision::detection::GeomPoses;
+use crate::compile::LaneModel;
+use crate::constraints::solved_overlaps::SolvedOverlaps;
+use crate::dynamics::kinematics::Kinematics;
+use crate::integrators::impact_set::Impacts;
+use crate::integrators::inputs::Inputs;
+use crate::integrators::scheme;
+use crate::integrators::scheme::Scheme;
+use crate::math::spatial::*;
+use crate::options::StepSettings;
+use crate::stages::s02_smooth::Smooth;
+
+/// State of a group of lanes: with the scalar impulses of the constraints, all that a step hands to the next.
+#[derive(Clone, Debug)]
+pub(crate) struct State<R: Real> {
+    /// Configuration, nq.
+    pub(crate) q: Vec<R>,
+    /// Velocity, nv.
+    pub(crate) v: Vec<R>,
+    /// Activations, na.
+    pub(crate) act: Vec<R>,
+    /// Contacts of the last step: the warm start of the next.
+    pub(crate) contacts: Contacts<R>,
+    /// Impulse of all constraints of the last step on the joints, nv.
+    pub(crate) impulse: Vec<R>,
+    /// Simulated time of every lane, s: in 64 bits, since it is a sum of many steps.
+    pub(crate) time: Vec<f64>,
+    /// Time since the call began, s. The poses of mocap bodies follow from it.
+    pub(crate) elapsed: f64,
+}
+
+/// Input of a step, which the step does not change until it accepts the next state.
+#[derive(Clone, Copy)]
+pub(crate) struct StepInput<'a, R: Real> {
+    pub(crate) compiled: &'a LaneModel<R>,
+    pub(crate) options: &'a StepSettings,
+    pub(crate) state: &'a State<R>,
+    pub(crate) inputs: &'a Inputs<R>,
+    /// Lanes that are environments.
+    pub(crate) alive: R::Mask,
+}
+
+/// Evaluation point of a step, with the step's input. Stages 4 to 8 read it and do not change it.
+#[derive(Clone, Copy)]
+pub(crate) struct Place<'a, R: Real> {
+    pub(crate) input: StepInput<'a, R>,
+    pub(crate) evaluation: &'a Evaluation<R>,
+}
+
+impl<'a, R: Real> Place<'a, R> {
+    /// Where forces are evaluated. Velocity-dependent forces that are not implicit use the velocity `v_at`.
+    pub(crate) fn forces_at(&self, v_at: &'a [R]) -> ForceState<'a, R> {
+        let Place { input: StepInput { state, inputs, .. }, evaluation: Evaluation { scheme, q, q_ahead, act, .. } } = *self;
+        let Inputs { ctrl, actuator_dynamics, .. } = inputs;
+        ForceState { q: scheme.springs_at(q, q_ahead), v: &state.v, v_at, act, ctrl, actuator_dynamics }
+    }
+}
+
+/// Point in the step at which forces, contacts and rows are evaluated.
+#[derive(Clone, Debug)]
+pub(crate) struct Evaluation<R: Real> {
+    /// Scheme of the step, with the evaluation time of each lane.
+    pub(crate) scheme: Scheme<R>,
+    /// Lanes that are evaluated at the start of the step in spite of the midpoint rule, because their bodies are fast.
+    pub(crate) at_start: R::Mask,
+    /// Configuration at which everything is evaluated, nq.
+    pub(crate) q: Vec<R>,
+    /// Configuration at which the implicit rule evaluates springs and servos, nq.
+    pub(crate) q_ahead: Vec<R>,
+    /// Activations at which forces are evaluated, na.
+    pub(crate) act: Vec<R>,
+    /// Poses at `q`.
+    pub(crate) kinematics: Kinematics<R>,
+    /// Poses of the geoms, with the cache of collision detection.
+    pub(crate) poses: GeomPoses<R>,
+    /// Contacts at `q`.
+    pub(crate) contacts: Contacts<R>,
+    /// Impacts of the step.
+    pub(crate) impacts: Impacts<R>,
+    /// Overlaps of the nominal step, while the step is differentiated.
+    pub(crate) solved_overlaps: Option<Box<SolvedOverlaps<R>>>,
+}
+
+impl<R: Real> Evaluation<R> {
+    /// Workspace for a compiled model.
+    pub(crate) fn new(compiled: &LaneModel<R>, options: &StepSettings, contacts: Contacts<R>) -> Self {
+        let zeros = |n: usize| vec![R::zero(); n];
+        Self {
+            scheme: scheme(options),
+            at_start: R::Mask::splat(false),
+            q: zeros(compiled.nq),
+            q_ahead: zeros(compiled.nq),
+            act: zeros(compiled.na),
+            kinematics: Kinematics::new(compiled),
+            poses: GeomPoses::new(compiled),
+            contacts,
+            impacts: Impacts::new(compiled),
+            solved_overlaps: None,
+        }
+    }
+
+    /// Fills with NaN the vectors that a step computes before it reads them.
+    pub(super) fn poison(&mut self) {
+        let Self { q, q_ahead, act, .. } = self;
+        [q, q_ahead, act].into_iter().for_each(|buffer| buffer.fill(R::of(f64::NAN)));
+    }
+
+    /// Chooses the tangents of the contacts, with the impulses of the same contacts in `last`, which is overwritten.
+    #[inline(always)]
+    pub(crate) fn match_contacts(&mut self, compiled: &LaneModel<R>, last: &mut Contacts<R>) {
+        self.contacts.close_rounded_gaps(norm(compiled.params.gravity()) * self.scheme.h * self.scheme.h);
+        self.contacts.prepare(last);
+    }
+}
+
+/// Motion without constraints, and the forces that cause it.
+#[derive(Clone, Debug)]
+pub(crate) struct FreeMotion<R: Real> {
+    /// Mass matrix, bias forces and acceleration.
+    pub(crate) smooth: Smooth<R>,
+    /// Forces of actuators and springs.
+    pub(crate) actuator_forces: ActuatorForces<R>,
+    /// Generalized forces that the user applies, nv.
+    pub(crate) applied: Vec<R>,
+    /// Velocity after the step without constraints, nv.
+    pub(crate) v: Vec<R>,
+    /// Velocity after the step at which inertial forces are evaluated, nv.
+    pub(crate) v_expected: Vec<R>,
+    /// Impulse of constraints on the joints that servos at their bounds expect, nv.
+    pub(crate) expected_impulse: Vec<R>,
+    /// Impulse of the step's constraints on the joints, nv.
+    pub(crate) impulse: Vec<R>,
+    /// Lanes whose motion the time step does not resolve.
+    pub(crate) unresolved: R::Mask,
+    /// Lanes whose motion is so fast that the error of the time step may add energy.
+    pub(crate) may_gain: R::Mask,
+    /// Lanes of `may_gain` in which the error of the time step adds energy.
+    pub(crate) gains: R::Mask,
+    /// Buffers of the functions that compute the free motion.
+    pub(crate) scratch: Scratch<R>,
+}
+
+/// Scratch buffers of the free motion, each named after its content, nv. A function that reads one has filled it before.
+#[derive(Clone, Debug)]
+pub(crate) struct Scratch<R: Real> {
+    /// Change of the velocity by the impulses of constraints.
+    pub(crate) impulse_change: Vec<R>,
+    /// Change of the velocity that servos expect.
+    pub(crate) expected_change: Vec<R>,
+    /// Impulses on the joints.
+    pub(crate) impulse: Vec<R>,
+    /// Velocity at which velocity-dependent forces are evaluated.
+    pub(crate) v_mean: Vec<R>,
+    /// The same, where inertial forces are left out in some lanes.
+    pub(crate) v_forces: Vec<R>,
+    /// Free velocity with recomputed forces.
+    pub(crate) v_free_corrected: Vec<R>,
+    /// Difference of that from the free velocity before.
+    pub(crate) free_change: Vec<R>,
+    /// Free velocity in the middle of an impact.
+    pub(crate) v_half: Vec<R>,
+    /// Velocity before impacts, or its change.
+    pub(crate) before_impact: Vec<R>,
+}
+
+impl<R: Real> FreeMotion<R> {
+    /// Workspace for a compiled model.
+    pub(crate) fn new(compiled: &LaneModel<R>) -> Self {
+        let (v, none) = (|| vec![R::zero(); compiled.nv], R::Mask::splat(false));
+        Self {
+            smooth: Smooth::new(compiled),
+            actuator_forces: ActuatorForces::new(compiled),
+            applied: v(),
+            v: v(),
+            v_expected: v(),
+            expected_impulse: v(),
+            impulse: v(),
+            unresolved: none,
+            may_gain: none,
+            gains: none,
+            scratch: Scratch {
+                impulse_change: v(),
+                expected_change: v(),
+                impulse: v(),
+                v_mean: v(),
+                v_forces: v(),
+                v_free_corrected: v(),
+                free_change: v(),
+                v_half: v(),
+                before_impact: v(),
+            },
+        }
+    }
+
+    /// Fills with NaN the vectors that a step computes before it reads them.
+    pub(super) fn poison(&mut self) {
+        let Self { applied, v, v_expected, expected_impulse, impulse: final_impulse, scratch, .. } = self;
+        let Scratch { impulse_change, expected_change, impulse, v_mean, v_forces, v_free_corrected, free_change, .. } = scratch;
+        let Scratch { v_half, before_impact, .. } = scratch;
+        let computed = [
+            [applied, v, v_expected, expected_impulse, final_impulse, impulse_change, expected_change],
+            [impulse, v_mean, v_forces, v_free_corrected, free_change, v_half, before_impact],
+        ];
+        computed.into_iter().flatten().for_each(|buffer| buffer.fill(R::of(f64::NAN)));
+    }
+
+    /// Computes the acceleration by all forces (see [`Smooth::acceleration`]). `v` is the velocity before the step, `v_bias` the velocity
+    /// at which inertial forces are evaluated.
+    pub(crate) fn accelerate(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, v: &[R], v_bias: &[R]) {
+        self.smooth.acceleration(compiled, kinematics, [&self.actuator_forces.tau, &self.applied], v, v_bias);
+    }
+}

@@ -7,7 +7,7 @@ from typing import Any
 
 import griffe
 
-CODE_OR_SELECTOR = re.compile(r"(```.*?```|`[^`\n]*`)|(\w\[[^\]\n]*\])\[", re.DOTALL)
+CODE_OR_SELECTOR = re.compile(r"(```.*?```|`[^`]*`)|(\w\[[^\]\n]*\])\[", re.DOTALL)
 
 
 def without_links(text: str) -> str:

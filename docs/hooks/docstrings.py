@@ -7,7 +7,8 @@ from typing import Any
 
 import griffe
 
-CODE_OR_SELECTOR = re.compile(r"(```.*?```|`[^`]*`)|(\w\[[^\]\n]*\])\[", re.DOTALL)
+CODE_OR_SELECTOR = re.compile(r"(```.*?```|`[^`]*`|^ +(?:model|sim)\.[^\n]*$)|(\w\[[^\]\n]*\])\[", re.DOTALL | re.MULTILINE)
+"""Code in fences, in backticks and in the indented examples of docstrings; or a selector up to its second bracket."""
 
 
 def without_links(text: str) -> str:

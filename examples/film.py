@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 Array = NDArray[Any]
 
+POLICIES = Path(__file__).parent / "policies"
 ROBOTS: dict[str, tuple[str, dict[str, Any]]] = {
     "half_cheetah": ("stepper/HalfCheetah-v5", {"distance": 3.0, "elevation": -12.0, "azimuth": 90.0, "trackbodyid": 1}),
     "ant": ("stepper/Ant-v5", {"distance": 3.5, "elevation": -25.0, "azimuth": 60.0, "trackbodyid": 1}),
@@ -62,8 +63,7 @@ def main() -> None:
     given = parser.parse_args()
     from PIL import Image  # noqa: PLC0415  for `--help` without it
 
-    policies = Path(__file__).parent / "policies"
-    films = [pictures(policies / f"{policy}.npz", name, camera, given.seconds) for policy, (name, camera) in ROBOTS.items()]
+    films = [pictures(POLICIES / f"{policy}.npz", name, camera, given.seconds) for policy, (name, camera) in ROBOTS.items()]
     frames = []
     for tiles in zip(*films, strict=True):
         rows = [np.concatenate(tiles[k : k + COLUMNS], axis=1) for k in range(0, len(tiles), COLUMNS)]

@@ -173,7 +173,7 @@ pub(crate) const MAX_CORRECTION_ROTATION: f64 = 1.0;
 pub(crate) const BAUMGARTE_LIMIT: f64 = 4.0;
 
 /// Unmet demand above which the engine tries to prove that the demands are infeasible, m/s.
-pub(crate) const MIN_UNMET_DEMAND: f64 = 1e-2;
+pub(crate) const MIN_UNMET_TARGET: f64 = 1e-2;
 
 /// Compliance of a position demand relative to its mobility. A row of average mobility keeps 0.1 % of its error per correction. No row
 /// moves by more than 1 / (2 sqrt(DAMPING)), 16 times, its correction.

@@ -38,7 +38,7 @@ by_kind! {
     #[derive(Debug, Serialize, Deserialize)]
     struct Payload[] {
         dimension: usize,
-        hyperstatic: bool,
+        redundant: bool,
         sweeps: u32,
         newton_steps: u32,
         tolerance: f64,
@@ -77,10 +77,10 @@ pub struct LoadedProblem<R: Real> {
 impl<R: Real> System<'_, R> {
     /// One lane as bytes, with the impulses of `iterate` and the limits of its solve; see [`Problem::from_bytes`].
     pub fn to_bytes(&self, iterate: &Iterate<R>, settings: &Settings<R>, lane: usize) -> Vec<u8> {
-        let (dimension, hyperstatic) = (self.problem.dimension(), self.problem.hyperstatic.bits() >> lane & 1 == 1);
+        let (dimension, redundant) = (self.problem.dimension(), self.problem.redundant.bits() >> lane & 1 == 1);
         let Settings { sweeps, newton_steps, tolerance, newton_threshold } = *settings;
         let [tolerance, newton_threshold] = [tolerance, newton_threshold].map(|x| x.lane(lane).to_f64());
-        let payload = make_kinds!(Payload { dimension, hyperstatic, sweeps, newton_steps, tolerance, newton_threshold, }
+        let payload = make_kinds!(Payload { dimension, redundant, sweeps, newton_steps, tolerance, newton_threshold, }
             [set: &self.problem] [rows: self] [impulses: &iterate] => set.save(rows, impulses, lane));
         let payload = postcard::to_stdvec(&payload).expect("a problem is plain data in memory: numbers and sequences of known length");
         let digest: [u8; 32] = Sha256::digest(&payload).into();
@@ -133,7 +133,7 @@ fn parse<R: Real>(bytes: &[u8]) -> Result<LoadedProblem<R>, String> {
 impl Payload {
     /// The problem in every lane of `R`.
     fn problem<R: Real>(&self) -> Result<LoadedProblem<R>, String> {
-        let Self { dimension, hyperstatic, sweeps, newton_steps, tolerance, newton_threshold, .. } = *self;
+        let Self { dimension, redundant, sweeps, newton_steps, tolerance, newton_threshold, .. } = *self;
         if dimension > MOST_COORDINATES || !(tolerance >= 0.0 && newton_threshold >= tolerance) {
             return Err(format!("{dimension} coordinates, tolerances {tolerance} and {newton_threshold}: not of a problem"));
         }
@@ -150,7 +150,7 @@ impl Payload {
                 Impulse::<R>::flatten_mut(own).iter_mut().zip(&saved.impulse).for_each(|(to, &x)| *to = R::of(x));
             }
         });
-        problem.hyperstatic = R::Mask::splat(hyperstatic);
+        problem.redundant = R::Mask::splat(redundant);
         iterate.compute_w(&problem);
         let settings = Settings { sweeps, newton_steps, tolerance: R::of(tolerance), newton_threshold: R::of(newton_threshold) };
         Ok(LoadedProblem { problem, iterate, settings })

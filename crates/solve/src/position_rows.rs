@@ -69,8 +69,8 @@ impl<R: Real> PositionRows<R> {
 
     /// Exchanges the two demands of every row: g for that of the position solve, or back.
     #[inline(always)]
-    pub fn exchange_demands(&mut self) {
-        each_kind!([own: &mut self] => own.exchange_demands());
+    pub fn exchange_targets(&mut self) {
+        each_kind!([own: &mut self] => own.exchange_targets());
     }
 
     /// Damps what the rows demand, counted from the impulses and the motion of `iterate`, which are kept in `reference`. The compliance of
@@ -109,9 +109,9 @@ impl<R: Real> System<'_, R> {
 
     /// Largest velocity that rows and contacts demand where nothing can move, m/s or rad/s.
     #[inline(always)]
-    pub fn immovable_demand(&self) -> R {
+    pub fn immovable_target(&self) -> R {
         let mut most = R::zero();
-        each_kind!([set: &self.problem] [rows: self] => most = set.immovable_demand(rows, most));
+        each_kind!([set: &self.problem] [rows: self] => most = set.immovable_target(rows, most));
         most
     }
 

@@ -15,7 +15,7 @@ by_kind! {
         dimension: usize,
         /// Lanes that are solved for impulses of least norm first: their rows do not determine how a load is distributed, and no step
         /// before has distributed it.
-        pub hyperstatic: R::Mask,
+        pub redundant: R::Mask,
         /// Least mobility along the normal of a contact that can move, 1/kg, for the contacts that are pushed from now on.
         pub least_mobility: R,
     } each set
@@ -57,15 +57,15 @@ impl<R: Real> Problem<R> {
 
     /// An empty problem of this capacity.
     pub fn new(capacity: &Capacity) -> Self {
-        let (dimension, hyperstatic, least_mobility) = (capacity.dimension, R::Mask::splat(false), R::zero());
-        make_kinds!(Self { dimension, hyperstatic, least_mobility, } [count: capacity] => ConstraintSet::new(count, capacity))
+        let (dimension, redundant, least_mobility) = (capacity.dimension, R::Mask::splat(false), R::zero());
+        make_kinds!(Self { dimension, redundant, least_mobility, } [count: capacity] => ConstraintSet::new(count, capacity))
     }
 
     /// Removes all rows.
     #[inline(always)]
     pub fn clear(&mut self) {
         each_kind!([set: &mut self] => set.clear());
-        self.hyperstatic = R::Mask::splat(false);
+        self.redundant = R::Mask::splat(false);
     }
 
     /// Number of coordinates of w.

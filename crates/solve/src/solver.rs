@@ -98,22 +98,22 @@ fn solve_system<R: Real>(
 ) -> Outcome<R> {
     let Settings { sweeps, newton_steps, tolerance, newton_threshold } = settings;
     let mut outcome = Outcome { residual: R::zero(), sweeps: R::zero(), newton_steps: R::zero() };
-    let (mut rest, hyperstatic) = (lanes, lanes.and(system.problem.hyperstatic));
-    if newton_steps > 0 && hyperstatic.any() {
+    let (mut rest, redundant) = (lanes, lanes.and(system.problem.redundant));
+    if newton_steps > 0 && redundant.any() {
         let goal = R::of(LEAST_NORM_GOAL).max(R::of(<R::Scalar as Scalar>::EPSILON.to_f64() * 10.0));
         let (left, slip) = R::vectorize(
             #[inline(always)]
             || {
-                iterate.solve_eliminated(system, hyperstatic);
+                iterate.solve_eliminated(system, redundant);
                 (residual(system, iterate), system.problem.contacts.fastest_slip(system.contacts, &iterate.contacts, &iterate.w))
             },
         );
-        outcome.residual = masked(hyperstatic, left);
-        let anew = hyperstatic.and(left.gt(goal).or(slip.gt(R::of(SLIPS))));
-        newton.solve_least_norm(system, iterate, newton_steps, goal, anew, [&mut outcome.residual, &mut outcome.newton_steps]);
+        outcome.residual = masked(redundant, left);
+        let redistributed = redundant.and(left.gt(goal).or(slip.gt(R::of(SLIPS))));
+        newton.solve_least_norm(system, iterate, newton_steps, goal, redistributed, [&mut outcome.residual, &mut outcome.newton_steps]);
         // A hyperstatic lane that meets its tolerance needs no sweeps, unless its tolerance is no looser than the goal (a lane that hardly
         // moves): there sweeps bring the motion to rest, and change the distribution of the load too little to matter.
-        rest = lanes.and_not(hyperstatic.and(outcome.residual.le(tolerance)).and(tolerance.gt(goal)));
+        rest = lanes.and_not(redundant.and(outcome.residual.le(tolerance)).and(tolerance.gt(goal)));
     }
     let wide = !<R::Scalar as Scalar>::IS_SINGLE;
     let first_sweeps = if newton_steps > 0 && wide { sweeps.min(FIRST_SWEEPS) } else { sweeps };
@@ -126,7 +126,7 @@ fn solve_system<R: Real>(
     let sweeps = SweepSettings { sweeps, tolerance };
     newton.solve(system, iterate, search(Terms::HeldThenExact), left, [&mut outcome.residual, &mut outcome.newton_steps]);
     // Sweeps would undo an even distribution.
-    left = left.and_not(hyperstatic);
+    left = left.and_not(redundant);
     let passes = match newton_steps {
         LEAST_EXACT.. => PASSES,
         // What one pass leaves of a correction, the next step sees.

@@ -25,7 +25,7 @@ fn least_lever<R: Real>() -> f64 {
 /// Rows of a slot along the normal and the tangents. Their entries are in the column of the row builder.
 pub(crate) struct SlidingRows<R: Real> {
     /// What each row demands of velocities and of positions, m/s.
-    pub(crate) demands: [[R; 2]; 3],
+    pub(crate) targets: [[R; 2]; 3],
     /// Squared lengths of the rows, where equalities are taken out of them.
     pub(crate) lengths: Option<SquaredLengths<R, 3>>,
     /// Lanes in which the contact can push, now or once it is activated.
@@ -41,7 +41,7 @@ impl<R: Real> Assembler<'_, R> {
     #[inline(always)]
     pub(crate) fn add_contact(&mut self, input: RowInput<'_, R>, contacts: &Contacts<R>, k: usize, lanes: u32) {
         let (slot, mass) = (&contacts.data[k], input.mass);
-        let SlidingRows { demands: g, lengths, active, deferred, compliance } = self.sliding_rows(input, contacts, k, lanes);
+        let SlidingRows { targets: g, lengths, active, deferred, compliance } = self.sliding_rows(input, contacts, k, lanes);
         let (column, contact) = (&self.builder.column, self.problem.rows.contacts.len());
         self.problem.rows.push_contact(
             &self.builder.support,
@@ -62,7 +62,7 @@ impl<R: Real> Assembler<'_, R> {
         if let Some(compliance) = compliance {
             self.problem.rows.contacts.set_compliance(compliance);
         }
-        self.problem.rows.contacts.set_position_demand([g[0][1], g[1][1] - g[1][0], g[2][1] - g[2][0]]);
+        self.problem.rows.contacts.set_position_target([g[0][1], g[1][1] - g[1][0], g[2][1] - g[2][0]]);
         let solved = active.and_not(deferred.lanes);
         if deferred.lanes.any() {
             self.problem.rows.contacts.defer(deferred.lanes);
@@ -129,19 +129,19 @@ impl<R: Real> Assembler<'_, R> {
             [bias, position] = [bias, position].map(|x| R::select(row.lanes, row.bias, x));
         }
         let (bias, mut active) = self.bounce(compiled, options, slot, assembly, active, [free[0], before[0]], bias);
-        let mut demands = [[free[0] + bias, free[0] + position], [free[1]; 2], [free[2]; 2]];
-        let lengths = self.builder.eliminate(&self.problem.rows, mass, &mut demands);
-        let held = [demands[0][0] - bias, demands[1][0], demands[2][0]];
+        let mut targets = [[free[0] + bias, free[0] + position], [free[1]; 2], [free[2]; 2]];
+        let lengths = self.builder.eliminate(&self.problem.rows, mass, &mut targets);
+        let held = [targets[0][0] - bias, targets[1][0], targets[2][0]];
         if self.problem.has_impacts {
-            active = self.bounce_within(input, slot, active, [free, change], bias, &mut demands);
+            active = self.bounce_within(input, slot, active, [free, change], bias, &mut targets);
         }
         let bounces = self.problem.impacts.last().map_or(R::Mask::splat(false), |impact| impact.lanes);
         let lanes = self.approaching_lanes(input, contacts, k, active.and(rigid), before[0], held);
         let impulse = [R::zero(); 6];
-        let deferred = DeferredContact { contact: 0, slot: k, lanes, bounces, bias: demands[0][0] - held[0], impulse };
+        let deferred = DeferredContact { contact: 0, slot: k, lanes, bounces, bias: targets[0][0] - held[0], impulse };
         if curves {
-            self.add_curve(input, contacts, k, active, [free, change], &mut demands);
+            self.add_curve(input, contacts, k, active, [free, change], &mut targets);
         }
-        SlidingRows { demands, lengths, active, deferred, compliance: springs.map(|row| row.compliance) }
+        SlidingRows { targets, lengths, active, deferred, compliance: springs.map(|row| row.compliance) }
     }
 }

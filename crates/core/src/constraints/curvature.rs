@@ -47,7 +47,7 @@ impl<R: Real> Assembler<'_, R> {
         k: usize,
         active: R::Mask,
         [free, change]: [V3<R>; 2],
-        demands: &mut [[R; 2]; 3],
+        targets: &mut [[R; 2]; 3],
     ) {
         R::vectorize(
             #[inline(always)]
@@ -66,8 +66,8 @@ impl<R: Real> Assembler<'_, R> {
                 for i in 1..3 {
                     let most = (free[i] - change[i]).abs();
                     let curve = (dot(axes[i], rate) * (h - time_before)).clamp(-most, most);
-                    for demand in &mut demands[i] {
-                        *demand = R::select(lanes, *demand + curve, *demand);
+                    for target in &mut targets[i] {
+                        *target = R::select(lanes, *target + curve, *target);
                     }
                 }
             },

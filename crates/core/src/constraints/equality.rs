@@ -232,7 +232,7 @@ impl<R: Real> Assembler<'_, R> {
         let start = self.problem.rows.scalars.len();
         self.builder.sizes.clear();
         self.builder.entry_scales.clear();
-        self.builder.demands.clear();
+        self.builder.targets.clear();
         let scales = self.builder.velocity_scales.len();
         for equality in &block.equalities {
             self.add_equality(input, block, equality, with_scales);
@@ -242,7 +242,7 @@ impl<R: Real> Assembler<'_, R> {
         }
         // The largest correction of the block, as a distance, adds compliance to all its rows: so long a motion turns the other rows'
         // directions, which a linearised solve does not know, and their demands would no longer be met at the end of the step.
-        let displacement = self.builder.demands.iter().fold(R::zero(), |most, demand| most.max(demand[2].abs())) * input.assembly.h;
+        let displacement = self.builder.targets.iter().fold(R::zero(), |most, target| most.max(target[2].abs())) * input.assembly.h;
         let split = input.options.stabilization == Stabilization::Split;
         let damping = if split { R::of(DAMPING) + displacement * R::of(1.0 / CORRECTION_ARM) } else { R::zero() };
         let entries = EntryScales { squares: &mut self.builder.entry_scales, coefficients: &mut self.builder.coefficient_scales };
@@ -253,7 +253,7 @@ impl<R: Real> Assembler<'_, R> {
                 velocities: &mut self.builder.velocity_scales[scales..],
                 entries: with_scales.then_some(entries),
             },
-            &mut self.builder.demands,
+            &mut self.builder.targets,
             #[inline(always)]
             |row, [_, _, correction]| {
                 // Baumgarte's bias is what it is: see `limit_baumgarte` of stage 8.
@@ -279,7 +279,7 @@ impl<R: Real> Assembler<'_, R> {
     #[inline(always)]
     fn set_equality_targets(&mut self, options: &StepSettings, start: usize, scales: usize) {
         let rounding = R::of(velocity_rounding::<R>().powi(2));
-        for (k, &[curve, before, correction]) in self.builder.demands.iter().enumerate() {
+        for (k, &[curve, before, correction]) in self.builder.targets.iter().enumerate() {
             let row = &mut self.problem.rows.scalars[start + k];
             let most = before.abs();
             let kept = row.g + curve.clamp(-most, most);
@@ -379,7 +379,7 @@ impl<R: Real> Assembler<'_, R> {
             }
             self.problem.rows.scalars.set_mobility(mobility);
             if equality.spring.is_some() {
-                self.problem.rows.scalars.set_position_demand(g[k][1]);
+                self.problem.rows.scalars.set_position_target(g[k][1]);
             }
             self.builder.sizes.push(rows.size);
             if block.hard {
@@ -392,8 +392,8 @@ impl<R: Real> Assembler<'_, R> {
                     |&d| scales[d as usize][k] * inv_d[d as usize],
                 ));
             }
-            let demand = [rows.kappa[k] * h * R::of(0.5), before[k], correction[k]];
-            self.builder.demands.push(demand.map(
+            let target = [rows.kappa[k] * h * R::of(0.5), before[k], correction[k]];
+            self.builder.targets.push(target.map(
                 #[inline(always)]
                 |x| R::select(acts, x, R::zero()),
             ));
@@ -427,7 +427,7 @@ impl<R: Real> Assembler<'_, R> {
         if let Some(lengths) = lengths {
             self.set_trace_ratio(law.compliance, lengths.before[0], lengths.after[0]);
         }
-        self.problem.rows.scalars.set_position_demand(g[0][1]);
+        self.problem.rows.scalars.set_position_target(g[0][1]);
     }
 
     /// Says by what the residual of the row pushed last is measured: its squared length before and after equalities were taken out.

@@ -34,7 +34,7 @@ pub struct Flight<R> {
 #[derive(Clone, Copy, Debug)]
 pub struct ImpactPrediction<R: Real> {
     /// Lanes in which it strikes fast enough to bounce.
-    pub strikes: R::Mask,
+    pub collides: R::Mask,
     /// Lanes in which it touches and parts: an impact elsewhere may drive it together, and is shared.
     pub parts: R::Mask,
     /// Lanes in which it touches or is about to, and does not bounce.
@@ -65,14 +65,14 @@ impl<R: Real> Flight<R> {
         let time = late.max(zero).min(h);
         let speed = -(before + change * time);
         let flies = (e * speed).gt((-change).max(zero) * h * R::of(0.5));
-        let strikes = lanes.and(meets).and(speed.gt(threshold)).and(flies);
+        let collides = lanes.and(meets).and(speed.gt(threshold)).and(flies);
         let (touches, here) = (gap.le(slop), before + change * time_before);
         let parts = lanes.and(touches).and_not(meets).and(here.gt(threshold));
         // What a slow contact and gravity close within the step. What is fast and not there yet strikes in the next one.
         let near = before.abs().le(threshold).and(gap.le(h * (threshold + h * gravity) + slop));
         let lies = touches.and(gap.lt(zero).or(here.abs().le(threshold)));
-        let rests = lanes.and(meets.or(lies).or(near)).and_not(strikes).and_not(parts);
-        ImpactPrediction { strikes, parts, rests, time: R::select(strikes, time, time_before) }
+        let rests = lanes.and(meets.or(lies).or(near)).and_not(collides).and_not(parts);
+        ImpactPrediction { collides, parts, rests, time: R::select(collides, time, time_before) }
     }
 }
 
@@ -88,44 +88,44 @@ mod tests {
     }
 
     #[test]
-    fn a_fall_strikes_when_it_has_come_down() {
+    fn a_fall_collides_when_it_has_come_down() {
         // From the height H at the beginning of the step, at the speed v: H - v t - g t^2 / 2 = 0.
         let (v, t) = (1.0, 0.004);
         let height = v * t + 9.81 * t * t / 2.0;
         let found = predict(height - v * 0.005, -v, -v - 9.81 * 0.01, 0.5);
-        assert!(found.strikes.any() && (found.time - t).abs() < 1e-15);
+        assert!(found.collides.any() && (found.time - t).abs() < 1e-15);
     }
 
     #[test]
-    fn a_throw_strikes_when_it_has_come_back() {
+    fn a_throw_collides_when_it_has_come_back() {
         // Up from the surface at v, it is back after 2 v / g; that it was there at the beginning is no impact.
         let v = 9.81 * 0.008 / 2.0;
         let found = predict(v * 0.005, v, v - 9.81 * 0.01, 1.0);
         assert!(found.rests.any(), "its flight is shorter than a step");
         let found = predict(v * 0.005 + 2e-4, v, v - 9.81 * 0.01, 1.0);
-        assert!(found.strikes.none() && found.time == 0.005, "it comes down later");
+        assert!(found.collides.none() && found.time == 0.005, "it comes down later");
     }
 
     #[test]
-    fn what_overlaps_strikes_at_once_where_it_closes_and_never_where_it_parts() {
+    fn an_overlap_collides_at_once_where_it_closes_and_never_where_it_parts() {
         assert_eq!(predict(-0.02, -1.0, -1.1, 0.5).time, 0.0);
         let parting = predict(-0.02, 1.0, 0.9, 0.5);
-        assert!(parting.strikes.none() && parting.parts.any());
+        assert!(parting.collides.none() && parting.parts.any());
     }
 
     #[test]
-    fn what_strikes_at_the_end_of_a_step_does_so_there() {
+    fn a_collision_at_the_end_of_a_step_is_placed_there() {
         let options = Options::default().resolve(0.02, 9.81, None, Precision::F64).unwrap();
         for gap in [-1e-17, 0.0, 1e-17, 1e-12] {
             let flight = Flight { gap, before: -0.5, free: -0.5, time_before: 0.02, h: 0.02 };
             let found: ImpactPrediction<f64> = flight.predict(&options, 0.0, 1.0, <f64 as Real>::Mask::splat(true));
-            assert!(found.strikes.any() && found.time <= 0.02, "{gap}");
+            assert!(found.collides.any() && found.time <= 0.02, "{gap}");
         }
     }
 
     #[test]
     fn what_lies_rests() {
         let found = predict(-1e-6, 0.0, -9.81 * 0.01, 1.0);
-        assert!(found.rests.any() && found.strikes.none());
+        assert!(found.rests.any() && found.collides.none());
     }
 }

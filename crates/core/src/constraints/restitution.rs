@@ -28,7 +28,7 @@ use crate::math::spatial::*;
 use crate::options::StepSettings;
 
 /// Velocities of a contact's rows: g of the step, and when positions are solved apart.
-type Demands<R> = [[R; 2]; 3];
+type Targets<R> = [[R; 2]; 3];
 
 impl<R: Real> RowBuilder<R> {
     /// Change of the velocities of the rows in `column` by the free motion.
@@ -89,7 +89,7 @@ impl<R: Real> Assembler<'_, R> {
         active: R::Mask,
         [free, change]: [V3<R>; 2],
         bias: R,
-        demands: &mut Demands<R>,
+        targets: &mut Targets<R>,
     ) -> R::Mask {
         R::vectorize(
             #[inline(always)]
@@ -107,16 +107,16 @@ impl<R: Real> Assembler<'_, R> {
                     return active;
                 }
                 let before = sub(free, change);
-                let held = [demands[0][0] - bias, demands[1][0], demands[2][0]];
+                let held = [targets[0][0] - bias, targets[1][0], targets[2][0]];
                 let flight =
                     Flight { gap: slot.point.distance, before: before[0], free: held[0], time_before: assembly.time_before, h: assembly.h };
                 let meeting = flight.predict(options, norm(compiled.params.gravity()), e, elastic);
-                let bounces = meeting.strikes.or(meeting.parts);
+                let bounces = meeting.collides.or(meeting.parts);
                 let (time_fraction, normal_factor) = (meeting.time / assembly.h, e + R::one());
                 let at = add_scaled(before, sub(held, before), time_fraction);
-                for (k, demand) in demands.iter_mut().enumerate() {
-                    let law = if k == 0 { at[0] * normal_factor } else { at[k] };
-                    demand[0] = R::select(bounces, law, demand[0]);
+                for (k, target) in targets.iter_mut().enumerate() {
+                    let at_impact = if k == 0 { at[0] * normal_factor } else { at[k] };
+                    target[0] = R::select(bounces, at_impact, target[0]);
                 }
                 let overlapping = slot.point.distance.lt(-R::of(options.slop));
                 self.problem.impacts.push(Impact { lanes: bounces, overlapping, time_fraction, normal_factor });
@@ -128,7 +128,7 @@ impl<R: Real> Assembler<'_, R> {
     /// The velocity of rows of turning at the time of the impact that was added last, where it bounces: from that without constraints and
     /// its `change` by the free motion, as the demands are.
     #[inline(always)]
-    pub(crate) fn turn_at_impact(&self, change: V3<R>, turns: &mut Demands<R>) {
+    pub(crate) fn turn_at_impact(&self, change: V3<R>, turns: &mut Targets<R>) {
         if let Some(impact) = self.problem.impacts.last() {
             for (turn, change) in turns.iter_mut().zip(change) {
                 turn[0] = R::select(impact.lanes, turn[0] - change * (R::one() - impact.time_fraction), turn[0]);

@@ -52,7 +52,7 @@ impl<R: Real> Assembler<'_, R> {
         if let Some(ratio) = trace_ratio {
             self.problem.rows.scalars.set_trace_ratio(ratio);
         }
-        self.problem.rows.scalars.set_position_demand(g[1]);
+        self.problem.rows.scalars.set_position_target(g[1]);
         self.warm_start(owner, active);
         self.problem.owners.push(owner);
         self.problem.constrained = self.problem.constrained.or(active);

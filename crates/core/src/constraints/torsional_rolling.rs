@@ -59,7 +59,7 @@ impl<R: Real> Assembler<'_, R> {
         let slot = &contacts.data[k];
         let mut friction = Friction::of(compiled, contacts, k, lanes);
         friction.scale_to(slot.mu);
-        let SlidingRows { demands: mut slides, lengths: sliding, active, deferred, compliance } =
+        let SlidingRows { targets: mut slides, lengths: sliding, active, deferred, compliance } =
             self.sliding_rows(input, contacts, k, lanes);
         for &d in &self.builder.support {
             self.builder.linear[d as usize] = self.builder.column[d as usize];
@@ -101,7 +101,7 @@ impl<R: Real> Assembler<'_, R> {
         }
         let change = |[velocity, position]: [R; 2]| position - velocity;
         let [spin, roll, other] = turns.map(change);
-        self.problem.rows.rolling_contacts.set_position_demand([slides[0][1], change(slides[1]), change(slides[2]), spin, roll, other]);
+        self.problem.rows.rolling_contacts.set_position_target([slides[0][1], change(slides[1]), change(slides[2]), spin, roll, other]);
         let (push, torque) = (slot.impulse, friction.unscale(contacts.torque[k]));
         let warm = [push[0], push[1] * rub, push[2] * rub, torque[0], torque[1], torque[2]];
         let solved = active.and_not(deferred.lanes);

@@ -6,7 +6,7 @@ use stepper_solve::{Iterate, Snapshot};
 
 use crate::compile::{LaneModel, ModelStructure};
 use crate::constraints::constraint_problem::capacity_of;
-use crate::constraints::hyperstatic::Patches;
+use crate::constraints::redundant_supports::ContactGroups;
 use crate::constraints::worst_row::WorstRows;
 use crate::dynamics::inertia::MassMatrix;
 
@@ -20,7 +20,7 @@ pub struct VelocitySolution<R: Real> {
     /// Impulses of all scalar constraints: limits, dry friction, then equalities and tendons. They start the next step's solve.
     pub scalar_impulse: Vec<R>,
     /// Contact groups whose loads statics does not determine. Their contacts share the load evenly.
-    pub(crate) patches: Patches<R>,
+    pub(crate) groups: ContactGroups<R>,
     /// Saved impulses, for lanes that may restore them.
     pub(crate) shared: Snapshot<R>,
     /// Newton's method with its workspace, which stage 8 uses too.
@@ -48,7 +48,7 @@ impl<R: Real> VelocitySolution<R> {
             impulses: Iterate::new(&capacity),
             v: vec![R::zero(); compiled.nv],
             scalar_impulse: vec![R::zero(); compiled.scalar_impulses],
-            patches: Patches::new(max_contacts),
+            groups: ContactGroups::new(max_contacts),
             shared: Snapshot::new(&capacity),
             newton: Newton::default(),
             worst: WorstRows::new(),

@@ -16,7 +16,7 @@ use crate::dynamics::kinematics::{Kinematics, advance};
 use crate::integrators::impact_set::Impacts;
 use crate::integrators::step_values::{Evaluation, FreeMotion, Place, Scratch, StepInput};
 use crate::math::spatial::*;
-use crate::stages::s04_assemble::assemble_demands;
+use crate::stages::s04_assemble::shift_targets;
 use crate::tuning::{MAX_RESOLVED_ROTATION, MIN_IMPACT_RATIO, MIN_VELOCITY_ERROR, PLACEMENT_TOLERANCE};
 
 /// Moves the evaluation point of each lane to the time of its first impact. Returns the lanes that moved and must be evaluated again.
@@ -33,7 +33,7 @@ pub(crate) fn first_impacts<R: Real>(input: StepInput<'_, R>, evaluation: &mut E
             kinematics.velocities(compiled, &state.v, before);
             kinematics.velocities(compiled, v_free, free);
             let gravity = norm(compiled.params.gravity());
-            let (mut strikes, mut time) = (R::Mask::splat(false), scheme.h);
+            let (mut collides, mut time) = (R::Mask::splat(false), scheme.h);
             for k in 0..contacts.slots() {
                 let elastic = contacts.elastic(k).and(alive);
                 if elastic.none() {
@@ -42,17 +42,17 @@ pub(crate) fn first_impacts<R: Real>(input: StepInput<'_, R>, evaluation: &mut E
                 let slot = &contacts.data[k];
                 let (gap, time_before, h) = (slot.point.distance, scheme.time_before, scheme.h);
                 let [before, free] = normal_velocities(compiled, kinematics, contacts, k, elastic.bits(), [before, free]);
-                let ImpactPrediction { strikes: here, time: at, .. } =
+                let ImpactPrediction { collides: here, time: at, .. } =
                     Flight { gap, before, free, time_before, h }.predict(options, gravity, slot.restitution, elastic);
                 let passed = elastic.and(gap.lt(-R::of(options.slop))).and(before.gt(R::zero())).and(time_before.gt(R::zero()));
                 let passed = if first { passed } else { R::Mask::splat(false) };
                 time = R::select(here, time.min(at), time);
                 time = R::select(passed, R::zero(), time);
-                strikes = strikes.or(here).or(passed);
+                collides = collides.or(here).or(passed);
             }
-            let moved = strikes.and((time - scheme.time_before).abs().gt(scheme.h * R::of(PLACEMENT_TOLERANCE)));
+            let moved = collides.and((time - scheme.time_before).abs().gt(scheme.h * R::of(PLACEMENT_TOLERANCE)));
             scheme.move_to(time, moved);
-            *lanes = lanes.or(strikes).or(moved);
+            *lanes = lanes.or(collides).or(moved);
             moved
         },
     )
@@ -235,5 +235,5 @@ fn update_free_velocity<R: Real>(
         },
     );
     let before_impacts = problem.has_impacts.then_some(&mut before_impact[..]);
-    assemble_demands(compiled, &smooth.mass, problem, free_change, before_impacts, lanes);
+    shift_targets(compiled, &smooth.mass, problem, free_change, before_impacts, lanes);
 }

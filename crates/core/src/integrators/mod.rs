@@ -2,6 +2,8 @@
 
 pub(crate) mod acceptance;
 pub(crate) mod assemble;
+pub(crate) mod collision_search;
+pub(crate) mod contact_activation;
 pub mod devices;
 pub(crate) mod energy_guard;
 pub mod euler;
@@ -24,8 +26,6 @@ pub(crate) mod solve_velocities;
 pub(crate) mod step_outcome;
 pub mod step_resolution;
 pub(crate) mod step_values;
-pub(crate) mod strike_search;
-pub(crate) mod struck_contacts;
 pub mod workspace;
 
 use stepper_real::Real;

@@ -9,12 +9,12 @@ use crate::compile::LaneModel;
 use crate::constraints::row_builder::RowBuilder;
 use crate::constraints::{ConstraintProblem, PositionSolution, VelocitySolution};
 use crate::dynamics::mocap::MocapTrajectory;
+use crate::integrators::collision_search::CollisionSearch;
 use crate::integrators::inputs::Inputs;
 use crate::integrators::mujoco::workspace::MujocoWorkspace;
 use crate::integrators::rk4::Rk4;
 use crate::integrators::step_resolution::StepResolution;
 use crate::integrators::step_values::{Evaluation, FreeMotion, State};
-use crate::integrators::strike_search::StrikeSearch;
 use crate::math::spatial::*;
 use crate::options::{ContactLaw, Integrator, StepSettings};
 use crate::sensing::{SensorWorkspace, errors};
@@ -51,7 +51,7 @@ pub struct Workspace<R: Real> {
     pub(crate) position: PositionSolution<R>,
     pub(crate) sensors: Sensors<R>,
     /// Search for the contacts that the solved motion closes.
-    pub(crate) strikes: StrikeSearch<R>,
+    pub(crate) collisions: CollisionSearch<R>,
     /// Energy balance of fast motions.
     pub(crate) step_resolution: StepResolution<R>,
     /// Runge-Kutta scheme with hard contact.
@@ -91,7 +91,7 @@ impl<R: Real> Workspace<R> {
                 acceleration: v(),
                 error_work: None,
             },
-            strikes: StrikeSearch::new(compiled, max_contacts),
+            collisions: CollisionSearch::new(compiled, max_contacts),
             step_resolution: StepResolution::new(compiled),
             rk4: (options.integrator == Integrator::Rk4 && hard).then(|| Rk4::new(compiled)),
             mujoco: MujocoWorkspace::new(compiled, options),
@@ -110,7 +110,7 @@ impl<R: Real> Workspace<R> {
         self.free_motion.poison();
         self.velocity.v.fill(R::of(f64::NAN));
         self.position.poison();
-        self.strikes.poison();
+        self.collisions.poison();
         self.step_resolution.poison();
     }
 }

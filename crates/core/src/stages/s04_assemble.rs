@@ -97,16 +97,16 @@ impl<R: Real> Assembler<'_, R> {
         if !problem.deferred.is_empty() {
             problem.activate_coplanar(velocity, contacts);
         }
-        velocity.patches.find(compiled, contacts, problem.constrained.bits());
+        velocity.groups.find(compiled, contacts, problem.constrained.bits());
         velocity.impulses.compute_w(&problem.rows);
-        problem.rows.hyperstatic = velocity.patches.new_lanes(contacts, &problem.slots, &problem.rows, &velocity.impulses);
+        problem.rows.redundant = velocity.groups.new_lanes(contacts, &problem.slots, &problem.rows, &velocity.impulses);
     }
 }
 
 /// Adds a change of the free velocity, in the lanes `lanes`, to the target velocities of the rows.
 ///
 /// `before_impacts` is the change of the velocity before impacts, if a contact bounces within the step. Overwrites both changes.
-pub(crate) fn assemble_demands<R: Real>(
+pub(crate) fn shift_targets<R: Real>(
     compiled: &LaneModel<R>,
     mass: &MassMatrix<R>,
     problem: &mut ConstraintProblem<R>,

@@ -26,7 +26,7 @@ pub fn solve<R: Real>(
     velocity: &mut VelocitySolution<R>,
     contacts: &Contacts<R>,
 ) -> Outcome<R> {
-    let tolerance = tolerance(options, v, velocity.patches.lanes());
+    let tolerance = tolerance(options, v, velocity.groups.lanes());
     solve_to(options, tolerance, lanes, problem, velocity, contacts)
 }
 
@@ -78,7 +78,7 @@ pub fn store_impulses<R: Real>(problem: &ConstraintProblem<R>, velocity: &mut Ve
     );
 }
 
-/// Shares the loads of hyperstatic patches that slip in the lanes `solved` (see [`crate::constraints::hyperstatic`]). Lanes that it
+/// Shares the loads of hyperstatic patches that slip in the lanes `solved` (see [`crate::constraints::redundant_supports`]). Lanes that it
 /// unsettles, since a patch turns while it slips, are solved again from the shared loads.
 #[inline(always)]
 fn share_loads<R: Real>(
@@ -88,21 +88,21 @@ fn share_loads<R: Real>(
     solved: R::Mask,
     outcome: &mut Outcome<R>,
 ) {
-    let VelocitySolution { impulses, newton, patches, shared, .. } = velocity;
-    let slipping = patches.find_slips(problem, impulses, solved.and(patches.lanes()));
+    let VelocitySolution { impulses, newton, groups, shared, .. } = velocity;
+    let slipping = groups.find_slips(problem, impulses, solved.and(groups.lanes()));
     if slipping.none() {
         return;
     }
     shared.save(impulses, slipping);
-    let anew = patches.share(problem, impulses, slipping);
-    shared.restore(impulses, anew.not());
+    let redistributed = groups.share(problem, impulses, slipping);
+    shared.restore(impulses, redistributed.not());
     let left = R::vectorize(
         #[inline(always)]
         || residual(&problem.rows, impulses),
     );
     let before = outcome.residual;
-    outcome.residual = R::select(anew, left, before);
-    let moved = anew.and_not(left.le(before.max(settings.tolerance)));
+    outcome.residual = R::select(redistributed, left, before);
+    let moved = redistributed.and_not(left.le(before.max(settings.tolerance)));
     if moved.any() {
         let repeated = stepper_solve::solve(&problem.rows, impulses, settings, moved, newton);
         outcome.replace(&repeated, moved);
@@ -139,7 +139,7 @@ impl<R: Real> Estimate<R> {
                 let slow = (turn * R::of(MAX_ESTIMATE_TOLERANCE)).le(R::of(error));
                 let tolerance = R::select(slow, R::of(MAX_ESTIMATE_TOLERANCE), R::of(error) / R::select(slow, R::one(), turn));
                 let moving = is_moving(turn);
-                let rough = turn.gt(R::of(least)).and(turn.lt(R::of(ROUGH_MOTION))).and_not(velocity.patches.lanes());
+                let rough = turn.gt(R::of(least)).and(turn.lt(R::of(ROUGH_MOTION))).and_not(velocity.groups.lanes());
                 Self { moving, rough: if exact { R::Mask::splat(false) } else { rough }, tolerance }
             },
         )
@@ -148,8 +148,8 @@ impl<R: Real> Estimate<R> {
     /// Estimates the impulses in the lanes `lanes`.
     #[inline(always)]
     pub fn make(&self, options: &StepSettings, lanes: R::Mask, problem: &ConstraintProblem<R>, velocity: &mut VelocitySolution<R>) {
-        let VelocitySolution { impulses, shared, patches, .. } = &mut *velocity;
-        shared.save(impulses, lanes.and(self.rough.or(patches.lanes())));
+        let VelocitySolution { impulses, shared, groups, .. } = &mut *velocity;
+        shared.save(impulses, lanes.and(self.rough.or(groups.lanes())));
         self.repeat(options, lanes, problem, velocity);
     }
 
@@ -172,10 +172,10 @@ impl<R: Real> Estimate<R> {
     /// and where those are as good a start of the solve as a rough estimate.
     #[inline(always)]
     pub fn choose_start(&self, lanes: R::Mask, problem: &ConstraintProblem<R>, velocity: &mut VelocitySolution<R>) {
-        let VelocitySolution { impulses, shared, patches, .. } = velocity;
+        let VelocitySolution { impulses, shared, groups, .. } = velocity;
         let rough = lanes.and(self.rough);
         let as_good = if rough.any() { rough.and(shared.is_as_good(&problem.rows, impulses)) } else { rough };
-        shared.restore(impulses, lanes.and(patches.lanes()).or(as_good));
+        shared.restore(impulses, lanes.and(groups.lanes()).or(as_good));
     }
 }
 
@@ -204,12 +204,12 @@ pub(crate) fn fastest<R: Real>(v: &[R]) -> R {
 
 /// Residual at which each lane stops, m/s; never below what rounding leaves of velocities of order one. In 32 bits that is more than the
 /// default tolerance, at which heavy boxes creep into light ones below them: lanes with `patches` go on.
-fn tolerance<R: Real>(options: &StepSettings, v: &[R], patches: R::Mask) -> R {
+fn tolerance<R: Real>(options: &StepSettings, v: &[R], groups: R::Mask) -> R {
     R::vectorize(
         #[inline(always)]
         || {
             let epsilon = <R::Scalar as Scalar>::EPSILON.to_f64();
-            let least = R::select(patches, R::of((10.0 * epsilon).max(MIN_TOLERANCE)), R::of(1e4 * epsilon));
+            let least = R::select(groups, R::of((10.0 * epsilon).max(MIN_TOLERANCE)), R::of(1e4 * epsilon));
             (fastest(v) * R::of(RELATIVE_TOLERANCE)).max(least).min(R::of(options.tolerance))
         },
     )

@@ -24,7 +24,7 @@ use crate::model::JointKind;
 use crate::options::{Solver, Stabilization, StepSettings};
 use crate::tuning::{
     BAUMGARTE_LIMIT, CORRECTION_ARM, CORRECTION_ITERATIONS, CORRECTION_NEWTON_STEPS, CORRECTION_NEWTON_THRESHOLD, CORRECTION_TOLERANCE,
-    DAMPING, MAX_CORRECTION_ROTATION, MAX_SPEED_RATIO, MIN_UNMET_DEMAND, NEGLIGIBLE_CORRECTION,
+    DAMPING, MAX_CORRECTION_ROTATION, MAX_SPEED_RATIO, MIN_UNMET_TARGET, NEGLIGIBLE_CORRECTION,
 };
 
 /// Bounds of the motion of a correction.
@@ -121,7 +121,7 @@ pub fn limit_baumgarte<R: Real>(
             for (change, (&v, &free)) in correction.iter_mut().zip(velocity.v.iter().zip(&*v_free)) {
                 *change = v - free;
             }
-            let unmet = System::from(rows).immovable_demand().gt(R::of(MIN_UNMET_DEMAND));
+            let unmet = System::from(rows).immovable_target().gt(R::of(MIN_UNMET_TARGET));
             biased.and(excess(compiled, correction, bounds).gt(R::one()).or(unmet))
         },
     );
@@ -135,7 +135,7 @@ pub fn limit_baumgarte<R: Real>(
         #[inline(always)]
         || {
             position.rows.copy(rows);
-            position.rows.exchange_demands();
+            position.rows.exchange_targets();
         },
     );
     let VelocitySolution { impulses, v, newton, worst, shared, .. } = &mut *velocity;
@@ -209,9 +209,9 @@ fn correct<R: Real>(
         || {
             find_motion(compiled, input.mass, impulses, [v_free, v_next], out);
             let short = system.shortfall(impulses, reference);
-            let held = system.immovable_demand();
+            let held = system.immovable_target();
             let fast = lanes.and_not(input.rebounding).and(excess(compiled, out, bounds).gt(R::one()));
-            (fast, lanes.and(short.max(held).gt(R::of(MIN_UNMET_DEMAND))))
+            (fast, lanes.and(short.max(held).gt(R::of(MIN_UNMET_TARGET))))
         },
     );
     let infeasible =
@@ -239,7 +239,7 @@ pub(crate) fn damp_rows<R: Real>(
     R::vectorize(
         #[inline(always)]
         || {
-            rows.exchange_demands();
+            rows.exchange_targets();
             find_floors(compiled, input, floors);
             rows.damp(&input.problem.rows, impulses, damping, floors, reference);
         },
@@ -354,7 +354,7 @@ fn prove_infeasible<R: Real>(
                 }
             }
             // A contact that nothing can move along its normal is a witness by itself.
-            let held = system.immovable_demand().gt(R::of(MIN_UNMET_DEMAND));
+            let held = system.immovable_target().gt(R::of(MIN_UNMET_TARGET));
             lanes.and(held.or(lack.gt(most)))
         },
     )

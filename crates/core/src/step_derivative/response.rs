@@ -23,7 +23,7 @@ use crate::integrators::workspace::Workspace;
 use crate::math::lanes::each_of;
 use crate::options::{Stabilization, StepSettings};
 use crate::probe::NoProbe;
-use crate::stages::s04_assemble::assemble_demands;
+use crate::stages::s04_assemble::shift_targets;
 use crate::stages::s05_solve::{fastest, is_estimated};
 use crate::stages::s06_integrate_velocity::integrate_velocity;
 use crate::stages::s08_stabilise::{PositionInput, damp_rows, find_correction};
@@ -219,7 +219,7 @@ impl<R: Real> HardResponse<R> {
         let place = Place { input: StepInput { compiled, options, state, inputs, alive: *alive }, evaluation };
         if recomputed == Recomputed::Forces {
             advance(&free.v, &self.v_free, -R::one(), &mut self.change);
-            assemble_demands(compiled, &free.smooth.mass, problem, &mut self.change, None, R::Mask::splat(true));
+            shift_targets(compiled, &free.smooth.mass, problem, &mut self.change, None, R::Mask::splat(true));
         } else {
             // Stage 4 with the contacts that the step had.
             assemble_problem(place, free, problem, velocity, builder, NoProbe);

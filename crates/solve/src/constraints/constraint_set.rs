@@ -36,9 +36,9 @@ impl<T: Row> Rows<T> {
 
     /// Exchanges the two demands of all rows.
     #[inline(always)]
-    pub(crate) fn exchange_demands(&mut self) {
+    pub(crate) fn exchange_targets(&mut self) {
         for row in &mut self.items {
-            row.exchange_demands();
+            row.exchange_targets();
         }
     }
 
@@ -107,7 +107,7 @@ impl<R: Real, const N: usize> Impulse<R> for [R; N] {
 /// Rows of one constraint.
 pub trait Row: Copy {
     /// Exchanges what the rows demand in the velocity solve for what they demand in the position solve, or back.
-    fn exchange_demands(&mut self);
+    fn exchange_targets(&mut self);
 }
 
 /// Lanes that take part in a sweep.
@@ -313,7 +313,7 @@ pub trait ConstraintSet<R: Real>: Sized {
     fn shortfall(&self, rows: &Rows<Self::Row>, impulses: &[Self::Impulse], before: &[R], most: R) -> R;
 
     /// The larger of `most` and the largest velocity that is demanded where nothing can move, m/s or rad/s.
-    fn immovable_demand(&self, rows: &Rows<Self::Row>, most: R) -> R;
+    fn immovable_target(&self, rows: &Rows<Self::Row>, most: R) -> R;
 
     /// The larger of `most` and the largest velocity that is demanded of the velocities, without any correction of positions, where nothing
     /// can move, m/s or rad/s.

@@ -287,7 +287,7 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContacts<R, N, L> {
     /// Sets the demand of the position solve of the contact pushed last, m/s: g of the normal row, and what is added to g of the others.
     /// Without, it is the demand of the velocity solve.
     #[inline(always)]
-    pub fn set_position_demand(&mut self, position_g: [R; N]) {
+    pub fn set_position_target(&mut self, position_g: [R; N]) {
         if let Some(contact) = self.rows.items.last_mut() {
             contact.position_g = position_g;
         }
@@ -451,7 +451,7 @@ fn damping_compliance<R: Real>(damping: Damping<R>, correction: R, mobility: R) 
 
 impl<R: Real, const N: usize, L: LocalSolver<R, N>> Row for FrictionContact<R, N, L> {
     #[inline(always)]
-    fn exchange_demands(&mut self) {
+    fn exchange_targets(&mut self) {
         let Self { g, position_g, .. } = self;
         std::mem::swap(&mut g[0], &mut position_g[0]);
         for k in 1..N {
@@ -566,7 +566,7 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> ConstraintSet<R> for Frictio
         let least = R::of(if saved.immovable { f64::INFINITY } else { 0.0 });
         let (y, g) = (|c| saved.entries(c), std::array::from_fn(|k| R::of(saved.g[k])));
         self.push(&saved.support, y, R::Mask::splat(true), R::of(saved.set[0]), g, least);
-        self.set_position_demand(std::array::from_fn(|k| R::of(saved.position_g[k])));
+        self.set_position_target(std::array::from_fn(|k| R::of(saved.position_g[k])));
         self.set_trace_ratio(R::of(saved.trace_ratio));
         if saved.compliance > 0.0 {
             self.set_compliance(R::of(saved.compliance));
@@ -729,7 +729,7 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> ConstraintSet<R> for Frictio
     }
 
     #[inline(always)]
-    fn immovable_demand(&self, rows: &Rows<FrictionContact<R, N, L>>, mut most: R) -> R {
+    fn immovable_target(&self, rows: &Rows<FrictionContact<R, N, L>>, mut most: R) -> R {
         for contact in &rows.items {
             most = most.max(masked(contact.immovable, -contact.g[0]));
         }

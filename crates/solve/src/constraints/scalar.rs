@@ -198,7 +198,7 @@ impl<R: Real> ScalarRows<R> {
 
     /// Sets the velocity with the bias of the position solve of the row pushed last; without, it is that of the velocity solve.
     #[inline(always)]
-    pub fn set_position_demand(&mut self, position_g: R) {
+    pub fn set_position_target(&mut self, position_g: R) {
         if let Some(row) = self.rows.items.last_mut() {
             row.position_g = position_g;
         }
@@ -299,7 +299,7 @@ impl<R: Real> ScalarRows<R> {
 
 impl<R: Real> Row for ScalarRow<R> {
     #[inline(always)]
-    fn exchange_demands(&mut self) {
+    fn exchange_targets(&mut self) {
         std::mem::swap(&mut self.g, &mut self.position_g);
     }
 }
@@ -412,7 +412,7 @@ impl<R: Real> ConstraintSet<R> for ScalarRows<R> {
             self.mark_eliminated();
         }
         self.set_compliance(R::of(saved.compliance));
-        self.set_position_demand(R::of(saved.position_g[0]));
+        self.set_position_target(R::of(saved.position_g[0]));
         if let Some(row) = self.rows.items.last_mut() {
             (row.trace_ratio, row.mobility) = (R::of(saved.trace_ratio), R::of(saved.mobility));
             (row.damping_deficit, row.immovable) = (R::of(saved.damping_deficit), immovable);
@@ -543,7 +543,7 @@ impl<R: Real> ConstraintSet<R> for ScalarRows<R> {
     }
 
     #[inline(always)]
-    fn immovable_demand(&self, rows: &Rows<ScalarRow<R>>, mut most: R) -> R {
+    fn immovable_target(&self, rows: &Rows<ScalarRow<R>>, mut most: R) -> R {
         for row in &rows.items {
             most = most.max(masked(row.immovable, row.unmet(row.damping_deficit, row.g)));
         }

@@ -124,17 +124,17 @@ proptest! {
             problem
         });
         together.scalars.push(&support, |i| limit[i], 1.0, true, free, limits);
-        let (mut rest, mut demand) = (limit.clone(), free);
+        let (mut rest, mut target) = (limit.clone(), free);
         for row in apart.scalars.iter() {
             let (_, entries) = apart.scalars.entries(row);
             let share = row.projection(dot(entries, &rest[..n]));
             entries.iter().zip(&mut rest).for_each(|(y, x)| *x -= share * y);
-            demand -= share * row.g;
+            target -= share * row.g;
         }
         let (whole, left) = (dot(&limit[..n], &limit[..n]), dot(&rest[..n], &rest[..n]));
         prop_assume!(left > 1e-2 * whole);
         apart.scalars.mark_eliminated();
-        apart.scalars.push(&support, |i| rest[i], 1.0, true, demand, limits);
+        apart.scalars.push(&support, |i| rest[i], 1.0, true, target, limits);
         apart.scalars.set_trace_ratio(whole / left);
         // One sweep is enough where the rows are apart; together they go to and fro.
         let [one, many] = [(&apart, 1), (&together, 20_000)].map(|(problem, sweeps)| {

@@ -21,16 +21,16 @@ use crate::constraints::constraint_problem::ConstraintProblem;
 use crate::math::spatial::*;
 use crate::tuning::{DEPENDENT_LENGTH, MAX_NEW_CONTACTS, MAX_SHARED_CONTACTS, MIN_SHARE_CHANGE, MIN_SHARED_CONTACTS, SLIP_SPEED};
 
-/// Patches of all lanes: contacts between the same two bodies, of which at least one is loose.
+/// ContactGroups of all lanes: contacts between the same two bodies, of which at least one is loose.
 #[derive(Clone, Debug)]
-pub(crate) struct Patches<R> {
+pub(crate) struct ContactGroups<R> {
     /// Slots of the contacts, patch by patch.
     slots: Vec<usize>,
     /// All patches, lane by lane.
-    patches: Vec<Patch>,
+    groups: Vec<ContactGroup>,
     /// Bodies of every patch of the lane that is searched, and the number of its contacts.
     pairs: Vec<([usize; 2], usize)>,
-    /// Patch of every contact of that lane.
+    /// Contact group of every contact of that lane.
     of_contact: Vec<usize>,
     /// Contacts of the patches that are shared together.
     points: Vec<Point>,
@@ -42,7 +42,7 @@ pub(crate) struct Patches<R> {
     coordinates: Vec<u32>,
     /// Whether each row is done.
     done: Vec<bool>,
-    /// Patch that each coordinate belongs to.
+    /// Contact group that each coordinate belongs to.
     owners: Vec<usize>,
     /// Velocities of all contacts, m/s.
     velocities: Vec<V3<R>>,
@@ -50,17 +50,17 @@ pub(crate) struct Patches<R> {
 
 /// Contacts between two bodies in a lane.
 #[derive(Clone, Copy, Debug)]
-struct Patch {
+struct ContactGroup {
     lane: usize,
     /// Where its contacts begin in the list of slots, and end.
     slots: [usize; 2],
     /// Number that it has in common with the patches that are shared with it.
-    group: usize,
+    cluster: usize,
     /// Whether any of its contacts slips under load.
     slips: bool,
 }
 
-impl Patch {
+impl ContactGroup {
     /// Indices of its contacts in the problem, but for those with six rows and those that nothing can move: other lanes may have such a
     /// contact in the same slot.
     fn contacts<'a, R: Real>(
@@ -91,13 +91,13 @@ struct Point {
     free: bool,
 }
 
-impl<R: Real> Patches<R> {
+impl<R: Real> ContactGroups<R> {
     /// Workspace for a number of contacts per environment.
     pub(crate) fn new(max_contacts: usize) -> Self {
         let n = max_contacts;
         Self {
             slots: Vec::with_capacity(n * R::LANES),
-            patches: Vec::with_capacity(n.div_ceil(MIN_SHARED_CONTACTS) * R::LANES),
+            groups: Vec::with_capacity(n.div_ceil(MIN_SHARED_CONTACTS) * R::LANES),
             pairs: Vec::with_capacity(n),
             of_contact: Vec::with_capacity(n),
             points: Vec::with_capacity(n.min(MAX_SHARED_CONTACTS)),
@@ -113,7 +113,7 @@ impl<R: Real> Patches<R> {
     /// Finds the patches of the lanes `lanes` (bits).
     pub(crate) fn find(&mut self, compiled: &ModelStructure<R::Scalar>, contacts: &Contacts<R>, lanes: u32) {
         self.slots.clear();
-        self.patches.clear();
+        self.groups.clear();
         if compiled.floating.is_empty() {
             return;
         }
@@ -130,20 +130,20 @@ impl<R: Real> Patches<R> {
                 let geoms = compiled.pair_geoms(pair).expect("made from this compiled");
                 let frames = geoms.map(|g| compiled.geoms[g].frame);
                 let known = self.pairs.iter().rposition(|(pair, _)| *pair == frames);
-                let patch = known.unwrap_or_else(|| {
+                let group = known.unwrap_or_else(|| {
                     self.pairs.push((frames, 0));
                     self.pairs.len() - 1
                 });
-                self.pairs[patch].1 += 1;
-                self.of_contact.push(patch);
+                self.pairs[group].1 += 1;
+                self.of_contact.push(group);
             }
-            for (patch, (frames, count)) in self.pairs.iter().enumerate() {
+            for (group, (frames, count)) in self.pairs.iter().enumerate() {
                 let loose = |&f: &usize| f > 0 && compiled.floating.get(f - 1) == Some(&true);
                 if *count >= MIN_SHARED_CONTACTS && frames.iter().any(loose) {
                     let start = self.slots.len();
-                    self.slots.extend((0..contacts.count[lane]).filter(|&k| self.of_contact[k] == patch));
-                    let group = self.patches.len();
-                    self.patches.push(Patch { lane, slots: [start, self.slots.len()], group, slips: false });
+                    self.slots.extend((0..contacts.count[lane]).filter(|&k| self.of_contact[k] == group));
+                    let cluster = self.groups.len();
+                    self.groups.push(ContactGroup { lane, slots: [start, self.slots.len()], cluster, slips: false });
                 }
             }
         }
@@ -152,7 +152,7 @@ impl<R: Real> Patches<R> {
     /// Lanes with a patch.
     #[inline(always)]
     pub(crate) fn lanes(&self) -> R::Mask {
-        R::Mask::from_bits(self.patches.iter().fold(0, |bits, p| bits | 1 << p.lane))
+        R::Mask::from_bits(self.groups.iter().fold(0, |bits, p| bits | 1 << p.lane))
     }
 
     /// Lanes with a patch that bears no load yet and is about to: what sweeps make of it depends on their order, so its first impulses are
@@ -165,12 +165,12 @@ impl<R: Real> Patches<R> {
         iterate: &Iterate<R>,
     ) -> R::Mask {
         let mut lanes = 0;
-        for patch in self.patches.iter().filter(|p| contacts.count[p.lane] <= MAX_NEW_CONTACTS) {
-            let own = || patch.contacts::<R>(&self.slots, assembled_slots, problem);
-            let unloaded = |i: usize| iterate.contacts[i][0].lane(patch.lane) <= R::Scalar::default();
-            let closes = |i: usize| problem.contacts.velocity(&problem.contacts[i], &iterate.w)[0].lane(patch.lane) < R::Scalar::default();
-            if lanes >> patch.lane & 1 == 0 && own().all(unloaded) && own().any(closes) {
-                lanes |= 1 << patch.lane;
+        for group in self.groups.iter().filter(|p| contacts.count[p.lane] <= MAX_NEW_CONTACTS) {
+            let own = || group.contacts::<R>(&self.slots, assembled_slots, problem);
+            let unloaded = |i: usize| iterate.contacts[i][0].lane(group.lane) <= R::Scalar::default();
+            let closes = |i: usize| problem.contacts.velocity(&problem.contacts[i], &iterate.w)[0].lane(group.lane) < R::Scalar::default();
+            if lanes >> group.lane & 1 == 0 && own().all(unloaded) && own().any(closes) {
+                lanes |= 1 << group.lane;
             }
         }
         R::Mask::from_bits(lanes)
@@ -192,12 +192,12 @@ impl<R: Real> Patches<R> {
             },
         );
         let (all, mut slipping) = (lanes.bits(), 0);
-        let Self { patches, slots, velocities, .. } = self;
-        for patch in patches.iter_mut().filter(|p| all >> p.lane & 1 == 1) {
-            let lane = patch.lane;
+        let Self { groups, slots, velocities, .. } = self;
+        for group in groups.iter_mut().filter(|p| all >> p.lane & 1 == 1) {
+            let lane = group.lane;
             let slips = |i: usize| iterate.contacts[i][0].lane(lane).to_f64() > 0.0 && slip(of_lane(&velocities[i], lane)) > SLIP_SPEED;
-            patch.slips = patch.contacts::<R>(slots, &assembled.slots, &assembled.rows).any(slips);
-            slipping |= u32::from(patch.slips) << lane;
+            group.slips = group.contacts::<R>(slots, &assembled.slots, &assembled.rows).any(slips);
+            slipping |= u32::from(group.slips) << lane;
         }
         R::Mask::from_bits(slipping)
     }
@@ -206,9 +206,9 @@ impl<R: Real> Patches<R> {
     /// have changed by rounding.
     pub(crate) fn share(&mut self, assembled: &ConstraintProblem<R>, iterate: &mut Iterate<R>, lanes: R::Mask) -> R::Mask {
         let (mut start, mut shared) = (0, 0);
-        while start < self.patches.len() {
-            let lane = self.patches[start].lane;
-            let end = start + self.patches[start..].iter().take_while(|p| p.lane == lane).count();
+        while start < self.groups.len() {
+            let lane = self.groups[start].lane;
+            let end = start + self.groups[start..].iter().take_while(|p| p.lane == lane).count();
             if lanes.bits() >> lane & 1 == 1 && self.share_lane(start..end, assembled, iterate) {
                 shared |= 1 << lane;
             }
@@ -224,17 +224,17 @@ impl<R: Real> Patches<R> {
     }
 
     /// Shares the loads of one lane, whose patches are `patches`; returns whether any has changed.
-    fn share_lane(&mut self, patches: Range<usize>, assembled: &ConstraintProblem<R>, iterate: &mut Iterate<R>) -> bool {
-        let lane = self.patches[patches.start].lane;
-        self.group(patches.clone(), assembled);
+    fn share_lane(&mut self, groups: Range<usize>, assembled: &ConstraintProblem<R>, iterate: &mut Iterate<R>) -> bool {
+        let lane = self.groups[groups.start].lane;
+        self.find_clusters(groups.clone(), assembled);
         let mut changed = false;
-        for name in patches.clone() {
+        for name in groups.clone() {
             self.points.clear();
             let mut slips = false;
-            for p in patches.clone() {
-                if self.patches[p].group == name {
+            for p in groups.clone() {
+                if self.groups[p].cluster == name {
                     self.gather(p, assembled, iterate);
-                    slips |= self.patches[p].slips;
+                    slips |= self.groups[p].slips;
                 }
             }
             if slips && self.points.len() <= MAX_SHARED_CONTACTS && self.distribute(lane, &assembled.rows) {
@@ -246,33 +246,33 @@ impl<R: Real> Patches<R> {
     }
 
     /// Gathers the contacts of a patch that have three rows.
-    fn gather(&mut self, patch: usize, assembled: &ConstraintProblem<R>, iterate: &Iterate<R>) {
-        let Self { slots, patches, points, velocities, .. } = self;
-        let lane = patches[patch].lane;
-        for i in patches[patch].contacts::<R>(slots, &assembled.slots, &assembled.rows) {
+    fn gather(&mut self, group: usize, assembled: &ConstraintProblem<R>, iterate: &Iterate<R>) {
+        let Self { slots, groups, points, velocities, .. } = self;
+        let lane = groups[group].lane;
+        for i in groups[group].contacts::<R>(slots, &assembled.slots, &assembled.rows) {
             let (velocity, before) = (of_lane(&velocities[i], lane), iterate.contacts[i][0].lane(lane).to_f64());
             points.push(Point { contact: i, velocity, before, shared: 0.0, free: before > 0.0 || velocity[0] <= SLIP_SPEED });
         }
     }
 
     /// Gives patches that move a coordinate together the same group: the number of one of them.
-    fn group(&mut self, patches: Range<usize>, assembled: &ConstraintProblem<R>) {
-        let Self { slots, patches: all, owners, .. } = self;
+    fn find_clusters(&mut self, groups: Range<usize>, assembled: &ConstraintProblem<R>) {
+        let Self { slots, groups: all, owners, .. } = self;
         owners.clear();
         owners.resize(assembled.rows.dimension(), usize::MAX);
-        let lane = all[patches.start].lane;
+        let lane = all[groups.start].lane;
         let contacts = &assembled.rows.contacts;
-        for p in patches.clone() {
+        for p in groups.clone() {
             for contact in all[p].contacts::<R>(slots, &assembled.slots, &assembled.rows).map(|i| &contacts[i]) {
                 let (support, y) = contacts.entries(contact);
                 for (&c, _) in support.iter().zip(y).filter(|(_, y)| y.iter().any(|y| y.lane(lane) != R::Scalar::default())) {
-                    let (owner, group) = (owners[c as usize], all[p].group);
+                    let (owner, cluster) = (owners[c as usize], all[p].cluster);
                     if owner == usize::MAX {
-                        owners[c as usize] = group;
-                    } else if owner != group {
+                        owners[c as usize] = cluster;
+                    } else if owner != cluster {
                         // Groups of coordinates are those of their patches: an owner may have been renamed since.
-                        let known = all[owner].group;
-                        all[patches.clone()].iter_mut().filter(|other| other.group == group).for_each(|other| other.group = known);
+                        let known = all[owner].cluster;
+                        all[groups.clone()].iter_mut().filter(|other| other.cluster == cluster).for_each(|other| other.cluster = known);
                     }
                 }
             }

@@ -23,7 +23,7 @@ pub enum Error {
         /// Its range, in words.
         must: &'static str,
     },
-    /// An integrator that a model's source asks for and that does not exist here.
+    /// Integrator of the model's source that does not exist here.
     #[error("the source asks for {found}, which stepper does not have; choose ContactLaw::Mujoco and an integrator")]
     SourceIntegrator {
         /// Name of the integrator in the source.
@@ -45,7 +45,7 @@ pub enum Error {
     File {
         /// Path that was given.
         path: String,
-        /// What the system says.
+        /// Reason from the operating system.
         reason: String,
     },
     /// A list of environments in which one does not come after the one before it.
@@ -65,7 +65,7 @@ pub enum Error {
         found: usize,
         /// Numbers that it must have.
         must: usize,
-        /// How that number comes about, for the text; may be empty.
+        /// Derivation of that number, for the text; may be empty.
         detail: String,
     },
     /// A list that does not have one entry for every element of the model.
@@ -97,7 +97,7 @@ pub enum Error {
         ray: usize,
         /// Environment.
         env: usize,
-        /// What was given.
+        /// Value that was given.
         found: [f64; 3],
     },
     /// A geom for rays to meet whose mesh or height field the model does not have.
@@ -200,7 +200,7 @@ pub enum Error {
     /// Dynamics that an actuator cannot have.
     #[error(transparent)]
     Actuator(#[from] ActuatorError),
-    /// Actuator dynamics for environments that already have parameters of their own.
+    /// Actuator dynamics for environments with per-environment parameters.
     #[error("environments have parameters of their own: give drives first, or take the parameters back")]
     DrivesAfterParameters,
     /// More environments than there is memory for.
@@ -216,7 +216,7 @@ pub enum Error {
     Threads {
         /// Threads that were asked for, the one that calls among them.
         threads: usize,
-        /// What the system says.
+        /// Reason from the operating system.
         reason: String,
     },
     /// A CPU level, asked for by the environment variable `STEPPER_CPU_LEVEL`, that there is not.
@@ -239,7 +239,7 @@ pub enum StateMisfit {
     /// Contents that this version does not read.
     #[error("not readable by this version, though undamaged: {0}")]
     Unreadable(String),
-    /// Contents with so many bytes behind them.
+    /// Contents with that many surplus bytes.
     #[error("not readable by this version, though undamaged: {0} bytes too many")]
     TooManyBytes(usize),
     /// A state of another number of environments.

@@ -1,9 +1,9 @@
 //! A rigid-body contact stepper for robots.
 //!
 //! A [`Simulation`] steps many environments of one [`Model`]: articulated bodies with hard contact, Coulomb friction, joint limits,
-//! equalities, actuators and sensors, in SI units and MuJoCo's vocabulary (`qpos`, `qvel`, `ctrl`; nq, nv, nu; quaternions (w, x, y, z)).
-//! Environments share SIMD lanes and threads, and each has the same bits whatever batch, thread count or CPU level steps it. Every step is
-//! certified: a residual of the constraint problem in m/s, and a [`Status`] per environment that says what a step could not do.
+//! equalities, actuators and sensors. Units are SI, names are MuJoCo's (`qpos`, `qvel`, `ctrl`; nq, nv, nu; quaternions (w, x, y, z)).
+//! Environments share SIMD lanes and threads. Each has the same bits for every batch size, thread count and CPU level. After every step a
+//! residual gives the error of the constraint problem in m/s, and a [`Status`] per environment flags unsolved steps.
 //!
 //! ```
 //! use stepper_core::model::{BodyBuilder, GeomBuilder, WORLD};
@@ -18,7 +18,7 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
-//! Many environments, each with a state of its own; contacts, poses and saved states:
+//! Many environments with separate states; contacts, poses and saved states:
 //!
 //! ```
 //! use std::sync::Arc;
@@ -32,7 +32,7 @@
 //! let ball = scene.body(WORLD, ball);
 //! let model = Arc::new(scene.finish()?);
 //!
-//! // Sixteen of them, of which number 3 is thrown sideways, for a second and a half.
+//! // Sixteen of them, for a second and a half; number 3 starts with a sideways velocity.
 //! let mut sim = Simulation::new(model.clone(), Options::default(), Some(16), Precision::F64, 1)?;
 //! assert_eq!(sim.timestep(), 0.001); // the model's, unless the options have another
 //! sim.set(Field::Qvel, 3, &[1.0, 0.0, 0.0, 0.0, 0.0, 0.0])?;
@@ -46,7 +46,7 @@
 //! let poses = sim.body_poses_of(3, &StepInputs::default())?;
 //! assert!(poses[ball].pos[0] > 0.5); // m
 //!
-//! // A saved state goes on with the same bits, and belongs to its model; a clone goes on with them, too.
+//! // A saved state belongs to its model. Continuing from it gives the same bits, and so does a clone.
 //! let bytes = sim.save_state().to_bytes();
 //! let mut other = Simulation::new(model, Options::default(), Some(16), Precision::F64, 1)?;
 //! other.restore_state(&SavedState::from_bytes(&bytes)?)?;
@@ -59,17 +59,17 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
-//! More of the kind is in `examples/`: a batch with contacts and poses, states, and environments with parameters of their own.
+//! More examples are in `examples/`: a batch with contacts and poses, states, and per-environment parameters.
 //!
 //! Models come from [`Model::builder`], from a [`model::Description`] that is filled in and finished, or from files: [`Model::load`] reads
-//! what the Python package saved, which reads MJCF and URDF. [`Options::from_model`] has the settings that such a file asks for. A finished
+//! what the Python package saved, which reads MJCF and URDF. [`Options::from_model`] has the settings of such a file. A finished
 //! model is valid and cannot be edited. Elements have indices, which [`Model::joint`](model::Description::joint) and the like find by name.
 //!
 //! # Errors and panics
 //!
-//! Input that cannot be used is an [`Error`], which changes nothing; what is wrong with a model is a [`ModelError`]. Both name the thing,
-//! the value and what it must be, and have a variant for every case to be told apart. What a step could not do is no error but a
-//! [`Status`]: an environment that blows up keeps its last finite state, says so, and leaves the others alone.
+//! Invalid input is an [`Error`], which changes nothing; an invalid model is a [`ModelError`]. Both name the thing, the value and the
+//! remedy, and have a variant for every case. An unsolved step is no error: its environment gets a [`Status`]. An environment that diverges
+//! keeps its last finite state and flags it. The others continue.
 //!
 //! A control that is not finite is no error: it would end the steps of all other environments too. See [`StepInputs::ctrl`].
 //!

@@ -18,15 +18,17 @@ pub enum ContactLaw {
     Mujoco,
 }
 
-/// How velocities and positions advance.
+/// Time integrator of velocities and positions.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub enum Integrator {
-    /// Semi-implicit Euler: everything at q, then q+ = q (+) h v+. First order. Implicit in
-    /// joint damping alone, as MuJoCo's, unless the model wants that explicit too; and in springs and dampers of tendons.
+    /// Semi-implicit Euler: forces and rows at q, then q+ = q (+) h v+. First order. Springs and dampers of tendons are implicit. Joint
+    /// damping is implicit as MuJoCo's, unless the model makes it explicit.
     Euler,
-    /// Moreau's midpoint: everything at q (+) h/2 v, then q+ = q_mid (+) h/2 v+. Second order in free flight; springs, dampers and servos
-    /// by the implicit midpoint rule (A-stable), with more of the damping at the end of the step where that does not resolve it.
+    /// Moreau's midpoint: forces and rows at q_mid = q (+) h/2 v, then q+ = q_mid (+) h/2 v+. Second order in free flight.
+    ///
+    /// Springs, dampers and servos follow the implicit midpoint rule (A-stable). If the step does not resolve them, more of the damping is
+    /// evaluated at the end of the step.
     Midpoint,
     /// Euler's rule with springs, dampers and servos at the end of the step (L-stable) and velocity-dependent forces at the velocity to be
     /// expected there. First order; it takes energy out of what it cannot resolve. With MuJoCo's law MuJoCo's own `implicit`.
@@ -36,13 +38,13 @@ pub enum Integrator {
     Rk4,
     /// MuJoCo's `implicitfast`, with its law alone: Euler's rule with the symmetric part of the forces' derivatives by velocity.
     ImplicitFast,
-    /// MuJoCo's `discrete`, with its law alone: springs, dampers, servos and the rows of constraints are taken at the end of the step, and
-    /// the constraints are solved in the matrix that this makes of the mass matrix.
+    /// MuJoCo's `discrete`, with its contact law alone. Springs, dampers, servos and constraint rows are evaluated at the end of the step,
+    /// and the constraints are solved with the resulting mass matrix.
     Discrete,
 }
 
 impl Integrator {
-    /// The integrator that a source asks for in its own words, if there is one.
+    /// Integrator with the name that a model's source uses, if there is one.
     pub(crate) fn of_source(name: &str) -> Option<Self> {
         match name {
             "Euler" => Some(Self::Euler),
@@ -67,7 +69,7 @@ impl Integrator {
     }
 }
 
-/// What removes the overlap that remains.
+/// Method that removes the remaining overlap.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub enum Stabilization {
@@ -79,7 +81,7 @@ pub enum Stabilization {
     None,
 }
 
-/// Who solves the constraint problem.
+/// Solver of the constraint problem.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub enum Solver {
@@ -93,16 +95,17 @@ pub enum Solver {
 
 /// Settings of a step, as a user gives them. Times in s, lengths in m (rad for hinge limits), velocities in m/s.
 ///
-/// `None` leaves a setting to the model or to the precision, so that `Options::default()` steps every model with its own time step. What is
-/// then in force, [`Simulation::timestep`](crate::Simulation::timestep) and [`Simulation::tolerance`](crate::Simulation::tolerance) say.
+/// `None` selects the value of the model or of the precision, so that `Options::default()` steps every model with its time step.
+/// [`Simulation::timestep`](crate::Simulation::timestep) and [`Simulation::tolerance`](crate::Simulation::tolerance) return the values in
+/// force.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Options {
     /// Time step, s; `None` is the model's own.
     pub timestep: Option<f64>,
     /// Law of contact.
     pub contact: ContactLaw,
-    /// Integrator; `None` is midpoint with hard contact, and with MuJoCo's law what the model's source asks for, Euler's rule where it asks
-    /// for none.
+    /// Integrator. `None` is midpoint with hard contact. With MuJoCo's law it is that of the model's source, and Euler's rule if the source
+    /// has none.
     pub integrator: Option<Integrator>,
     /// Solver.
     pub solver: Solver,
@@ -142,8 +145,10 @@ const SHARE_OF_GRAVITY: f64 = 6e-3;
 /// Gravity of a model without any, and the greatest that counts, m/s^2.
 const USUAL_GRAVITY: f64 = 10.0;
 
-/// Default tolerance, m/s. A velocity that remains in every step of length h is a force of 1 / h times as much, so that short steps are
-/// solved more tightly, though no more so than 64 bits are by default.
+/// Default tolerance, m/s.
+///
+/// A velocity error in every step of length h is a force error in proportion to 1 / h. Short steps are therefore solved to a smaller
+/// tolerance, but not below the default of 64 bits.
 fn default_tolerance(contact: ContactLaw, precision: Precision, timestep: f64, gravity: f64) -> f64 {
     let usual = precision.tolerance();
     if contact == ContactLaw::Hard {
@@ -173,13 +178,13 @@ impl Default for Options {
 }
 
 impl Options {
-    /// Settings that a model's source asks for: MuJoCo's law of contact with the numbers of the model, and the source's integrator.
+    /// Settings of a model's source: MuJoCo's contact law with the numbers of the model, and the source's integrator.
     ///
-    /// Iterations are at least those of the source. Its solver and its tolerance are not taken: the problem is the same, and is solved
-    /// to the tolerance here, in m/s. A model that was made in code asks for nothing, and gets `Options::default()`.
+    /// Iterations are at least those of the source. Solver and tolerance of the source are ignored: the problem is the same, and is solved
+    /// to this engine's tolerance in m/s. A model that was made in code has no such settings and gets `Options::default()`.
     ///
     /// # Errors
-    /// [`Error::SourceIntegrator`] when the source asks for an integrator that does not exist here.
+    /// [`Error::SourceIntegrator`] when the source selects an integrator that does not exist here.
     pub fn from_model(model: &Description) -> Result<Self, Error> {
         let Some(requested) = &model.requested else { return Ok(Self::default()) };
         let name = &requested.integrator;
@@ -189,11 +194,12 @@ impl Options {
         Ok(Self { contact: ContactLaw::Mujoco, integrator: Some(integrator), iterations, ..usual })
     }
 
-    /// The settings in force for a model whose own time step is `timestep`, s, and gravity `gravity`, m/s^2, and whose source asks for the
-    /// integrator `asked`, if for any that there is.
+    /// Resolves the settings in force for a model with time step `timestep`, s, and gravity `gravity`, m/s^2.
+    ///
+    /// `asked` is the integrator of the model's source, if any.
     ///
     /// # Errors
-    /// [`Error::Option`] for an integrator that the law of contact does not have.
+    /// [`Error::Option`] for an integrator that the contact law does not have.
     pub fn resolve(&self, timestep: f64, gravity: f64, asked: Option<Integrator>, precision: Precision) -> Result<StepSettings, Error> {
         let integrator = self.integrator.unwrap_or(match self.contact {
             ContactLaw::Hard => Integrator::Midpoint,
@@ -295,7 +301,7 @@ pub struct StepSettings {
     pub restitution_threshold: f64,
     /// See [`Options::max_contacts`].
     pub max_contacts: Option<u32>,
-    /// Whether a step begins with NaN in what it is to compute: in debug builds, and in tests that ask for it.
+    /// Whether a step fills its buffers with NaN first: in debug builds, and in tests that enable it.
     pub poison: bool,
 }
 

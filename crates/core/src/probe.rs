@@ -1,7 +1,7 @@
-//! A probe of the step: times, counts and operations come from the step itself, and cost nothing where nobody asks for them.
+//! Probe of the step, which measures times, counts and operations, and costs nothing when it is off.
 //!
-//! Who measures is a type parameter of the step. The engine steps with [`NoProbe`], which has no size and does nothing, so that its step is
-//! compiled as if there were no probe; the benches step with a probe of their own.
+//! The probe is a type parameter of the step. The engine steps with [`NoProbe`], which has no size and does nothing. Its step is compiled
+//! as if there were no probe. The benches use other probes.
 
 /// An enumeration whose variants have names in reports.
 macro_rules! reported {
@@ -29,9 +29,9 @@ macro_rules! reported {
 }
 
 reported! {
-    /// A part of a step, or of what a worker does around its steps.
+    /// Part of a step, or of a worker's work around its steps.
     ///
-    /// One span may be entered inside another one: what a report says of it is then without the inner one.
+    /// Spans can be nested. The report of a span excludes the inner ones.
     Span {
         /// State, parameters and inputs of a group brought into the workspace.
         Load = "load",
@@ -77,7 +77,7 @@ reported! {
         Tunnelling = "tunnelling",
         /// Velocities to configurations.
         IntegratePosition = "integrate position",
-        /// Demands of positions: the second solution of the problem.
+        /// Position targets: the second solution of the problem.
         Stabilise = "stabilise: second solve",
         /// Runge and Kutta's method.
         Rk4 = "rk4",
@@ -85,9 +85,9 @@ reported! {
         Accept = "accept",
         /// Sensors and their errors.
         Sense = "sense",
-        /// What a step says of itself, and status flags.
+        /// Record of a step, with its status flags.
         Record = "record",
-        /// What a rollout writes down.
+        /// Recording of a rollout.
         Rollout = "rollout",
         /// State of a group brought back from the workspace.
         Store = "store",
@@ -126,11 +126,11 @@ impl Counter {
     }
 }
 
-/// Who measures a step. A probe is handed on by value: one without size costs no register.
+/// Probe of a step. It is passed by value: one without size costs no register.
 pub trait Probe: Copy + Send + 'static {
     /// Does the work of a part of the step.
     fn span<T>(self, span: Span, work: impl FnOnce() -> T) -> T;
-    /// Counts: adds a number, which is not worked out where nobody asks for it.
+    /// Adds a number to a counter. A probe that does not count never computes it.
     fn count(self, counter: Counter, number: impl FnOnce() -> f64);
 }
 

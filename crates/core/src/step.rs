@@ -103,7 +103,7 @@ fn solve_step<R: Real>(compiled: &LaneModel<R>, options: &StepSettings, s: &mut 
     outcome.tunnelled = probe.span(Span::Tunnelling, || find_tunnelling(input, evaluation, velocity, &outcome));
     // 7 integrate position
     integrate_positions(Place { input, evaluation }, velocity, position, probe);
-    // The impulses of the solution are final. Stage 8 continues from them with a solution of its own.
+    // The impulses of the solution are final. Stage 8 continues from them with a second solution.
     probe.span(Span::IntegrateVelocity, || {
         store_impulses(problem, velocity, &mut evaluation.contacts);
         store_joint_impulse(compiled, &free.smooth.mass, velocity, &mut free.impulse);

@@ -147,7 +147,7 @@ pub(crate) const CORRECTION_TOLERANCE: f64 = 1e-4;
 
 /// Correction below which a row has no damping, m/s or rad/s.
 ///
-/// Rounding makes equal demands differ by 1e-14. Damping a contact that corrects nothing changes the step where other contacts move it
+/// Rounding makes equal targets differ by 1e-14. Damping a contact that corrects nothing changes the step where other contacts move it
 /// (1e-8 m for a quadruped).
 pub(crate) const NEGLIGIBLE_CORRECTION: f64 = 1e-12;
 
@@ -172,11 +172,13 @@ pub(crate) const MAX_CORRECTION_ROTATION: f64 = 1.0;
 /// Velocity change by constraints, relative to the bounds of a correction, that Baumgarte's bias may cause: 20 m/s or 200 rad/s by default.
 pub(crate) const BAUMGARTE_LIMIT: f64 = 4.0;
 
-/// Unmet demand above which the engine tries to prove that the demands are infeasible, m/s.
+/// Unmet target velocity above which the engine tries to prove that the position targets are infeasible, m/s.
 pub(crate) const MIN_UNMET_TARGET: f64 = 1e-2;
 
-/// Compliance of a position demand relative to its mobility. A row of average mobility keeps 0.1 % of its error per correction. No row
-/// moves by more than 1 / (2 sqrt(DAMPING)), 16 times, its correction.
+/// Compliance of a position target relative to its mobility.
+///
+/// A row of average mobility keeps 0.1 % of its error per correction. No row moves by more than 1 / (2 sqrt(DAMPING)), 16 times, its
+/// correction.
 pub(crate) const DAMPING: f64 = 1e-3;
 
 /// Lever arm assumed for a correction, m: it converts displacements to rotations and adds displacement / arm to the relative
@@ -219,7 +221,7 @@ pub(crate) const MIN_REMAINING_LENGTH: f64 = 1e-6;
 
 /// Overlap of a contact above which its curvature has no effect, m: the depth of [`Status::DEEP`](crate::Status::DEEP).
 ///
-/// Such bodies are jammed and do not roll. The demands of friction rows must then be the motion of some joints, or no impulse meets them.
+/// Such bodies are jammed and do not roll. No impulse meets the targets of friction rows there, unless they are the motion of some joints.
 /// Of 16 unsolved problems of jammed arms, 14 are solved at once without curvature.
 pub(crate) const MAX_CURVED_OVERLAP: f64 = 1e-3;
 
@@ -240,8 +242,9 @@ pub(crate) const MIN_SHARE_CHANGE: [f64; 2] = [1e-12, 1e-5];
 /// Largest number of contacts that share their loads. The work grows with the cube of it.
 pub(crate) const MAX_SHARED_CONTACTS: usize = 64;
 
-/// Largest number of contacts in an environment in which Newton's method solves a newly loaded patch. In a heap of ten boxes with 45
-/// contacts it would take half of the step.
+/// Largest number of contacts in an environment in which Newton's method solves a newly loaded contact group.
+///
+/// In a heap of ten boxes with 45 contacts it would take half of the step.
 pub(crate) const MAX_NEW_CONTACTS: usize = 24;
 
 // Derivatives of the step.
@@ -250,7 +253,8 @@ pub(crate) const MAX_NEW_CONTACTS: usize = 24;
 /// are then certain, and the error of the response is of this order.
 pub(crate) const SOLVED_RESIDUAL: f64 = 1e-9;
 
-/// Weight of an error of the expected velocity per rad or m of motion in the step, at most 1, in the test that a step is a solution.
+/// Weight of an error of the expected velocity in the test that a step is a solution, per rad or m of motion in the step, at most 1.
+///
 /// Inertial forces are quadratic in velocities, so that errors of slow motion have little effect.
 pub(crate) const EXPECTED_VELOCITY_WEIGHT: f64 = 1e2;
 

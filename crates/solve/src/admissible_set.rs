@@ -189,8 +189,9 @@ impl AdmissibleSet {
         }
     }
 
-    /// How far the point `x` is within a piece, N s: 0 where the next begins, negative beyond. The flag says whether that is next to the
-    /// inside of a friction cone, so that a contact begins or ceases to slip there.
+    /// Distance of the point `x` from the boundary of a piece, N s: 0 where the next begins, negative beyond.
+    ///
+    /// The flag marks the boundary to the inside of a friction cone, where a contact begins or ceases to slip.
     pub(crate) fn margin(&self, piece: Piece, x: &[f64]) -> (f64, bool) {
         match *self {
             Self::Interval { lo, hi } => match piece {

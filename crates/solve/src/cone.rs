@@ -49,11 +49,11 @@ pub(crate) fn positive<R: Real>(m: R::Mask, x: R) -> R::Mask {
     m.and(x.gt(R::zero()))
 }
 
-/// Ratio of the mobility along a contact's normal to that in all three directions below which the normal one counts as zero: the square of
-/// a lever arm that is a hundred-thousandth of the other directions', or rounding.
+/// Ratio of the mobility along a contact's normal to that in all three directions below which the normal mobility counts as zero.
 ///
-/// A body that turns about such a lever arm approaches by 1e-5 of its speed, and holding it takes 1e5 times the force that turns it. A
-/// cylinder that is steered about an axis through its contact goes through this pose, where forces were 1e15 N.
+/// It is the square of a lever arm of a hundred-thousandth of those of the other directions, or rounding. A body that turns about such a
+/// lever arm approaches by 1e-5 of its speed. Holding it takes 1e5 times the force that turns it. A cylinder that is steered about an axis
+/// through its contact passes this pose, where forces were 1e15 N.
 #[inline(always)]
 fn negligible<R: Real>() -> f64 {
     let lever = f64::max(1e-5, 1e3 * <R::Scalar as Scalar>::EPSILON.to_f64());

@@ -1,9 +1,9 @@
 //! Entries of rows, one row after the other.
 
-/// List of entries that every step fills anew, a row at a time.
+/// List of entries that every step refills, a row at a time.
 ///
-/// Whether there is room is checked once per row: a push checks it for every entry, and values that could stay in registers across a row
-/// would not outlive the call that makes room.
+/// It checks its capacity once per row. A push checks it for every entry, and values that could stay in registers across a row would not
+/// survive the call that allocates.
 #[derive(Clone, Debug)]
 pub(crate) struct Entries<T> {
     /// Entries in use, and after them those that earlier steps left.
@@ -15,7 +15,7 @@ pub(crate) struct Entries<T> {
 }
 
 impl<T: Copy> Entries<T> {
-    /// An empty list with room for `capacity` entries.
+    /// Empty list with capacity for `capacity` entries.
     pub(crate) fn with_capacity(capacity: usize, blank: T) -> Self {
         Self { items: Vec::with_capacity(capacity), len: 0, blank }
     }

@@ -1,7 +1,8 @@
-//! Problems as files: one lane of a problem with the impulses that its solve starts from and the limits of that solve, so that a hard one
-//! becomes a test.
+//! Problems as files, so that a hard problem becomes a test.
 //!
-//! | bytes | what |
+//! A file has one lane of a problem, with the initial impulses and the limits of its solve.
+//!
+//! | bytes | content |
 //! |---|---|
 //! | 8 | [`MAGIC`] |
 //! | 4 | [`FORMAT_VERSION`], little endian |
@@ -30,7 +31,7 @@ pub const FORMAT_VERSION: u32 = 1;
 
 const HEADER: usize = 8 + 4 + 32;
 
-/// Largest number of coordinates of a problem that is loaded: its room is reserved before anything is solved.
+/// Largest number of coordinates of a loaded problem, because its memory is reserved before anything is solved.
 const MOST_COORDINATES: usize = 1 << 20;
 
 by_kind! {
@@ -51,7 +52,7 @@ by_kind! {
 pub struct FileError {
     /// Place: the path, or "saved problem" for bytes in memory.
     place: String,
-    /// What is wrong with it.
+    /// Description of the error.
     what: String,
 }
 

@@ -35,15 +35,14 @@ pub struct SweepOutcome<R: Real> {
     pub sweeps: R,
 }
 
-/// Largest number of sweeps that any settings ask for. Sweeps are counted in the lanes' numbers: in 32 bits one more than this would be as
-/// many.
+/// Largest number of sweeps of any settings. The lanes' numbers count sweeps, and 32-bit numbers cannot count beyond it.
 const MOST_SWEEPS: u32 = 1 << 24;
 
 /// Improves the impulses of the lanes `lanes` until each meets the tolerance or the sweeps run out.
 ///
-/// A lane pauses when a sweep changes no velocity by more than its threshold, which is cheap to know; when all have paused the residual is
-/// evaluated, and a lane above the tolerance continues with a lower threshold. Every lane that continues makes at least one sweep, so that
-/// there are no more rounds than sweeps.
+/// A sweep is one Gauss-Seidel iteration over all rows. A lane pauses when a sweep changes no velocity by more than its threshold, which is
+/// cheap to test. When all have paused the residual is evaluated, and a lane above the tolerance continues with a lower threshold. Every
+/// lane that continues makes at least one sweep, so that there are no more rounds than sweeps.
 pub fn solve<'a, R: Real>(
     system: impl Into<System<'a, R>>,
     iterate: &mut Iterate<R>,

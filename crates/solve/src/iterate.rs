@@ -121,8 +121,10 @@ fn set_first_impulse<R: Real>(
 const NEGLIGIBLE_ENERGY: f64 = 1e-6;
 
 impl<R: Real> Snapshot<R> {
-    /// Lanes in which the saved impulses are as good a start: their energy `|w|^2 / 2 + g . lambda + R lambda^2 / 2`, which the solution
-    /// minimises but for De Saxce's terms, is less than that of `iterate`, or more by no more than a millionth of it.
+    /// Lanes in which the saved impulses are as close to the solution as those of `iterate`.
+    ///
+    /// The measure is the energy `|w|^2 / 2 + g . lambda + R lambda^2 / 2`, which the solution minimises except for De Saxce's terms. It
+    /// may exceed that of `iterate` by at most a millionth.
     pub fn is_as_good(&self, problem: &Problem<R>, iterate: &Iterate<R>) -> R::Mask {
         R::vectorize(
             #[inline(always)]
@@ -160,7 +162,7 @@ pub(crate) fn rows_of<R: Real, I: Impulse<R>>(_: &[I]) -> usize {
 }
 
 impl<R: Real> Iterate<R> {
-    /// Reserves memory for the unknowns of a problem with so many rows.
+    /// Reserves memory for the unknowns of a problem with these numbers of rows.
     pub fn with_capacity(dimension: usize, scalars: usize, contacts: usize) -> Self {
         Self::new(&Capacity { dimension, scalars, contacts, ..Capacity::default() })
     }

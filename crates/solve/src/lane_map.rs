@@ -56,7 +56,7 @@ impl LaneMap {
         }
     }
 
-    /// Gathers a list of numbers; `to` has room.
+    /// Gathers a list of numbers; the capacity of `to` suffices.
     #[inline(always)]
     pub(crate) fn gather_slice<R: Real>(&self, from: &[R], to: &mut Vec<R::Half>) {
         to.resize(from.len(), R::Half::zero());

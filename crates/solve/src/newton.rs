@@ -1,23 +1,24 @@
 //! Augmented-Lagrangian Newton: the robust solver, for the lanes that sweeps do not bring to the tolerance.
 //!
-//! Per lane and island, in scalar f64. The unknown is w, whose metric is the identity. With De Saxce's terms s_i = mu_i |v_t,i| held, the
-//! problem is convex, and the proximal method solves it by a few minimisations over w of
+//! It solves each island of each lane in scalar f64. The unknown is w, whose metric is the identity. With De Saxce's terms s_i = mu_i
+//! |v_t,i| constant, the problem is convex. The proximal method solves it by a few minimisations over w of
 //!
 //! ```text
 //! 1/2 |w|^2 + sum_i |P_K(lambda_i - rho_i (Y_i w + g_i + s_i))|^2 / (2 rho_i),      then lambda <- P_K(...)
 //! ```
 //!
-//! (Rockafellar 1976; for contacts Cadoux 2009 and Acary & Cadoux 2013, whose outer fixed point on s this is too) by Newton's method with
-//! an exact line search. The steps rho_i = kappa dim / trace(G_ii) are so long that one or two proximal steps are enough, and what is
-//! hyperstatic does no harm: the matrix is the identity plus a positive semidefinite one. Of many possible forces those near the start are
-//! taken, or the least, if the first step starts from zero. Between the minimisations s is renewed, with Anderson's acceleration; and after
-//! the first, steps on the exact law are tried, s included, whose matrix is not symmetric: near the answer they converge at once, and where
-//! they do not they are taken back.
+//! by Newton's method with an exact line search (Rockafellar 1976). For contacts this is also the outer fixed point on s of Cadoux 2009 and
+//! Acary & Cadoux 2013. The steps rho_i = kappa dim / trace(G_ii) are so long that one or two proximal steps are enough. Redundant supports
+//! do no harm, because the matrix is the identity plus a positive semidefinite one. Of many possible forces the solver finds those near the
+//! start, or the least if the first step starts from zero.
 //!
-//! That outer loop on s does not converge where contacts are many: there, and where it has failed, all proximal steps are of the exact law,
+//! Between the minimisations s is recomputed, with Anderson's acceleration. After the first minimisation the solver also tries steps on the
+//! exact law, including s, whose matrix is not symmetric. Close to the solution they converge at once; otherwise they are rejected.
+//!
+//! That outer loop on s does not converge with many contacts. There, and where it has failed, all proximal steps are of the exact law,
 //! short at first (`ProximalPoint::solve_exact`).
 //!
-//! Nothing proves that s converges, and Coulomb's law may have no solution or several (Painleve 1895). The residual says how it went.
+//! Convergence of s is not proven, and Coulomb's law may have no solution or several (Painleve 1895). The residual gives the error.
 
 mod anderson;
 mod augmented_lagrangian;
@@ -59,8 +60,10 @@ pub struct Newton {
     work: Work,
 }
 
-/// Effort of the last call in all its lanes and islands together. With at most n steps asked for, there are at most n steps and n rounds an
-/// island, or [`EXACT_RATIO`] n where any are of the exact law, whatever the numbers are: what a lane can cost its neighbours.
+/// Effort of the last call in all its lanes and islands together.
+///
+/// With a limit of n steps there are at most n steps and n rounds per island, or [`EXACT_RATIO`] n with steps of the exact law. This bounds
+/// the cost of a lane for its neighbours.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Work {
     /// Number of islands searched.
@@ -71,14 +74,14 @@ pub struct Work {
     pub rounds: u32,
 }
 
-/// What [`Newton::solve`] is asked for.
+/// Arguments of [`Newton::solve`].
 #[derive(Clone, Copy, Debug)]
 pub struct Search<R> {
     /// Largest number of Newton steps of an island; of the exact law [`EXACT_RATIO`] times as many.
     pub steps: u32,
     /// Residual that is enough, m/s.
     pub tolerance: R,
-    /// How Coulomb's law is taken.
+    /// Treatment of De Saxce's terms of Coulomb's law.
     pub terms: Terms,
 }
 
@@ -117,8 +120,10 @@ impl Newton {
         self.solve_lanes(system.into(), iterate, criteria, lanes, outcome);
     }
 
-    /// Solves all of `lanes`, and of many possible impulses takes those of least norm (in the metric of 1/rho), whatever came before and
-    /// whatever the order of the rows. The impulses that it leaves meet the tolerance, or have a smaller residual than they had.
+    /// Solves all of `lanes`, and selects the impulses of least norm (in the metric of 1/rho) among many possible ones.
+    ///
+    /// They do not depend on the initial impulses or on the order of the rows. They meet the tolerance, or have a smaller residual than
+    /// before.
     pub fn solve_least_norm<'a, R: Real>(
         &mut self,
         system: impl Into<System<'a, R>>,

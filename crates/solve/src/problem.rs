@@ -8,8 +8,8 @@ use crate::lane_map::LaneMap;
 use stepper_real::{Mask, Real};
 
 by_kind! {
-    /// Constraint problem of one step, for every lane: one set of constraints per kind, each with what its rows demand of the velocities
-    /// and what they demand of the positions. No solve changes it.
+    /// Constraint problem of one step, for every lane: one set of constraints per kind, each with its velocity targets and its position
+    /// targets. A solve does not change it.
     #[derive(Clone, Debug)]
     pub struct Problem[R: Real] {
         dimension: usize,
@@ -22,11 +22,12 @@ by_kind! {
 }
 
 by_kind! {
-    /// System that one solve reads: a problem, and for each kind of constraint its rows as this solve has them. That of a `&Problem` has
-    /// the demands of the velocities, that of [`PositionRows`](crate::PositionRows) those of the positions.
+    /// System that one solve reads: a problem, and for each kind of constraint the rows of this solve.
+    ///
+    /// That of a `&Problem` has the velocity targets, that of [`PositionRows`](crate::PositionRows) the position targets.
     #[derive(Clone, Copy, Debug)]
     pub struct System['a, R: Real] {
-        /// What all solves share.
+        /// Part that all solves share.
         pub(crate) problem: &'a Problem<R>,
         /// Whether the solve ends with a residual that certifies it, of a w that is the sum over the impulses to the last bit. Else lanes
         /// whose sweeps change little count as solved.
@@ -42,7 +43,7 @@ impl<'a, R: Real> From<&'a Problem<R>> for System<'a, R> {
 }
 
 impl<R: Real> Problem<R> {
-    /// An empty problem in `dimension` coordinates, with room for so many rows that may touch every coordinate.
+    /// Empty problem in `dimension` coordinates, with capacity for these numbers of rows, each of which may touch every coordinate.
     pub fn with_capacity(dimension: usize, scalars: usize, contacts: usize) -> Self {
         let capacity = Capacity {
             dimension,
@@ -88,14 +89,16 @@ impl<R: Real> Problem<R> {
         self.contacts.push(support, y, active, mu, g, self.least_mobility);
     }
 
-    /// Appends a contact whose rows (n, t1, t2, spin, roll1, roll2), scaled so that their friction is `mu` in all, have the entries `y` at
-    /// the coordinates `support` (ascending).
+    /// Appends a contact with rolling friction, whose rows (n, t1, t2, spin, roll1, roll2) have the entries `y` at the coordinates
+    /// `support` (ascending).
+    ///
+    /// The rows are scaled so that their friction coefficient is `mu` in all.
     #[inline(always)]
     pub fn push_rolling_contact(&mut self, support: &[u32], y: impl Fn(usize) -> [R; 6], active: R::Mask, mu: R, g: [R; 6]) {
         self.rolling_contacts.push(support, y, active, mu, g, self.least_mobility);
     }
 
-    /// Takes up a scaled change of the free velocity, in the lanes `lanes`: both demands of all rows shift by their velocities of it.
+    /// Adds the velocities of a scaled change of the free velocity to both targets of all rows, in the lanes `lanes`.
     #[inline(always)]
     pub fn shift(&mut self, change: &[R], lanes: R::Mask) {
         each_kind!([set: &mut self] => {
@@ -107,8 +110,9 @@ impl<R: Real> Problem<R> {
 }
 
 impl<R: Real> Problem<R> {
-    /// Shifts what contact `i`, counted over those of three rows and then of six, demands in the velocity solve: by its velocities of a
-    /// scaled `change` of the free velocity, times a weight of the normal row and one of the others, in the lanes `lanes`.
+    /// Shifts the velocity targets of contact `i`, counted over those of three rows and then of six, in the lanes `lanes`.
+    ///
+    /// The shift is its velocities of a scaled `change` of the free velocity. One of `weights` scales the normal row and one the others.
     #[inline(always)]
     pub fn shift_contact(&mut self, i: usize, change: &[R], lanes: R::Mask, weights: [R; 2]) {
         match i.checked_sub(self.contacts.len()) {
@@ -156,7 +160,7 @@ fn shift_own<R: Real, const N: usize, L: LocalSolver<R, N>>(
 }
 
 impl<R: Real> System<'_, R> {
-    /// The same system, of whose solution nobody asks for a certificate: the residual of lanes whose sweeps change little is 0.
+    /// System without a certificate: the residual of lanes whose sweeps change little is 0.
     #[inline(always)]
     pub fn uncertified(self) -> Self {
         Self { certified: false, ..self }

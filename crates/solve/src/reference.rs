@@ -1,4 +1,4 @@
-//! Reference: the solution from which damped demands are counted.
+//! Reference solution from which damped targets are counted.
 
 use crate::capacity::Capacity;
 

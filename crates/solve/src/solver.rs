@@ -1,6 +1,7 @@
-//! The solver: Newton's method first, for a least-norm solution, in hyperstatic lanes; then some sweeps over all lanes but the hyperstatic
-//! ones that are solved already; then Newton's method and sweeps in turn for each lane that sweeps leave unsolved (a hyperstatic lane gets
-//! Newton's method once).
+//! Solver of the constraint problem, which combines sweeps (Gauss-Seidel iterations) with Newton's method.
+//!
+//! First Newton's method finds a least-norm solution in lanes with redundant supports. Then some sweeps improve all lanes except those that
+//! are solved. Then each unsolved lane gets Newton's method and sweeps in turn; a lane with redundant supports gets Newton's method once.
 
 use crate::cone::masked;
 use crate::gauss_seidel::{self, SweepSettings};
@@ -45,7 +46,7 @@ impl<R: Real> Outcome<R> {
     }
 }
 
-/// Residual above which the load of hyperstatic lanes is distributed anew, m/s: what is left moves it from point to point.
+/// Residual above which the load of redundant supports is redistributed, m/s. A remaining error moves load from point to point.
 ///
 /// Measured on a table of four legs that slides for half a second at 0.1 ms (scene 15 of the atlas): the order of its legs matters by 2e-6
 /// m with 1e-8, by 1e-7 m with 1e-9.
@@ -62,18 +63,20 @@ const SLIPS: f64 = 1e-6;
 /// % of the steps unsolved, two leave 0.16 and 0.06 %, three 0.11 and 0.06 %.
 pub const PASSES: usize = 4;
 
-/// Number of sweeps of the first pass at the most in 64 bits, if Newton's method may follow: lanes that need more keep the others of
-/// their group waiting. In 32 bits sweeps go on: what Newton's method leaves is rounded, and of a cube that two fingers could hold
-/// (scene 31) it is not always what holds.
+/// Largest number of sweeps of the first pass in 64 bits, if Newton's method may follow. Lanes that need more keep the others of their
+/// group waiting.
 ///
-/// Measured on 280 problems that sweeps left of robots, grasps and heaps: 50 sweeps take 1.1 to 1.5 times as long, 15 within 5 % as long
-/// but more Newton steps, and those are what a lane does alone.
+/// In 32 bits sweeps continue, because the result of Newton's method is rounded. For a cube that two fingers could hold (scene 31) it does
+/// not always hold.
+///
+/// Measured on 280 problems of robots, grasps and heaps that sweeps did not solve: 50 sweeps take 1.1 to 1.5 times as long. 15 sweeps take
+/// within 5 % as long but need more Newton steps, which a lane makes alone.
 const FIRST_SWEEPS: u32 = 25;
 
 /// Improves the impulses of the lanes `lanes` until each meets the tolerance or the settings are used up.
 ///
-/// Sweeps favour the rows that they visit first, a proximal step from zero favours none. So hyperstatic lanes begin with Newton's method,
-/// and sweeps improve what it leaves.
+/// Sweeps favour the rows that they visit first; a proximal step from zero favours none. Lanes with redundant supports therefore begin with
+/// Newton's method, and sweeps improve its result.
 pub fn solve<'a, R: Real>(
     system: impl Into<System<'a, R>>,
     iterate: &mut Iterate<R>,
@@ -111,8 +114,8 @@ fn solve_system<R: Real>(
         outcome.residual = masked(redundant, left);
         let redistributed = redundant.and(left.gt(goal).or(slip.gt(R::of(SLIPS))));
         newton.solve_least_norm(system, iterate, newton_steps, goal, redistributed, [&mut outcome.residual, &mut outcome.newton_steps]);
-        // A hyperstatic lane that meets its tolerance needs no sweeps, unless its tolerance is no looser than the goal (a lane that hardly
-        // moves): there sweeps bring the motion to rest, and change the distribution of the load too little to matter.
+        // A redundant lane that meets its tolerance needs no sweeps, unless its tolerance is below the goal (a lane that hardly moves).
+        // There sweeps bring the motion to rest, and hardly change the distribution of the load.
         rest = lanes.and_not(redundant.and(outcome.residual.le(tolerance)).and(tolerance.gt(goal)));
     }
     let wide = !<R::Scalar as Scalar>::IS_SINGLE;

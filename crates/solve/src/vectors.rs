@@ -1,5 +1,7 @@
-//! Arithmetic of vectors in scalar f64. Those of an island come in tiles of four numbers, without a rest, so that the compiler makes
-//! vectors of their loops on every CPU, with the same bits.
+//! Arithmetic of vectors in scalar f64.
+//!
+//! Those of an island come in tiles of four numbers, padded to whole tiles. The compiler therefore vectorises their loops on every CPU,
+//! with the same bits.
 
 /// Number of coordinates in a tile.
 pub(crate) const TILE: usize = 4;

@@ -1,4 +1,4 @@
-//! A solve allocates nothing once its room has seen the problem.
+//! A solve allocates nothing once its workspace has seen the problem.
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;

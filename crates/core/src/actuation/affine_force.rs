@@ -33,7 +33,7 @@ pub(crate) struct AffineForce<R> {
     pub(crate) rate: R,
 }
 
-/// How an actuator moves: its length, the velocity at which what is not implicit is taken, and that before the step.
+/// Motion of an actuator: its length, the velocity at which explicit terms are evaluated, and the velocity before the step.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Motion<R> {
     pub(crate) length: R,
@@ -61,7 +61,7 @@ impl<R: Real> AffineForce<R> {
     }
 }
 
-/// What an actuator moves.
+/// Effective inertia that an actuator moves.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct EffectiveInertia<R> {
     /// Inverse of the inertia along its moment, 1/kg or 1/(kg m^2) over the square of its gear.

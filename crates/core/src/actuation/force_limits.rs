@@ -1,4 +1,4 @@
-//! Where an actuator's dynamics is on its curve: free, at a limit of its effort, or at the torque-speed curve of its motor.
+//! Mode of an actuator's dynamics: free, at a limit of its effort, or on the torque-speed curve of its motor.
 
 use stepper_real::{Mask, Real};
 
@@ -17,7 +17,7 @@ pub(super) struct Region<R: Real> {
     law: (R, R),
     /// Velocity before the step.
     before: R,
-    /// What it moves.
+    /// Effective inertia that the actuator moves.
     effective_inertia: EffectiveInertia<R>,
     /// Lanes at a limit of the effort.
     held: R::Mask,
@@ -42,13 +42,13 @@ impl<R: Real> Region<R> {
         (self.law, self.before, self.effective_inertia) = (law, before, effective_inertia);
     }
 
-    /// Where a step begins: a law without stiffness is as it is at the velocity before the step, one with is free.
+    /// Initial modes of a step. A force without stiffness has the mode at the velocity before the step; one with stiffness is free.
     #[inline(always)]
     pub(super) fn guess(&mut self, compiled: &CompiledActuatorDynamics<R::Scalar>, numbers: &ActuatorDynamics<R>) {
         let never = R::Mask::splat(false);
         (self.held, self.curve, self.upper) = (never, never, never);
         let plain = self.law.1.eq(R::zero());
-        let [held, curve, upper] = whereabouts(compiled, numbers, self.law.0, self.before);
+        let [held, curve, upper] = modes(compiled, numbers, self.law.0, self.before);
         (self.held, self.curve, self.upper) = (held.and(plain), curve.and(plain), upper.and(plain));
     }
 
@@ -63,7 +63,7 @@ impl<R: Real> Region<R> {
         back: bool,
     ) -> R::Mask {
         let [mut held, mut curve, mut upper] =
-            whereabouts(compiled, numbers, self.law.0 - self.law.1 * along, self.before + weights.damping * along);
+            modes(compiled, numbers, self.law.0 - self.law.1 * along, self.before + weights.damping * along);
         if !back {
             let stays = self.held.or(self.curve).and_not(held.or(curve));
             held = held.or(self.held.and(stays));
@@ -94,14 +94,9 @@ impl<R: Real> Region<R> {
     }
 }
 
-/// Lanes in which a force that the law asks for at a velocity is held at a limit, or on the motor's curve, and at the upper one of these.
+/// Modes of an unbounded force at a velocity: lanes at a limit, lanes on the curve of the motor, and lanes at the upper one of these bounds.
 #[inline(always)]
-fn whereabouts<R: Real>(
-    compiled: &CompiledActuatorDynamics<R::Scalar>,
-    numbers: &ActuatorDynamics<R>,
-    force: R,
-    velocity: R,
-) -> [R::Mask; 3] {
+fn modes<R: Real>(compiled: &CompiledActuatorDynamics<R::Scalar>, numbers: &ActuatorDynamics<R>, force: R, velocity: R) -> [R::Mask; 3] {
     let never = R::Mask::splat(false);
     let ([low, high], mut asked) = (numbers.limits, force);
     let (mut held, mut upper) = (never, never);
@@ -121,7 +116,7 @@ fn whereabouts<R: Real>(
     [held, curve, upper]
 }
 
-/// Lanes in which a force that the law asks for at a velocity is cut.
+/// Lanes in which a limit reduces the force at a velocity.
 #[inline(always)]
 pub(crate) fn exceeds<R: Real>(
     compiled: &CompiledActuatorDynamics<R::Scalar>,
@@ -129,14 +124,14 @@ pub(crate) fn exceeds<R: Real>(
     force: R,
     velocity: R,
 ) -> R::Mask {
-    let [held, curve, _] = whereabouts(compiled, numbers, force, velocity);
+    let [held, curve, _] = modes(compiled, numbers, force, velocity);
     held.or(curve)
 }
 
 /// A force within the limits and under the curve of its dynamics.
 #[inline(always)]
 pub(crate) fn bounded<R: Real>(compiled: &CompiledActuatorDynamics<R::Scalar>, numbers: &ActuatorDynamics<R>, force: R, velocity: R) -> R {
-    let [held, curve, upper] = whereabouts(compiled, numbers, force, velocity);
+    let [held, curve, upper] = modes(compiled, numbers, force, velocity);
     let limit = R::select(upper, numbers.limits[1], numbers.limits[0]);
     let edge = R::select(upper, numbers.stall, -numbers.stall) - numbers.drag * velocity;
     R::select(curve, edge, R::select(held, limit, force))

@@ -1,21 +1,21 @@
-//! Forces of actuators and springs, and what they add to the mass matrix: what stage 1 hands to stage 2.
+//! Forces of actuators and springs with their added inertia, which stage 1 passes to stage 2.
 //!
-//! A step of length h takes the force of a spring k and a damper d, on a coordinate x = a . q with moment a, at the end of what the step
-//! itself does to x, to first order:
+//! A coordinate x = a . q with moment a has a spring k and a damper d. A step of length h evaluates their force at the end of its effect on
+//! x, to first order:
 //!
 //! ```text
 //! midpoint:  f = -k (x_mid + h/4 a.dv - x0) - d (xdot + 1/2 a.dv)     (M + (h/2 d + h^2/4 k) a a^T) dv = h (...)
 //! implicit:  f = -k (x + h xdot + h a.dv - x0) - d (xdot + a.dv)      (M + (h d + h^2 k) a a^T) dv = h (...)
 //! ```
 //!
-//! with dv = v+ - v. The first is the implicit midpoint rule (A-stable, and energy of linear springs is conserved: Hairer, Lubich & Wanner
-//! 2006, theorem IV.2.1), the second is backward Euler's (L-stable). The matrix keeps the tree's sparsity as long as the dofs of a moment
-//! lie on one chain; otherwise a a^T is replaced by the diagonal matrix |a_i| sum_j |a_j|, which is not smaller (Gershgorin): an added
-//! inertia, with which the same stability holds.
+//! with dv = v+ - v. The first is the implicit midpoint rule. It is A-stable and conserves the energy of linear springs (Hairer, Lubich &
+//! Wanner 2006, theorem IV.2.1). The second is backward Euler's rule, which is L-stable. The matrix keeps the sparsity of the tree if the
+//! dofs of a moment lie on one chain. Otherwise the diagonal matrix |a_i| sum_j |a_j| replaces a a^T. It is not smaller (Gershgorin), so
+//! this added inertia gives the same stability.
 //!
-//! Of a spring or damper that a step does not resolve the midpoint rule keeps the amplitude, and turns it around in every step: its
-//! amplification tends to -1. Where there is damping, which makes the true motion die out, the step therefore takes more of it at its end,
-//! by s = z / (6 + z), z = h d / m with the inertia m of the diagonal of M:
+//! If a step does not resolve a spring or damper, the midpoint rule keeps its amplitude and reverses it in every step: its amplification
+//! tends to -1. With damping the true motion dies out. The step therefore evaluates more of it at its end, by s = z / (6 + z), z = h d / m
+//! with the inertia m of the diagonal of M:
 //!
 //! ```text
 //! f = -k (x_mid + h/4 a.dv - x0) - d (xdot + (1 + s)/2 a.dv) - 3/2 s h k (xdot + a.dv)
@@ -23,12 +23,12 @@
 //!
 //! For a damper alone, that is the Pade approximation (1 - z/3) / (1 + 2 z/3 + z^2/6) of exp(-z), Radau IIA's of third order (Hairer &
 //! Wanner, section IV.3): it tends to 0. For a stiff spring, the last term multiplies the area in the phase plane by 1 / (1 + 6 s) in a
-//! step, which is 1 - z + O(z^2) as in the true motion, exp(-z) (Liouville), and 1/7 at the most. What is added is of the order h^2, and
-//! nothing without damping: the rule stays of second order, and keeps the energy of springs that nothing damps.
+//! step. That is 1 - z + O(z^2), as in the true motion, exp(-z) (Liouville), and 1/7 at most. The added terms are of the order h^2, and
+//! zero without damping. The rule stays of second order, and keeps the energy of undamped springs.
 //!
-//! A servo at a bound of its force contributes the bound and no stiffness. Whether it is there is decided by the force at the end of the
-//! step that is to be expected, first with the impulses of the last step, and again with an estimate of this one's. A motor at its
-//! torque-speed curve contributes the curve: its stall torque, and the drag of its back-EMF as a damper.
+//! A servo at a bound of its force contributes the bound and no stiffness. The expected force at the end of the step decides whether it is
+//! at the bound: first with the impulses of the last step, then with an estimate of this step's impulses. A motor on its torque-speed curve
+//! contributes the curve: its stall torque, and the drag of its back-EMF as a damper.
 
 use stepper_real::{Mask, Real};
 
@@ -177,7 +177,7 @@ impl<R: Real> ActuatorForces<R> {
         )
     }
 
-    /// Of several dofs, a mean by their part in the mobility.
+    /// Effective inertia of several dofs: a mean, weighted by their part in the mobility.
     #[inline(always)]
     fn gauge_of(&self, compiled: &LaneModel<R>, actuator: &CompiledActuator<R::Scalar>, inertia: &[R]) -> EffectiveInertia<R> {
         let mut sum = EffectiveInertia { mobility: R::zero(), slowing: R::zero() };
@@ -195,7 +195,7 @@ impl<R: Real> ActuatorForces<R> {
         EffectiveInertia { mobility, slowing }
     }
 
-    /// What a servo moves.
+    /// Effective inertia that a servo moves.
     #[inline(always)]
     pub(crate) fn effective_inertia_at(&self, servo: usize) -> EffectiveInertia<R> {
         self.effective_inertias[servo]
@@ -409,7 +409,7 @@ impl<R: Real> ActuatorForces<R> {
                 for (k, servo) in compiled.servos.iter().enumerate() {
                     let Some(bounds) = compiled.actuators[servo.actuator].force_range else { continue };
                     let beyond = outside(self.implicit_force[servo.actuator], bounds);
-                    // A servo that a sum holds is at a bound that is not its own.
+                    // A servo that the bound of a sum limits is not at its individual bound.
                     let held = self.held_by_sum(compiled, servo.actuator);
                     wrong = wrong.or(differ(beyond, self.saturated[k]).and_not(held));
                 }

@@ -1,4 +1,4 @@
-//! What actuator dynamics lose to friction.
+//! Friction losses of actuator dynamics.
 
 use stepper_real::Real;
 
@@ -8,10 +8,10 @@ use crate::compile::LaneModel;
 use crate::math::spatial::*;
 
 impl<R: Real> ActuatorForces<R> {
-    /// What actuator dynamics lose at their forces, or at those that are to be expected at the end of the step, left in `losses`.
+    /// Computes the friction losses of actuator dynamics into `losses`, at their forces or at the expected forces at the end of the step.
     ///
-    /// A gear that passes on the share e of its power gives e f to what it drives, and asks f / e of what drives it: against a motion along
-    /// f it loses (1 - e) |f|, against one the other way (1/e - 1) |f|. At rest its friction is anything in between.
+    /// A gear with efficiency e delivers e f to the load, and needs f / e when the load drives it. Against a motion along f it loses (1 -
+    /// e) |f|, against one the other way (1/e - 1) |f|. At rest its friction is anything in between.
     pub fn dissipate(&mut self, compiled: &LaneModel<R>, actuator_dynamics: &[ActuatorDynamics<R>], expected: bool) {
         R::vectorize(
             #[inline(always)]

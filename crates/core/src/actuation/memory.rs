@@ -1,4 +1,4 @@
-//! What actuator dynamics remember from step to step, lane-interleaved.
+//! Memory of actuator dynamics, lane-interleaved.
 
 use serde::{Deserialize, Serialize};
 use stepper_real::Scalar;
@@ -12,7 +12,7 @@ pub struct Memory<S> {
     pub waiting: u32,
     /// Delay lines, lagged efforts, integrals, phases and held samples.
     pub numbers: Vec<S>,
-    /// Where every delay line was written last.
+    /// Position of the last sample in every delay line.
     pub cursors: Vec<u32>,
     /// Controls that the trains handed on in the last step, nu per lane.
     pub applied: Vec<S>,
@@ -39,13 +39,13 @@ impl<S: Scalar> Memory<S> {
         self.applied.iter_mut().skip(lane).step_by(lanes).for_each(|x| *x = S::default());
     }
 
-    /// What nobody can read of a lane that is no environment is zero.
+    /// Clears the entries of an unused lane that cannot be read.
     pub fn clear(&mut self, lane: usize, lanes: usize) {
         self.begin(lane, lanes);
         self.waiting &= !(1 << lane);
     }
 
-    /// What `n` of the `lanes` remember, from `first` on.
+    /// Memory of `n` of the `lanes` lanes, from `first` on.
     pub fn part(&self, lanes: usize, first: usize, n: usize) -> Self {
         Self {
             waiting: lane_bits(self.waiting, first, n),

@@ -13,13 +13,13 @@ use crate::model::actuator_spec::ActuatorSpec;
 enum Number {
     /// Steps.
     Delay,
-    /// What is left of a deviation after a step of the lag, and in its mean over the step.
+    /// Fraction of a deviation that remains after a step of the lag, and its mean over the step.
     Decay,
     Mean,
     Low,
     High,
     Kp,
-    /// Of a sample.
+    /// Integral gain times the sampling period.
     Ki,
     Kd,
     IntegralLimit,
@@ -35,7 +35,7 @@ enum Number {
 
 const NUMBERS: usize = 16;
 
-/// How a servo works.
+/// Kind of servo.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Servo {
     None,
@@ -99,7 +99,7 @@ impl<S: Scalar> ActuatorPipelines<S> {
         all
     }
 
-    /// Where every delay line is in the memory: its address, and its samples of one number each.
+    /// Delay lines in the memory: the address of each, and its samples of one number each.
     pub fn delay_lines(&self) -> impl Iterator<Item = DelayLine> {
         self.pipelines.iter().filter(|c| c.line > 0).map(|c| DelayLine { at: c.memory, samples: c.line, width: 1 })
     }
@@ -161,7 +161,7 @@ impl<S: Scalar> ActuatorPipelines<S> {
         )
     }
 
-    /// The same of one lane.
+    /// Numbers of all actuators in one lane.
     pub fn read(&self, compiled: &ModelStructure<S>, group: usize, lane: usize) -> Vec<ActuatorDynamics<f64>> {
         let mut specs = vec![ActuatorDynamics::default(); compiled.actuator_dynamics];
         for pipeline in &self.pipelines {
@@ -344,7 +344,7 @@ impl ActuatorPipeline {
         self.lag_at() + 2 * usize::from(self.lagged)
     }
 
-    /// Gains of a continuous servo behind its lag: `left` says how much of its past is left.
+    /// Sets the gains of a continuous servo behind its lag. `left` is the fraction of the past deviation that remains.
     #[inline(always)]
     fn set_gains<R: Real>(&self, table: &[R::Scalar], left: Number, dynamics: &mut ActuatorDynamics<R>) {
         let share: R = if self.lagged { R::one() - get::<R>(table, left as usize) } else { R::one() };

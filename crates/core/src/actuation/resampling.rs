@@ -1,6 +1,6 @@
-//! Actuator dynamics whose numbers are drawn anew, environment by environment.
+//! Resampling of the numbers of actuator dynamics per environment.
 //!
-//! What stages a spec has, and how long its delay line is, is compiled; the numbers of what is there are not.
+//! The stages of a spec and the length of its delay line are compiled. The numbers of the stages can change.
 
 use crate::actuation::pipeline::any_nonzero;
 use crate::model::actuator_spec::ActuatorSpec;
@@ -11,11 +11,11 @@ use crate::model::{ActuatorError, DeviceError, Model, label};
 pub struct ActuatorModels {
     /// The model as they change it.
     pub model: Model,
-    /// What was compiled, with what the model gives to them.
+    /// Compiled specs, with the numbers that they take from the model.
     pub specs: Vec<Option<ActuatorSpec>>,
-    /// As they were given, wherever there is a spec.
+    /// Specs as the user gave them.
     made: Vec<Option<ActuatorSpec>>,
-    /// As environments have them of their own.
+    /// Per-environment specs.
     drawn: Option<Vec<Option<ActuatorSpec>>>,
 }
 
@@ -41,7 +41,7 @@ impl ActuatorModels {
         Ok(Self { model: folded, made: made.collect(), specs, drawn: None })
     }
 
-    /// What environments have of their own.
+    /// Per-environment specs, if any.
     pub fn drawn(&self) -> Option<&[Option<ActuatorSpec>]> {
         self.drawn.as_deref()
     }
@@ -52,11 +52,13 @@ impl ActuatorModels {
         drawn.iter_mut().flatten().flatten().flat_map(ActuatorSpec::numbers).map(|x| size_of_val(&x[..])).sum()
     }
 
-    /// What comes of other numbers for the environments `envs`: an entry for every actuator, with lists of one number or one for each of
-    /// these; `None` leaves a spec as it is. Without any, they are as they were made.
+    /// Resamples the actuator dynamics of the environments `envs`.
+    ///
+    /// There is an entry for every actuator, with lists of one number or one per environment; `None` keeps a spec. Without any entries all
+    /// are restored.
     ///
     /// # Errors
-    /// What a number may not be, or what the simulation was not made for, with the actuator's name.
+    /// A number out of its range or an unsupported setting, with the actuator's name.
     pub fn resample_actuators(
         &self,
         model: &Model,
@@ -100,7 +102,7 @@ impl ActuatorModels {
     }
 }
 
-/// Numbers of a spec that environments may have of their own.
+/// Numbers of a spec that can differ between environments.
 trait OwnNumbers: Sized {
     /// All these numbers, in an order that depends on the spec's stages alone.
     fn numbers(&mut self) -> Vec<&mut Vec<f64>>;

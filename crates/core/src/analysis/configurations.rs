@@ -1,13 +1,13 @@
-//! Configurations of a model as points of a manifold: the one that a displacement leads to, and the displacement between two.
+//! Configurations of a model as points of a manifold: displaced configurations, and displacements between two of them.
 //!
-//! A displacement has the coordinates of velocities, (nv,): positions and angles as they are, and of a ball or free joint the rotation
-//! vector in the body's frame (MuJoCo's `mj_integratePos` and `mj_differentiatePos` over a time of 1).
+//! A displacement has the coordinates of velocities, (nv,). For ball and free joints it has the rotation vector in the body's frame. These
+//! are MuJoCo's `mj_integratePos` and `mj_differentiatePos` over a time of 1.
 
 use crate::error::{Error, check_length};
 use crate::math::spatial::*;
 use crate::model::{JointKind, Model};
 
-/// Length of a quaternion below which it says no orientation.
+/// Length of a quaternion below which it gives no orientation.
 const NO_LENGTH: f64 = 1e-10;
 
 /// Joint (an index in the model) whose quaternion in `q`, (nq,), has no length, if there is one.

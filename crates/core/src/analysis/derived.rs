@@ -13,10 +13,10 @@ use crate::model::{MIN_VALUE, Model};
 use crate::options::StepSettings;
 use crate::sensing::{contact_wrenches, motion_of, orientations};
 
-/// What [`Simulation::derive`](crate::Simulation::derive) gives of every environment, in MuJoCo's vocabulary.
+/// Quantity that [`Simulation::derive`](crate::Simulation::derive) computes for every environment, in MuJoCo's vocabulary.
 ///
-/// Poses and velocities are those of the present state, as `mj_forward` leaves them. What a step did is that of the last one, and where
-/// the state was set since, that of the step that would be made from it.
+/// Poses and velocities are those of the present state, as after `mj_forward`. Results of a step are those of the last one. If the state
+/// was set since, they are those of a trial step from it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[non_exhaustive]
 pub enum DerivedQuantity {
@@ -42,22 +42,26 @@ pub enum DerivedQuantity {
     Acceleration,
     /// Forces of the actuators at the present state with the controls in force, before their gears: (nu).
     ActuatorForce,
-    /// The same on the joints, within their bounds: (nv), N or N m.
+    /// Actuator forces on the joints, within their bounds: (nv), N or N m.
     JointActuatorForce,
     /// Force of all constraints of the last step on the joints, contacts and limits among them: (nv), N or N m.
     JointConstraintForce,
-    /// Force (N) and torque (N m) of all contacts of the last step on every body in world axes, the torque about its present centre of
-    /// mass: (nbody, 6).
+    /// Force (N) and torque (N m) of all contacts of the last step on every body, world axes: (nbody, 6).
+    ///
+    /// The torque is about the body's present centre of mass.
     BodyContactForce,
     /// Centres of mass of the bodies, m: (nbody, 3).
     BodyCom,
-    /// Inertias of the bodies about the centre of mass of their tree, world axes: xx, yy, zz, xy, xz, yz in kg m^2, the mass times the
-    /// place of the body's centre of mass in kg m, the mass in kg: (nbody, 10). The world has none.
+    /// Inertias of the bodies about the centre of mass of their tree, world axes: (nbody, 10). The world has none.
+    ///
+    /// The numbers are xx, yy, zz, xy, xz, yz in kg m^2, the mass times the position of the body's centre of mass in kg m, and the mass in
+    /// kg.
     BodyInertia,
     /// Angular (rad/s) and linear velocities (m/s) of the bodies, the latter of what is at the centre of mass of their tree: (nbody, 6).
     BodyMotion,
-    /// Torques (N m) and forces (N) on the bodies of the contacts that the last step left, about the centre of mass of their tree, world
-    /// axes: (nbody, 6). Where the state was set since there are none.
+    /// Torques (N m) and forces (N) of the last step's contacts on the bodies, world axes: (nbody, 6).
+    ///
+    /// Torques are about the centre of mass of the tree. Zero if the state was set since the last step.
     BodyForce,
     /// Mass matrix without terms that depend on the time step, armature included: (nv, nv), kg, kg m and kg m^2.
     MassMatrix,
@@ -144,15 +148,15 @@ pub(crate) struct Derivation<R: Real> {
     wrenches: Vec<[R; 6]>,
     /// Mass matrices and the like.
     dynamics: SmoothDynamics<R>,
-    /// What is known of the present group.
+    /// Quantities of the present group that are already computed.
     known: Known,
-    /// What is derived.
+    /// Values of the quantity.
     values: Vec<R>,
-    /// The same, lane-interleaved.
+    /// Values of the quantity, lane-interleaved.
     interleaved: Vec<R::Scalar>,
 }
 
-/// What several quantities of a group share, and which of it was made.
+/// Intermediate results that several quantities of a group share, and which of them are computed.
 #[derive(Clone, Copy, Debug, Default)]
 struct Known {
     poses: bool,

@@ -8,8 +8,10 @@ use crate::math::spatial::*;
 use crate::model::{InverseWeights, Model};
 use crate::stages::s02_smooth::Smooth;
 
-/// Inverse weights of a model, as MuJoCo's compiler has them (`mj_setConst`): for a body the mean diagonal of J M^-1 J^T of its centre of
-/// mass, for a degree of freedom the diagonal of M^-1, meaned over a joint's translations and rotations, for a tendon J M^-1 J^T.
+/// Inverse weights of a model, as in MuJoCo's compiler (`mj_setConst`).
+///
+/// For a body it is the mean diagonal of J M^-1 J^T of its centre of mass. For a degree of freedom it is the diagonal of M^-1, averaged
+/// over a joint's translations and rotations. For a tendon it is J M^-1 J^T.
 pub fn inverse_weights(model: &Model) -> InverseWeights {
     let compiled: LaneModel<f64> = LaneModel::new(&CompiledModel::new(model));
     let mut kinematics = Kinematics::new(&compiled);

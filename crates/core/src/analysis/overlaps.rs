@@ -29,7 +29,7 @@ const SHOWN: usize = 12;
 pub struct OutOfRange {
     /// Index of the joint in the model.
     pub joint: usize,
-    /// How far, rad or m.
+    /// Amount of the violation, rad or m.
     pub by: f64,
 }
 

@@ -1,4 +1,4 @@
-//! Mass matrix, bias force and smooth acceleration as people ask for them outside a step, over lanes.
+//! Mass matrix, bias force and smooth acceleration outside a step, over lanes.
 
 use nalgebra::{DMatrix, DVector};
 use stepper_real::{Real, Scalar};

@@ -1,4 +1,4 @@
-//! One call of `step` or `rollout`, as every group needs to know it.
+//! Call of `step` or `rollout`: its arguments for each group of environments.
 
 use std::ops::Range;
 
@@ -27,7 +27,7 @@ impl Schedule {
     }
 }
 
-/// One call of `step` or `rollout` for all environments: what every group needs to know.
+/// Arguments of one call of `step` or `rollout` for all environments.
 #[derive(Clone, Copy, Debug)]
 pub struct Call<'a, S: Scalar> {
     /// The compiled model.
@@ -38,14 +38,14 @@ pub struct Call<'a, S: Scalar> {
     pub num_envs: usize,
     /// Controls and steps.
     pub schedule: Schedule,
-    /// What the user says, environment-major. Controls are (controls, num_envs, nu), or (controls, nu) for all; an empty slice is no
-    /// control, no force, or the model's poses.
+    /// Inputs of the user, environment-major. Controls are (controls, num_envs, nu), or (controls, nu) for all environments. An empty slice
+    /// means zero controls, zero forces, or the mocap poses of the model.
     pub inputs: StepInputs<'a>,
     /// The steps of the call that are made now.
     pub part: Part,
-    /// What sensors that are not ideal make of the truth.
+    /// Error models of the sensors; none where all sensors are ideal.
     pub sensor_errors: Option<&'a Errors<S>>,
-    /// Parameters that environments have of their own.
+    /// Per-environment parameter overrides.
     pub overrides: &'a ParameterOverrides<S>,
     /// Actuator dynamics between controls and forces.
     pub pipelines: Option<&'a ActuatorPipelines<S>>,
@@ -54,9 +54,9 @@ pub struct Call<'a, S: Scalar> {
 /// Which readings are asked for.
 #[derive(Debug)]
 pub struct Query<'a> {
-    /// Those of ideal sensors.
+    /// True readings of ideal sensors.
     pub truth: bool,
-    /// Where they go: a row for every environment of the group.
+    /// Output array: a row for every environment of the group.
     pub out: &'a mut [f64],
 }
 
@@ -74,7 +74,7 @@ pub struct Part {
 }
 
 impl Part {
-    /// All of so many steps.
+    /// Range of all steps of a call with `steps` steps.
     pub fn whole(steps: usize) -> Self {
         Self { from: 0, to: steps, elapsed: 0.0, ends: true }
     }

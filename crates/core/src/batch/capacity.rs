@@ -1,4 +1,4 @@
-//! Room that a batch needs: contacts that an environment can hold, and memory.
+//! Capacity of a batch: contacts per environment, and memory.
 
 use stepper_real::Level;
 
@@ -22,8 +22,9 @@ pub(super) fn bytes_per_env<S: LaneScalar>(compiled: &CompiledModel<S>, max_cont
 /// Memory that is asked for besides what environments keep, bytes each: indices, and what a list of many parts costs.
 const BESIDES: usize = 64;
 
-/// Whether there is memory for environments that keep so many bytes each. It is asked for at once and given back: an allocation that fails
-/// piece by piece would end the process.
+/// Whether there is enough memory for `num_envs` environments of `bytes_per_env` bytes each.
+///
+/// It allocates the whole at once and frees it. An allocation that fails later, piece by piece, would end the process.
 pub(super) fn check_memory(num_envs: usize, bytes_per_env: usize) -> Result<(), Error> {
     let fails = |all: usize| Vec::<u8>::new().try_reserve_exact(all).is_err();
     match num_envs > 1 && num_envs.checked_mul(bytes_per_env + BESIDES).is_none_or(fails) {
@@ -32,12 +33,12 @@ pub(super) fn check_memory(num_envs: usize, bytes_per_env: usize) -> Result<(), 
     }
 }
 
-/// Number of contacts that an environment has capacity for: what the options say; else all that can exist, up to 16 and some for each body,
-/// and up to twice what the model's own states have.
+/// Contact capacity of an environment: the number in the options, else an estimate.
 ///
-/// A link of a robot has four. A floating body has what a heap of its like brings it: half of the twelve balls that fit around a ball, or
-/// of the six faces of a box in a wall with four points each. Mechanisms whose parts lie on one another (a puzzle, a gripper of many
-/// meshes) have more all the time, and have them in their reset state or a keyframe.
+/// The estimate is the number of contacts that can exist, but at most 16 plus some per body, or twice the number in the model's stored
+/// states. A link of a robot counts four. A floating body counts what a body in a heap has: half of the twelve balls around a ball, or of
+/// the six faces of a box with four points each. Mechanisms whose parts lie on one another (a puzzle, a gripper of many meshes) have more
+/// contacts in their reset state or a keyframe.
 pub(super) fn contact_capacity<S: LaneScalar>(model: &Model, compiled: &CompiledModel<S>, settings: &StepSettings, level: Level) -> usize {
     if let Some(n) = settings.max_contacts {
         return (n as usize).min(compiled.contact_points);

@@ -1,4 +1,4 @@
-//! What is given to a batch besides its state: sensor and actuator models, and parameters of single environments.
+//! Configuration of a batch besides its state: sensor and actuator models, and per-environment parameters.
 
 use crate::actuation::{ActuatorPipelines, ActuatorSpec, memory};
 use crate::batch::capacity::{bytes_per_env, check_memory};
@@ -14,7 +14,7 @@ use crate::sensing::errors::{Errors, Transfer};
 pub trait Configuration {
     /// Settings in force.
     fn settings(&self) -> &StepSettings;
-    /// The same, to be changed by tests.
+    /// Settings of a step, for tests that change them.
     #[cfg(feature = "internals")]
     fn settings_mut(&mut self) -> &mut StepSettings;
     /// Gives the sensors transfer functions, `None` to ideal ones.

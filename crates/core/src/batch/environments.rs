@@ -19,7 +19,7 @@ use crate::options::{ContactLaw, Integrator, StepSettings};
 use crate::sensing::errors::Errors;
 use crate::stages::s10_record::Status;
 
-/// What became of the last call in one environment.
+/// Outcome of the last call in one environment.
 #[derive(Clone, Copy, Debug)]
 pub struct Outcome {
     /// Flags of all its steps.
@@ -48,7 +48,7 @@ pub trait Environments {
     fn time(&self, env: usize) -> f64;
     /// Sets the time, s.
     fn set_time(&mut self, env: usize, time: f64);
-    /// What became of the last call.
+    /// Outcome of the last call in environment `env`.
     fn outcome(&self, env: usize) -> Outcome;
     /// Contacts of the last step: geoms of the model and the numbers.
     fn contacts(&self, env: usize) -> Vec<([usize; 2], StoredContact)>;
@@ -62,11 +62,11 @@ pub trait Environments {
     fn actuator_outputs(&self, env: usize) -> Option<(Vec<f64>, Vec<ActuatorDynamics<f64>>)>;
     /// Begins a new episode for random numbers: the next one, or the first one under a new seed.
     fn begin_episode(&mut self, env: usize, seed: Option<u64>);
-    /// Says as which environment it draws random numbers.
+    /// Sets the index under which an environment draws random numbers.
     fn set_random_stream(&mut self, env: usize, stream: u32);
     /// Clears warm starts, contacts and outcome, and the memory of sensors and actuator dynamics.
     fn clear_memory(&mut self, env: usize);
-    /// Says that the state was set: sensors of accelerations and forces have no last step to read. All memory stays.
+    /// Marks the state as set: sensors of accelerations and forces have no last step to read. All memory stays.
     fn discard_last_step(&mut self, env: usize);
     /// Sets the controls in force before the first step, for sensors that read actuators.
     fn set_initial_ctrl(&mut self, env: usize, ctrl: &[f64]);
@@ -133,7 +133,7 @@ impl<S: LaneScalar> Batch<S> {
         (&self.groups[env / self.lanes], env % self.lanes)
     }
 
-    /// The same for writing; makes idle workers forget the state that they have kept, so that they load it again.
+    /// Group and lane of an environment, for writing. Idle workers discard their copy of its state, so that they load it again.
     pub(super) fn lane_mut(&mut self, env: usize) -> (&mut Group<S>, usize) {
         self.workers.idle_workers().iter_mut().for_each(|worker| worker.forget_state());
         (&mut self.groups[env / self.lanes], env % self.lanes)

@@ -1,4 +1,4 @@
-//! What goes from a group's state and a call's arrays into the workspace, and back.
+//! Exchange between the arrays of a call, the state of a group and the workspace.
 
 use stepper_real::{Mask, Real, Scalar};
 
@@ -51,7 +51,7 @@ pub(super) fn load_state<R: Real>(group: &Group<R::Scalar>, s: &mut Workspace<R>
     )
 }
 
-/// The part of [`load_state`] that says where the environments are and how they move, and the impulses of scalar rows: without contacts.
+/// Loads positions, velocities and impulses of scalar rows, the part of [`load_state`] without contacts.
 pub(super) fn load_motion<R: Real>(group: &Group<R::Scalar>, s: &mut Workspace<R>) {
     R::vectorize(
         #[inline(always)]
@@ -66,7 +66,7 @@ pub(super) fn load_motion<R: Real>(group: &Group<R::Scalar>, s: &mut Workspace<R
     )
 }
 
-/// Takes up what the user says for the whole call.
+/// Loads the inputs that hold for the whole call.
 pub(super) fn load_inputs<R: Real>(call: &Call<'_, R::Scalar>, group: &Group<R::Scalar>, first: usize, s: &mut Workspace<R>) {
     if let Some(pipelines) = call.pipelines {
         pipelines.load(call.compiled, first / R::LANES, &mut s.inputs.actuator_dynamics);

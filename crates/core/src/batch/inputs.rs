@@ -1,8 +1,8 @@
-//! What a user gives: inputs of a call, fields of the state, rows for many environments.
+//! Inputs of the user: inputs of a call, fields of the state, rows for many environments.
 
 use crate::model::Model;
 
-/// What the user says to a call of step, environment-major. An empty slice says nothing: what is in force stays.
+/// Inputs of a call of `step`, environment-major. An empty slice keeps the input that is in force.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct StepInputs<'a> {
     /// Controls, (num_envs, nu), or (nu) for all: from this call on.
@@ -118,7 +118,7 @@ impl AppliedInput {
     }
 }
 
-/// What the user applies, in force until it is changed.
+/// Applied inputs, in force until the user changes them.
 #[derive(Clone, Debug, Default)]
 pub(super) struct AppliedInputs {
     /// In the order of [`AppliedInput::ALL`], (num_envs, ...) each; empty where nothing was ever given.
@@ -131,8 +131,9 @@ impl AppliedInputs {
         &self.arrays[input as usize]
     }
 
-    /// Replaces one array; no values take back what was applied. Positions and orientations of mocap bodies go together: whoever moves a
-    /// body may leave its orientation alone.
+    /// Replaces one array; an empty one clears the input.
+    ///
+    /// If only positions or only orientations of mocap bodies are given, the others are those of the reset state.
     pub(super) fn set(&mut self, input: AppliedInput, values: &[f64], model: &Model, num_envs: usize) {
         let array = &mut self.arrays[input as usize];
         array.clear();
@@ -157,17 +158,17 @@ impl AppliedInputs {
         }
     }
 
-    /// What a call reads: what it is given, and what is in force where it is given nothing.
+    /// Inputs of a call: those given, and those in force where none are given.
     pub(super) fn complete<'a>(&'a self, given: &StepInputs<'a>) -> StepInputs<'a> {
         self.complete_with(given, |held| held)
     }
 
-    /// The same for one environment: inputs are those of it alone.
+    /// Inputs of a call for one environment. `given` has the inputs of this environment alone.
     pub(super) fn complete_one<'a>(&'a self, env: usize, num_envs: usize, given: &StepInputs<'a>) -> StepInputs<'a> {
         self.complete_with(given, |held| &held[env * (held.len() / num_envs)..][..held.len() / num_envs])
     }
 
-    /// The same with a part of each array that is in force.
+    /// Inputs of a call, with `part` selecting from each array in force.
     fn complete_with<'a>(&'a self, given: &StepInputs<'a>, part: impl Fn(&'a [f64]) -> &'a [f64]) -> StepInputs<'a> {
         let [qfrc, xfrc, mocap_pos, mocap_quat, eq_active] = &self.arrays;
         let or = |given: &'a [f64], held: &'a [f64]| if given.is_empty() { part(held) } else { given };
@@ -188,8 +189,7 @@ impl AppliedInputs {
     }
 }
 
-/// What is to be written to the state of some environments. Of arrays there is a row for every environment of the simulation, of which
-/// theirs are read, or one row for all.
+/// Values to write to the state of some environments. Each array has a row for every environment of the simulation, or one row for all.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct StateRows<'a> {
     /// Configurations, (num_envs, nq) or (nq): m, rad and quaternions, which are normalised.
@@ -202,7 +202,7 @@ pub struct StateRows<'a> {
     pub time: Option<&'a [f64]>,
 }
 
-/// How an episode begins, besides the model's reset state.
+/// Initial state of an episode, based on the reset state of the model.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Episode<'a> {
     /// A new seed, for all or for each environment of the batch, under which it is the first episode; else it is the next one under the
@@ -210,6 +210,6 @@ pub struct Episode<'a> {
     pub seed: Option<&'a [u64]>,
     /// A keyframe of the model: state, time and controls in force.
     pub keyframe: Option<&'a crate::model::Keyframe>,
-    /// What is written over that.
+    /// Values that replace those of the reset state.
     pub rows: StateRows<'a>,
 }

@@ -1,7 +1,7 @@
-//! Randomization, environment by environment: parameters that environments have of their own.
+//! Randomization: per-environment parameters.
 //!
-//! It is kept twice: as the fields that the user gave ([`Randomization`]), of which variants of the model are made; and as those numbers of
-//! the compiled model that came out other than the model's ([`ParameterOverrides`]), which is what a step reads.
+//! There are two forms. [`Randomization`] has the fields of the user, from which variants of the model are made. [`ParameterOverrides`] has
+//! the numbers of the compiled model that differ from the model's. A step reads these.
 
 use std::collections::BTreeMap;
 
@@ -13,7 +13,7 @@ use crate::model::{Model, ModelError, Variants};
 /// Numbers of a compiled model, by their place in its parameters, that one environment has other than the model.
 pub type Differences = Vec<(u32, f64)>;
 
-/// Fields of the model that environments have of their own, by name, (num_envs, numbers of the field) each.
+/// Per-environment fields of the model, by name, (num_envs, numbers of the field) each.
 #[derive(Clone, Debug, Default)]
 pub struct Randomization {
     fields: BTreeMap<&'static str, Vec<f64>>,
@@ -44,11 +44,12 @@ impl Randomization {
         assigned.iter().all(|(_, values)| values.is_none()) && self.fields.keys().all(taken_back)
     }
 
-    /// What the environments `envs` have other than the model when these fields are assigned to them. `with_dynamics` is what actuator
-    /// dynamics make of a model.
+    /// Differences from the compiled model when these fields are assigned to the environments `envs`.
+    ///
+    /// `with_dynamics` applies the actuator dynamics to a model.
     ///
     /// # Errors
-    /// [`ModelError`] of the first variant that is no model or has another structure, with its environment.
+    /// [`ModelError`] of the first variant that is invalid or has another structure, with its environment.
     pub fn differences(
         &self,
         model: &Model,
@@ -103,7 +104,7 @@ fn differ(own: &Params<f64>, shared: &Params<f64>) -> Differences {
     both.filter(|(_, (own, shared))| own.to_bits() != shared.to_bits()).map(|(place, (&own, _))| (place, own)).collect()
 }
 
-/// Numbers of the compiled model that environments have of their own: which, and for every group of lanes what they are.
+/// Per-environment numbers of the compiled model: their places, and their values for every group of lanes.
 #[derive(Clone, Debug, Default)]
 pub struct ParameterOverrides<S> {
     /// Places in [`Params`], ascending; the same in all groups.

@@ -12,9 +12,9 @@ use crate::sensing::{Placed, nearest};
 /// (count, 3) that are for all environments.
 #[derive(Clone, Copy, Debug)]
 pub struct RayCast<'a> {
-    /// Where they begin, in the world, m.
+    /// Origins of the rays, world axes, m.
     pub points: &'a [f64],
-    /// Where they go, in world axes, of any length above 0.
+    /// Directions of the rays in world axes, of any length above 0.
     pub directions: &'a [f64],
     /// Rays of an environment.
     pub count: usize,
@@ -22,14 +22,14 @@ pub struct RayCast<'a> {
     pub geoms: &'a [usize],
 }
 
-/// The same of a group: what they can meet, with its index in the model.
+/// Ray query of a group: its rays and the geoms that they can hit.
 #[derive(Clone, Copy, Debug)]
 pub struct RayQuery<'a, S> {
-    /// As they were given, the directions of unit length.
+    /// Rays of the query, with directions of unit length.
     pub rays: RayCast<'a>,
     /// Number of environments.
     pub num_envs: usize,
-    /// What the rays can meet.
+    /// Geoms that the rays can hit, with their index in the model.
     pub targets: &'a [(usize, Target<S>)],
 }
 

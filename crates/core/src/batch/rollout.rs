@@ -1,6 +1,6 @@
-//! A rollout: many controls in one call, and what is written down after each.
+//! Rollout: many controls in one call, with recorded quantities after each.
 //!
-//! A thread keeps its environments for the whole rollout, so they stay in its cache; each thread has its own part of every array.
+//! A thread keeps its environments for the whole rollout, so that they stay in its cache. Each thread has its part of every array.
 
 use stepper_real::{Mask, Real, Scalar};
 
@@ -8,7 +8,7 @@ use crate::integrators::workspace::Workspace;
 use crate::math::precision::Precision;
 use crate::model::Model;
 
-/// What can be written down after a control.
+/// Quantity that a rollout can record after a control.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Quantity {
     /// Configuration, nq.
@@ -78,10 +78,10 @@ impl Numbers<'_> {
     }
 }
 
-/// Where a rollout is written down.
+/// Output arrays of a rollout.
 #[derive(Debug)]
 pub struct Recording<'a> {
-    /// What, and where to: (controls, num_envs, n) each.
+    /// Recorded quantities and their arrays, (controls, num_envs, n) each.
     pub quantities: Vec<(Quantity, Numbers<'a>)>,
     /// Flags of all steps of a control, as [`Status::bits`](crate::Status::bits): (controls, num_envs).
     pub status: &'a mut [u32],
@@ -136,8 +136,8 @@ impl<S: Scalar> Share<'_, S> {
         self.quantities.iter().any(|q| q.0 == quantity)
     }
 
-    /// What [`Share::write`] wrote of flags and residuals after control number `call`, of which not all steps were made: leaves the former
-    /// in `status` and returns the latter.
+    /// Reads back the flags and residuals that [`Share::write`] wrote after control number `call`, which was interrupted. Leaves the flags
+    /// in `status` and returns the residuals.
     pub fn resume<R: Real<Scalar = S>>(&self, call: usize, first: usize, alive: R::Mask, status: &mut [u32]) -> R {
         let used = alive.bits().count_ones() as usize;
         status[..used].copy_from_slice(&self.status[call][first..first + used]);

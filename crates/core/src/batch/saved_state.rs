@@ -22,11 +22,11 @@ pub const FORMAT_VERSION: u32 = 6;
 /// The oldest that is read: before it, states had no position error of equalities.
 const OLDEST_VERSION: u32 = 6;
 
-/// Where the digest of the model begins.
+/// Offset of the digest of the model.
 const MODEL: usize = 13;
-/// Where that of the rest begins.
+/// Offset of the digest of the rest.
 const CHECK: usize = MODEL + 32;
-/// Where the payload begins.
+/// Offset of the payload.
 const PAYLOAD: usize = CHECK + 32;
 
 /// All that survives a step, of some environments of a model.
@@ -77,7 +77,7 @@ impl SavedState {
         [&head[..], &checksum(&head, &self.payload), &self.payload].concat()
     }
 
-    /// The state that [`SavedState::to_bytes`] wrote, bit for bit. Whether it fits a simulation, that says when the state is given to it.
+    /// Reads a state that [`SavedState::to_bytes`] wrote, bit for bit. Restoring it in a simulation checks whether it fits.
     ///
     /// # Errors
     /// [`Error::NotAState`] when the bytes are no state, of another format version, or damaged.

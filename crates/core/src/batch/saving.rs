@@ -15,11 +15,12 @@ use crate::sensing::errors::Errors;
 pub trait Saving {
     /// All that survives a step, as bytes: `ctrl`, (num_envs, nu), are the controls in force. Of one environment, or of all.
     fn save(&self, env: Option<usize>, ctrl: &[f64]) -> Vec<u8>;
-    /// Takes over what [`Saving::save`] wrote, in the environments `envs`: from a state of as many environments as there are each its own,
-    /// from a state of one all the same. Returns the controls in force of the state.
+    /// Restores a state that [`Saving::save`] wrote in the environments `envs`, and returns its controls in force.
+    ///
+    /// A state of as many environments as the batch has goes to the same environments. A state of one environment goes to all of `envs`.
     ///
     /// # Errors
-    /// The first thing that does not fit; nothing is changed then.
+    /// The first mismatch; nothing is changed then.
     fn restore(&mut self, bytes: &[u8], envs: &[usize]) -> Result<Vec<f64>, StateMisfit>;
 }
 
@@ -173,7 +174,7 @@ mod tests {
         Simulation::new(Arc::new(scene.finish().unwrap()), options, Some(3), Precision::F64, 1).unwrap()
     }
 
-    /// The state of a simulation whose environments have two contacts each, in groups with room for `room` of them.
+    /// State of a simulation whose environments have two contacts each, in groups with a contact capacity of `room`.
     fn touching(sim: &Simulation, room: usize, change: impl Fn(&mut Group<f64>)) -> SavedState {
         let state = sim.save_state();
         let mut saved = postcard::from_bytes::<SavedGroups<f64>>(state.payload()).unwrap();

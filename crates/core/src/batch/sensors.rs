@@ -29,8 +29,9 @@ pub(super) struct Reader<'a, R: Real, P> {
 }
 
 impl<R: Real, P: Probe> Reader<'_, R, P> {
-    /// Lets the error models begin in the lanes that wait for it. What the user applies is left out of that reading, so that it is the
-    /// same whenever it is made, before a step or by the step itself.
+    /// Starts the error models in the lanes that wait for it.
+    ///
+    /// This reading leaves out the inputs of the user. It is then the same before a step and within a step.
     pub(super) fn begin_observations(&self, group: &mut Group<R::Scalar>, s: &mut Workspace<R>) {
         if let (Some(errors), true) = (self.call.sensor_errors, group.sensing.waiting & group.alive != 0) {
             self.observe_initial_state(errors, group, s);
@@ -68,8 +69,10 @@ impl<R: Real, P: Probe> Reader<'_, R, P> {
         }
     }
 
-    /// Completes the readings after the steps of a control, left in `s.sensors.workspace.truth`: those of the error models where there are
-    /// any, else the true ones, which stage 9 has made unless they are `unread` because no step was made.
+    /// Completes the readings after the steps of a control, in `s.sensors.workspace.truth`.
+    ///
+    /// These are the readings of the error models, if there are any, else the true readings. Stage 9 has computed them unless they are
+    /// `unread` because no step was made.
     pub(super) fn complete_readings(&self, group: &Group<R::Scalar>, s: &mut Workspace<R>, unread: bool) {
         if self.call.sensor_errors.is_some() {
             load_or_zero(&group.sensing.observation, &mut s.sensors.workspace.truth);
@@ -85,8 +88,10 @@ impl<R: Real, P: Probe> Reader<'_, R, P> {
         read_sensors(input, &velocity.scalar_impulse, &mut evaluation.kinematics, sensors);
     }
 
-    /// Reads the state of the group. Where no step was made since the state was set, sensors of accelerations and forces read the step that
-    /// would be made from it, which is not kept.
+    /// Reads the sensors at the state of the group.
+    ///
+    /// If no step was made since the state was set, sensors of accelerations and forces read a trial step from this state, whose result is
+    /// discarded.
     fn evaluate(&self, group: &Group<R::Scalar>, s: &mut Workspace<R>) {
         let needs = self.call.compiled.sensing.needs;
         load_state(group, s);
@@ -97,9 +102,10 @@ impl<R: Real, P: Probe> Reader<'_, R, P> {
         self.read_truth(s);
     }
 
-    /// Brings what is derived from the state of the group into the workspace: the state, the inputs and controls in force, and with
-    /// `last_step` what the last step did, or the step that would be made where there was none since the state was set; contacts that the
-    /// last step left if `contacts`.
+    /// Loads the group into the workspace to compute derived quantities: the state, the inputs and controls in force.
+    ///
+    /// `last_step` adds the results of the last step, or of a trial step if the state was set since. `contacts` adds the contacts of the
+    /// last step.
     pub(super) fn load_to_derive(&self, group: &Group<R::Scalar>, s: &mut Workspace<R>, last_step: bool, contacts: bool) {
         if last_step {
             load_state(group, s);

@@ -55,7 +55,7 @@ pub struct Simulation {
     ctrl: Vec<f64>,
     applied: AppliedInputs,
     truth: TrueReadings,
-    /// Those that rays have met so far.
+    /// Surfaces of the geoms that rays have met so far.
     surfaces: RaySurfaces,
     /// Changes so far of what derived quantities depend on.
     revision: u64,

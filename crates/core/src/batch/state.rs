@@ -14,13 +14,13 @@ use crate::stages::s10_record::Status;
 
 /// Numbers of a contact that a state keeps: impulse, position, normal, distance.
 const CONTACT_NUMBERS: usize = 10;
-/// Where the normal begins among them.
+/// Offset of the normal in these numbers.
 const NORMAL: usize = 6;
 
-/// The environments of one group of lanes, lane-interleaved: entry i of lane l is at `i * lanes + l`.
+/// State of the environments of one group of lanes, lane-interleaved: entry i of lane l is at `i * lanes + l`.
 ///
-/// Contact impulses are the warm start of the next step, so they are part of the state; their geometry is kept beside them for whoever
-/// reads contacts. Nothing else survives a step.
+/// Contact impulses are the warm start of the next step, so they are part of the state. The geometry of the contacts is kept with them for
+/// readers of contacts. Nothing else survives a step.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Group<S> {
     /// Lanes of the group.
@@ -47,7 +47,7 @@ pub struct Group<S> {
     pub contact_data: Vec<S>,
     /// Angular impulses of contact k of lane l, three numbers each; empty when the scene has no torsional or rolling friction.
     pub contact_torque: Vec<S>,
-    /// What is known of pairs of hulls that were near one another in the last step.
+    /// Cached separations of the pairs of hulls that were close to each other in the last step.
     pub separation_cache: SeparationCache,
     /// s, per lane.
     pub time: Vec<f64>,
@@ -70,14 +70,14 @@ pub struct Group<S> {
     pub overshoot: Vec<S>,
     /// Largest position error of an equality after a step of the last call, m or rad, per lane.
     pub equality_violation: Vec<S>,
-    /// What sensors remember.
+    /// Memory of the sensors.
     pub sensing: Memory<S>,
-    /// What actuator dynamics remember.
+    /// Memory of the actuator dynamics.
     pub actuation: actuation::memory::Memory<S>,
 }
 
 impl<S: Scalar> Group<S> {
-    /// A group of environments at the model's reset state, `first` and those after it; `alive` says which lanes are used.
+    /// Group of environments at the model's reset state, `first` and those after it. `alive` has the bits of the lanes in use.
     pub fn new(compiled: &ModelStructure<S>, qpos0: &[S], lanes: usize, alive: u32, first: usize, max_contacts: usize) -> Self {
         let zeros = |n: usize| vec![S::default(); n * lanes];
         Self {
@@ -147,7 +147,7 @@ impl<S: Scalar> Group<S> {
             + self.actuation.bytes()
     }
 
-    /// Whether two groups are of the same shape, but for the room that they have for contacts.
+    /// Whether two groups have the same shape, except for their contact capacity.
     pub fn fits(&self, other: &Self) -> bool {
         let sizes = |g: &Self| {
             let impulses = [&g.scalar_impulse, &g.impulse, &g.mocap].map(Vec::len);
@@ -171,7 +171,7 @@ impl<S: Scalar> Group<S> {
             && self.contact_torque.len() == if rolling { 3 * entries } else { 0 }
     }
 
-    /// The same state in one form only: what nobody can read is zero.
+    /// Canonical form of the state: entries that cannot be read are zero.
     pub fn canonical(mut self) -> Self {
         let lanes = self.lanes;
         for lane in 0..lanes {
@@ -198,7 +198,7 @@ impl<S: Scalar> Group<S> {
         self.lanes * held.max().unwrap_or(0)
     }
 
-    /// The part of it that lanes `first` to `first + n` are, with room for the contacts that there are.
+    /// Part of the group with the lanes `first` to `first + n`, with a capacity for the present contacts.
     pub fn part(&self, first: usize, n: usize) -> Self {
         let lanes = self.lanes;
         let entries = self.used_entries(first, n);

@@ -17,13 +17,15 @@ use crate::math::lanes::{Target, each_of};
 use crate::options::StepSettings;
 use crate::step_derivative::{DerivativeQuery, DerivativeRows};
 
-/// Asked between the parts of a long call, on the thread that calls, whether it is to go on.
+/// Callback of a long call. The calling thread calls it between the parts; false stops the call.
 pub(super) type Watch<'a> = Option<&'a mut dyn FnMut() -> bool>;
 
 /// Calls for all environments.
 pub trait BatchCalls {
-    /// Makes the steps of a schedule, `inputs.ctrl` being (controls, num_envs, nu) or (controls, nu), and writes down what follows each
-    /// control. Returns how many steps were made, the same in every environment: fewer when the watch says so.
+    /// Makes the steps of a schedule and records the quantities after each control. Returns the number of steps made, the same in every
+    /// environment.
+    ///
+    /// `inputs.ctrl` is (controls, num_envs, nu) or (controls, nu). If the watch returns false, fewer steps are made.
     ///
     /// # Errors
     /// [`Error::Threads`]; nothing was done then.
@@ -54,17 +56,17 @@ pub trait BatchCalls {
     fn problem(&self, inputs: &StepInputs<'_>, env: usize) -> Vec<u8>;
     /// Threads that step.
     fn threads(&self) -> usize;
-    /// Whether so many steps take so short, two or three microseconds, that waking another thread costs more.
+    /// Whether `nstep` steps take at most two or three microseconds, so that waking another thread costs more.
     fn is_brief(&self, nstep: usize) -> bool;
     /// Calls `look` while the workspace of one more worker is there.
     fn with_worker(&self, look: &mut dyn FnMut());
-    /// Says who makes workers from now on.
+    /// Sets the functions that create workers.
     #[cfg(feature = "internals")]
     fn set_workers(&mut self, makers: &WorkerMakers);
 }
 
-/// Time between two looks at the watch of a long call, s: short beside the patience of somebody who wants it to end, long beside what
-/// sending the groups to the workers again takes.
+/// Time between two calls of the watch in a long call, s. An interrupted user hardly notices it, and sending the groups to the workers
+/// again takes far less.
 const PART: f64 = 0.05;
 /// Lower bound on the time of a step on one thread, per environment and degree of freedom, s. It gives the number of steps of the first
 /// part, before anything was measured; later parts follow the measured rate.
@@ -160,7 +162,7 @@ impl<S: LaneScalar> BatchCalls for Batch<S> {
     }
 
     fn problem(&self, inputs: &StepInputs<'_>, env: usize) -> Vec<u8> {
-        // A copy of the group takes the step, in a worker of its own: what is here stays as it is.
+        // A copy of the group takes the step, in a separate worker. The group stays as it is.
         let (group, lane) = self.lane(env);
         let call = self.call(inputs, Schedule { controls: 1, nstep: 1 }, Part::whole(1));
         self.workers.make_worker(&self.worker_spec()).problem(&call, &mut group.clone(), env - lane, lane)

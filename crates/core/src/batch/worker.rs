@@ -21,7 +21,7 @@ use crate::probe::{NoProbe, Probe, Span};
 use crate::step::step;
 use crate::step_derivative::{DerivativeQuery, DerivativeRows, StepDerivative};
 
-/// A thread's room to work, with the step compiled for its lanes and CPU level.
+/// Workspace of a thread, with the step compiled for its lanes and CPU level.
 pub trait Worker<S: Scalar>: Send {
     /// Makes the steps of `call` in one group.
     fn run(&mut self, call: &Call<'_, S>, group: &mut Group<S>, at: GroupPosition<'_, '_, S>);
@@ -46,21 +46,21 @@ pub trait Worker<S: Scalar>: Send {
     fn forget_state(&mut self);
 }
 
-/// How to make a worker.
+/// Parameters of a new worker.
 #[derive(Clone, Copy)]
 pub struct WorkerSpec<'a, S: Scalar> {
     /// The compiled model.
     pub compiled: &'a CompiledModel<S>,
     /// Settings.
     pub settings: &'a StepSettings,
-    /// Contacts an environment has room for.
+    /// Contact capacity of an environment.
     pub max_contacts: usize,
 }
 
-/// Makes a worker for groups of so many lanes at a CPU level that this machine has.
+/// Function that creates a worker for groups of that many lanes, at a CPU level of this machine.
 pub type MakeWorker<S> = fn(&WorkerSpec<'_, S>, usize, Level) -> Box<dyn Worker<S>>;
 
-/// Who makes workers, in each precision.
+/// Functions that create workers, in each precision.
 #[cfg(feature = "internals")]
 #[derive(Clone, Copy, Debug)]
 pub struct WorkerMakers {
@@ -76,11 +76,11 @@ pub trait LaneScalar: Scalar + Serialize + DeserializeOwned {
     const SAVED: usize;
     /// Lanes of a single environment.
     fn single(level: Level) -> usize;
-    /// Lanes of a group of many environments, stepped by so many threads.
+    /// Number of lanes of a group, for `num_envs` environments and `threads` threads.
     fn lanes(compiled: &CompiledModel<Self>, num_envs: usize, threads: usize, level: Level) -> usize;
     /// A worker for groups of `lanes` lanes at a CPU level that this machine has.
     fn worker(spec: &WorkerSpec<'_, Self>, lanes: usize, level: Level) -> Box<dyn Worker<Self>>;
-    /// The same with a probe in its steps.
+    /// Worker with a probe in its steps.
     fn probed_worker(spec: &WorkerSpec<'_, Self>, lanes: usize, level: Level, probe: impl Probe) -> Box<dyn Worker<Self>>;
     /// The one of two makers for this precision.
     #[cfg(feature = "internals")]
@@ -92,14 +92,14 @@ pub trait LaneScalar: Scalar + Serialize + DeserializeOwned {
     fn numbers(array: Numbers<'_>) -> &mut [Self];
 }
 
-/// Where a group is among the environments, and where it writes down what it does.
+/// Position of a group among the environments, and its output arrays.
 #[derive(Debug)]
 pub struct GroupPosition<'a, 'b, S> {
     /// Its first environment.
     pub first: usize,
     /// The first environment of the share.
     pub share_first: usize,
-    /// What the group and its neighbours write, if anything.
+    /// Output arrays of the group and its neighbours, if any.
     pub share: Option<&'a mut Share<'b, S>>,
 }
 
@@ -107,9 +107,10 @@ pub struct GroupPosition<'a, 'b, S> {
 /// registers make dm_control's humanoid (243) 4 to 6 % faster, humanoid_CMU (952) up to 4 % slower.
 const MAX_CACHED_ENTRIES: usize = 512;
 
-/// The level's lanes, `n`, or twice as many where that takes less time: with AVX-512 it takes as much as 1.8 times one register, but
-/// twice as much and more where the CPU has units of half the width (docs/performance.md). With the sixteen registers of AVX2 it would
-/// take 2.2 to 2.5 times.
+/// Number of lanes: the level's lanes `n`, or twice as many if that is faster.
+///
+/// With AVX-512 twice the lanes take 1.8 times as long as one register. On CPUs with units of half the width they take at least twice as
+/// long (docs/performance.md). With the sixteen registers of AVX2 they would take 2.2 to 2.5 times as long.
 fn lanes<S: Scalar>(n: usize, compiled: &CompiledModel<S>, num_envs: usize, threads: usize, level: Level) -> usize {
     let groups = |lanes: usize| num_envs.div_ceil(lanes).div_ceil(threads);
     let pays = compiled.chain.len() <= MAX_CACHED_ENTRIES && 9 * groups(2 * n) <= 5 * groups(n);
@@ -215,7 +216,7 @@ pub fn lane_worker<R: Real>(spec: &WorkerSpec<'_, R::Scalar>, probe: impl Probe)
     })
 }
 
-/// Where a worker steps and reads.
+/// Worker of one lane type: its compiled model and workspace.
 struct LaneWorker<R: Real, P: Probe> {
     probe: P,
     workspace: Workspace<R>,
@@ -280,7 +281,7 @@ impl<R: Real, P: Probe> Worker<R::Scalar> for LaneWorker<R, P> {
         assert_eq!(group.lanes, R::LANES, "a worker reads groups of its own width");
         self.load_overrides(call, first);
         let reader = Reader { call, compiled: &self.compiled, first, probe: self.probe };
-        // What the last step did may take another step, which leaves poses of its own.
+        // Reading the last step may make another step, which changes the poses.
         for of_last_step in [false, true] {
             if quantities.iter().all(|q| q.is_of_last_step() != of_last_step) {
                 continue;
@@ -352,7 +353,7 @@ impl<R: Real, P: Probe> LaneWorker<R, P> {
         }
     }
 
-    /// Brings the state of a group and what the user says for the whole call into the workspace.
+    /// Loads the state of a group and the inputs of the call into the workspace.
     fn load(&mut self, call: &Call<'_, R::Scalar>, group: &mut Group<R::Scalar>, first: usize) {
         let s = &mut self.workspace;
         if !s.current {
@@ -377,12 +378,13 @@ impl<R: Real, P: Probe> LaneWorker<R, P> {
         if call.part.ends && call.part.to > 0 {
             store_mocap_trajectories(call, group, s);
         }
-        // Who has one group alone goes on with it.
+        // A worker with a single group keeps it loaded for the next call.
         s.current = call.num_envs <= R::LANES;
     }
 
-    /// Some steps of one control; adds their flags to those that are there, and returns their largest residual and that given. After the
-    /// last of them the sensors have been read, if so they are to be.
+    /// Makes some steps of one control. Adds their flags to `status`, and returns the largest residual of these steps and the one given.
+    ///
+    /// After the last step the sensors are read if the call requests them.
     fn run_control(
         &mut self,
         call: &Call<'_, R::Scalar>,

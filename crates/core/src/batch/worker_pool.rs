@@ -40,7 +40,7 @@ impl<S: LaneScalar> WorkerPool<S> {
         (self.make)(spec, self.lanes, self.level)
     }
 
-    /// Says who makes workers from now on.
+    /// Sets the function that creates workers.
     #[cfg(feature = "internals")]
     pub(super) fn set_maker(&mut self, make: MakeWorker<S>) {
         self.make = make;
@@ -52,8 +52,8 @@ impl<S: LaneScalar> WorkerPool<S> {
         self.idle.get_mut().expect("a worker panicked")
     }
 
-    /// Starts the threads, one less than are to step: the one that calls is among them. They do not survive a fork: the child starts its
-    /// own.
+    /// Starts the threads: one less than the number that steps, because the calling thread steps too. Threads do not survive a fork; the
+    /// child starts new ones.
     ///
     /// # Errors
     /// [`Error::Threads`] when the system refuses a thread.

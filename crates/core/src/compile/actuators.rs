@@ -14,7 +14,7 @@ use crate::model::{Activation, Actuator, JointKind, Model, Transmission};
 pub struct CompiledActuator<S> {
     /// Address in q, degree of freedom, moment arm (gear included); empty for an actuator on a site.
     pub moment: Vec<(usize, usize, S)>,
-    /// What it is on a site.
+    /// Wrench of the actuator on a site, if it acts on one.
     pub wrench: Option<CompiledWrench<S>>,
     /// Bounds of the control.
     pub ctrl_range: Option<[S; 2]>,
@@ -30,13 +30,13 @@ pub struct CompiledActuator<S> {
     pub needs_motion: bool,
     /// Its place among the servos.
     pub servo: Option<usize>,
-    /// What of its dynamics acts within a step.
+    /// Part of the actuator's dynamics that acts within a step.
     pub dynamics: Option<CompiledActuatorDynamics<S>>,
     /// Index of the force range of the joint that it drives, where it drives a joint that has one. Actuators on tendons have none.
     pub joint_force_range: Option<usize>,
 }
 
-/// Where a site is.
+/// Place of a site.
 #[derive(Clone, Copy, Debug)]
 pub struct Spot<S> {
     /// The compiled model's frame.
@@ -56,17 +56,17 @@ pub struct CompiledWrench<S> {
     pub reference: Option<Spot<S>>,
     /// Force and torque per unit of the actuator's force, gear included.
     pub wrench: [S; 6],
-    /// What a whole turn adds to the length, where the length is an angle.
+    /// Change of the length by a whole turn, if the length is an angle.
     pub turn: Option<S>,
     /// Dofs that move the site (1) or the reference (-1), but not both.
     pub dofs: Vec<(usize, S)>,
-    /// Where its arms begin among those of all wrenches; its length is at its index among them.
+    /// Offset of its arms among those of all wrenches. Its length has the index of the wrench.
     pub arms: usize,
     /// Its place among the wrenches.
     pub index: usize,
 }
 
-/// What of an actuator's dynamics acts within a step: bounds and laws that differ between environments.
+/// Part of an actuator's dynamics that acts within a step: bounds and force laws that differ between environments.
 #[derive(Clone, Copy, Debug)]
 pub struct CompiledActuatorDynamics<S> {
     /// Its place among those trains.
@@ -81,7 +81,7 @@ pub struct CompiledActuatorDynamics<S> {
     pub losses: Option<(usize, S)>,
 }
 
-/// An actuator whose force depends on its own motion.
+/// Actuator whose force depends on its length or velocity.
 #[derive(Clone, Debug)]
 pub struct CompiledServo<S> {
     /// The actuator.
@@ -109,7 +109,7 @@ pub struct CompiledForceRange<S> {
     pub has_servos: bool,
 }
 
-/// What actuators refer to.
+/// Parts of the scene that actuators refer to.
 #[derive(Clone, Copy)]
 pub(super) struct Scene<'a> {
     pub(super) model: &'a Model,
@@ -207,7 +207,7 @@ impl<S: Scalar> Drives<S> {
         Some(compiled)
     }
 
-    /// What of a spec acts within a step; delay, lag and sampled servos act between steps.
+    /// Part of a spec that acts within a step. Delay, lag and sampled servos act between steps.
     fn dynamics(&mut self, scene: Scene<'_>, a: &Actuator, spec: Option<&ActuatorSpec>) -> Option<CompiledActuatorDynamics<S>> {
         let spec = spec?;
         let row = |j: usize| scene.frictions.iter().position(|f| f.dof == scene.addresses[j].1);

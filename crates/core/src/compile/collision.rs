@@ -28,7 +28,7 @@ pub struct CompiledGeom<S> {
     pub mat: [S; 9],
     /// Whether any pair reads more of its orientation than its z axis.
     pub full_orientation: bool,
-    /// What [`Kernel::Convex`] collides; not there when no pair asks for it.
+    /// Solid for [`Kernel::Convex`]; none if no pair needs it.
     pub solid: Option<Solid>,
 }
 
@@ -56,7 +56,7 @@ pub struct CompiledPair<S> {
     pub condim: u8,
     /// Distance at which the contact pushes, m.
     pub margin: S,
-    /// What gives way in its contacts; `None` where they are rigid.
+    /// Spring of its contacts; `None` for rigid ones.
     pub spring: Option<Spring<S>>,
 }
 
@@ -67,7 +67,7 @@ impl<S> CompiledPair<S> {
     }
 }
 
-/// Geoms that all may meet one another, so many that their pairs are found anew in every step instead of being listed.
+/// Geoms that all may collide with each other, too many for a list of pairs. Detection finds their pairs in every step.
 #[derive(Clone, Debug)]
 pub struct DynamicPairs<S> {
     /// Its geoms, ascending.
@@ -77,7 +77,7 @@ pub struct DynamicPairs<S> {
     /// Number of the first pair; those before are listed.
     first: usize,
     filter: Filter,
-    /// Of every geom of the model.
+    /// Shapes of all geoms of the model.
     shapes: Vec<Shape>,
     has_rolling_friction: bool,
     scalar: PhantomData<S>,
@@ -131,7 +131,7 @@ impl<S: Scalar> DynamicPairs<S> {
         self.filter.pair(self.filter.ordered([a.model_geom, b.model_geom]))
     }
 
-    /// What the contacts of a pair are like, from what the geoms bring (see [`Filter::precedence`]).
+    /// Contact parameters of a pair, combined from those of its geoms (see [`Filter::precedence`]).
     #[inline(always)]
     pub(super) fn contact<R: Real<Scalar = S>>(&self, number: usize, params: &Params<R>) -> ContactParams<R> {
         let [a, b] = self.members_of(number).expect("a pair of the dynamic pairs").map(|m| m.model_geom);
@@ -165,9 +165,9 @@ impl<S: Scalar> DynamicPairs<S> {
 
 /// Contacts that a geom among many of its like brings: half of twelve neighbours (the kissing number), up to eight points each.
 const NEIGHBOUR_POINTS: usize = 48;
-/// A model with more pairs than this among its geoms of ordinary size finds the pairs of these geoms anew in every step.
+/// Number of pairs of ordinary-sized geoms above which detection finds these pairs in every step.
 const LISTED_PAIRS: usize = 3000;
-/// How many times larger than the median a geom must be to be left out of the dynamic pairs: the cells of its size would hold all geoms.
+/// Ratio of a geom's size to the median above which its pairs are listed: a grid with cells of its size would have all geoms in one cell.
 const LARGE: f64 = 8.0;
 
 /// Geoms, listed pairs and dynamic pairs.
@@ -223,11 +223,12 @@ pub(crate) fn compile<S: Scalar>(model: &Model, merged: &Merged) -> Collision<S>
     (geoms, pairs, dynamic_pairs)
 }
 
-/// Number of a pair's patch where it has none.
+/// Contact group of a pair without one.
 pub const NO_PATCH: u32 = u32::MAX;
 
-/// Patch of every listed pair: pairs of the same two frames have the same, and a pair that is alone has none. Contacts with torsional or
-/// rolling friction are in none. Empty where no pair is in any.
+/// Contact group of every listed pair: pairs of the same two frames share one, and a single pair has none.
+///
+/// Contacts with torsional or rolling friction have none. Empty if no pair has a group.
 pub(super) fn patches<S>(geoms: &[CompiledGeom<S>], pairs: &[CompiledPair<S>]) -> Vec<u32> {
     let mut of_frames: BTreeMap<_, Vec<usize>> = BTreeMap::new();
     for (i, pair) in pairs.iter().enumerate().filter(|(_, pair)| pair.condim <= 3 && pair.spring.is_none()) {
@@ -266,7 +267,7 @@ fn listed_pairs(model: &Model, filter: &Filter, among: &[bool]) -> Vec<GeomPair>
     pairs
 }
 
-/// How large and how thin a geom is.
+/// Size and thickness of a geom.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Bulk {
     pub(super) bounding_radius: f64,
@@ -299,7 +300,7 @@ fn geom<S: Scalar>(model: &Model, merged: &Merged, index: usize) -> CompiledGeom
     }
 }
 
-/// What a step reads of a shape's size: radius, half length (capsule, cylinder), half sizes (box) or half axes (ellipsoid), m.
+/// Size of a shape: radius, half length (capsule, cylinder), half sizes (box) or half axes (ellipsoid), m.
 pub(super) fn size(shape: &Shape) -> [f64; 3] {
     match *shape {
         Shape::Sphere { radius } => [radius, 0.0, 0.0],

@@ -22,7 +22,7 @@ use crate::compile::tree::{
 /// Everything of a model that a step reads, in the scalar type of its lanes.
 #[derive(Clone, Debug)]
 pub struct CompiledModel<S: Scalar> {
-    /// What all environments share.
+    /// Part that all environments share.
     pub structure: ModelStructure<S>,
     /// The model's own parameters; environments may have others, see [`LaneModel`](crate::compile::LaneModel).
     pub params: Params<S>,
@@ -50,7 +50,7 @@ pub struct ModelStructure<S: Scalar> {
     pub ntree: usize,
     /// Velocity of the medium, m/s.
     pub wind: [S; 3],
-    /// What the medium acts on.
+    /// Bodies on which the medium acts.
     pub fluid: Vec<CompiledFluid<S>>,
     /// Single bodies that can tumble.
     pub spinners: Vec<CompiledSpinner<S>>,
@@ -78,7 +78,7 @@ pub struct ModelStructure<S: Scalar> {
     pub geoms: Vec<CompiledGeom<S>>,
     /// Pairs that can collide and for which there is a kernel, in a fixed order; all of them, if none are dynamic.
     pub pairs: Vec<CompiledPair<S>>,
-    /// Patch of every listed pair: contacts of pairs with one number join the same two frames. Empty where no pair is in any.
+    /// Contact group of every listed pair: pairs with the same number join the same two frames. Empty if no pair has a group.
     pub patches: Vec<u32>,
     /// Whether the contacts of any pair are springs.
     pub has_contact_springs: bool,
@@ -102,13 +102,13 @@ pub struct ModelStructure<S: Scalar> {
     pub scalar_impulses: usize,
     /// Actuators.
     pub actuators: Vec<CompiledActuator<S>>,
-    /// Actuators whose force depends on their own motion.
+    /// Actuators whose force depends on their length or velocity.
     pub servos: Vec<CompiledServo<S>>,
     /// Bounds of the sum of actuator forces on a dof.
     pub actuator_force_ranges: Vec<CompiledForceRange<S>>,
     /// Whether Euler's rule takes the joints' damping explicitly.
     pub explicit_damping: bool,
-    /// Whether a bound, of its own or of a joint, holds for any servo.
+    /// Whether any servo has a bound, of its force or of the sum of forces on a joint.
     pub servos_are_bounded: bool,
     /// Arms of all wrenches at sites, and how many wrenches there are.
     pub wrench_arms: [usize; 2],

@@ -18,7 +18,7 @@ impl<S: Scalar> CompiledModel<S> {
         Self::with_actuator_specs(model, &[])
     }
 
-    /// The same with actuator dynamics, one entry for every actuator; the model is what [`ActuatorSpec::fold`] made of it.
+    /// Compiles a model with actuator dynamics, one entry for every actuator. The model is the result of [`ActuatorSpec::fold`].
     pub fn with_actuator_specs(model: &Model, specs: &[Option<ActuatorSpec>]) -> Self {
         let merged = Merged::new(model);
         let addresses = model.joint_addresses();

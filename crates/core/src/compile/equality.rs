@@ -49,7 +49,7 @@ pub struct FramePath {
     pub links: Vec<u32>,
 }
 
-/// What an equality's rows are made from.
+/// Inputs of an equality's rows.
 #[derive(Clone, Debug)]
 pub enum EqualityRows<S> {
     /// Two points that meet, and two orientations that agree if there are any.
@@ -90,9 +90,9 @@ pub struct Spring<S> {
 pub struct CompiledEquality<S> {
     /// The model's equality.
     pub index: usize,
-    /// Whether it acts where the user says nothing else.
+    /// Whether the equality is active by default.
     pub active: bool,
-    /// What its rows are made from.
+    /// Inputs of its rows.
     pub rows: EqualityRows<S>,
     /// Degrees of freedom that it moves, with their ancestors, ascending.
     pub support: Vec<u32>,
@@ -131,7 +131,7 @@ pub struct EqualityBlock<S> {
     pub set: Vec<u64>,
 }
 
-/// A fixed tendon with rows of its own.
+/// Fixed tendon with rows in the constraint problem.
 #[derive(Clone, Debug)]
 pub struct CompiledTendon<S> {
     /// The model's tendon.
@@ -153,7 +153,7 @@ pub struct CompiledTendon<S> {
 /// Most rows that are made orthogonal together: the cost grows with their square.
 const MOST_ROWS: usize = 48;
 
-/// Who joins which degrees of freedom.
+/// Compiler of equalities and tendons.
 pub(super) struct Compiler<'a> {
     pub(super) model: &'a Model,
     pub(super) merged: &'a Merged,

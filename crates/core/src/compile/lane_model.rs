@@ -12,7 +12,7 @@ use crate::compile::softness::{CompiledSoftness, SoftContactLaw};
 /// shared parameters cannot be read through it.
 #[derive(Clone, Debug)]
 pub struct LaneModel<R: Real> {
-    /// What is shared. In place, so that it costs a step no more to find than a compiled model alone.
+    /// Part that all environments share. It is stored in place, so that a step finds it as fast as in a compiled model alone.
     structure: ModelStructure<R::Scalar>,
     /// Parameters, lane by lane.
     pub params: Params<R>,
@@ -33,7 +33,7 @@ impl<R: Real> LaneModel<R> {
         Self { structure: compiled.structure.clone(), params: compiled.params.in_lanes() }
     }
 
-    /// What the contacts of a pair are like.
+    /// Contact parameters of a pair.
     #[inline(always)]
     pub fn contact(&self, pair: usize) -> ContactParams<R> {
         match self.structure.dynamic_pairs.as_ref() {

@@ -51,7 +51,7 @@ fn dofs(joint: &Joint) -> impl Iterator<Item = DofParams<f64>> {
     std::iter::repeat_n(DofParams { damping, stiffness: stiffness.max(0.0), armature }, joint.kind.nv())
 }
 
-/// What the numbers are taken from, and where they go.
+/// Source of the numbers, and their destination.
 struct Source<'a, S: Scalar> {
     structure: &'a ModelStructure<S>,
     model: &'a Model,

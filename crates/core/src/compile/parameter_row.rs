@@ -1,6 +1,6 @@
 //! Rows of tables of parameters.
 
-/// A row of a table of parameters: the one place that says how many numbers it has, and in which order they are kept.
+/// Row of a table of parameters. It defines how many numbers the row has, and their order in memory.
 pub(super) trait ParameterRow<T: Copy>: Copy {
     /// Numbers of a row.
     const WIDTH: usize;

@@ -1,10 +1,10 @@
-//! Parameters: the numbers of a compiled model that every environment may have for itself.
+//! Parameters: the numbers of a compiled model that can differ between environments.
 //!
-//! They are one flat list of tables, so that a place in it is all it takes to say which of them environments have of their own: a batch
-//! keeps (place, a number for every lane) of those alone, and a worker writes them over the shared ones before it steps a group. Stages
-//! read them through a [`LaneModel`](crate::compile::LaneModel), one number per lane, and need not know which is which.
+//! They are one flat list of tables, so that an index identifies each. A batch stores (index, a number for every lane) of the overridden
+//! ones alone. A worker writes these over the shared numbers before it steps a group. Stages read all through a
+//! [`LaneModel`](crate::compile::LaneModel), one number per lane.
 //!
-//! A row's type says how wide it is and how it is read and written; the list of the tables says what their rows are.
+//! The type of a row defines its width and how it is read and written. The list of the tables defines the types of their rows.
 
 use stepper_real::{Real, Scalar};
 
@@ -33,7 +33,7 @@ parameter_rows! {
         inertia: [T; 6],
     }
 
-    /// What a degree of freedom adds to the mass matrix.
+    /// Terms that a degree of freedom adds to the mass matrix.
     DofParams {
         /// Viscous damping.
         damping: T,
@@ -68,7 +68,7 @@ parameter_rows! {
 
     /// Force against gravity on a body.
     CompensationParams {
-        /// Where it acts, in its link's frame, m.
+        /// Point of application in the link's frame, m.
         pos: [T; 3],
         /// In world axes, N.
         force: [T; 3],
@@ -122,11 +122,11 @@ macro_rules! parameter_tables {
 parameter_tables! {
     /// Gravitational acceleration, m/s^2.
     gravity: gravity() -> [T; 3];
-    /// Of link `i`, or of part `i - links` of those that sensors read.
+    /// Inertial parameters of link `i`, or of part `i - links` of those that sensors read.
     inertials: inertial(i) -> Inertial<T>;
     /// Mass of a subtree that sensors read, kg.
     totals: total(subtree) -> T;
-    /// Of a degree of freedom.
+    /// Parameters of a degree of freedom.
     dofs: dof(i) -> DofParams<T>;
     /// Stiffness of a joint's spring, N/m or N m/rad.
     springs: spring(joint) -> T;
@@ -160,7 +160,7 @@ parameter_tables! {
     sizes: size(i) -> [T; 3];
 }
 
-/// The numbers that environments may have of their own, for all environments (`T` a scalar) or for the lanes of a group.
+/// Numbers that can differ between environments, for all environments (`T` a scalar) or for the lanes of a group.
 #[derive(Clone, Debug, Default)]
 pub struct Params<T> {
     numbers: Vec<T>,
@@ -189,7 +189,7 @@ impl<T: Copy> Params<T> {
         &self.numbers
     }
 
-    /// The same in other numbers.
+    /// Converts the numbers to another type.
     pub fn map<U>(&self, f: impl FnMut(T) -> U) -> Params<U> {
         Params { numbers: self.numbers.iter().copied().map(f).collect(), tables: self.tables }
     }
@@ -200,7 +200,7 @@ impl<T: Copy> Params<T> {
         Row::read(&self.numbers[at..at + Row::WIDTH])
     }
 
-    /// Of all degrees of freedom, the numbers of a [`DofParams`] each: damping, stiffness, armature.
+    /// Numbers of all degrees of freedom, those of a [`DofParams`] each: damping, stiffness, armature.
     #[inline(always)]
     pub fn dofs(&self) -> &[[T; 3]] {
         let [start, end] = self.tables.dofs;
@@ -246,7 +246,7 @@ impl Params<f64> {
 }
 
 impl<S: Scalar> Params<S> {
-    /// The same numbers in every lane.
+    /// Copies the numbers to every lane.
     pub fn in_lanes<R: Real<Scalar = S>>(&self) -> Params<R> {
         self.map(R::splat)
     }

@@ -19,11 +19,11 @@ pub struct CompiledFluid<S> {
     pub object: Object,
     /// Its axes in the link's frame.
     pub mat: [S; 9],
-    /// What it is for the medium.
+    /// Shape of the body for the medium.
     pub shape: FluidShape<S>,
 }
 
-/// What a body is for the medium. Torques before forces.
+/// Shape of a body for the medium. Torques before forces.
 #[derive(Clone, Debug)]
 pub enum FluidShape<S> {
     /// A box: force or torque -(viscous + drag |v|) v along every axis.
@@ -77,7 +77,7 @@ pub struct CompiledSurface<S> {
     pub geom: usize,
     /// The mocap body that carries it, by its place among the compiled model's.
     pub mocap: Option<usize>,
-    /// Velocity of the surface in the frame's axes (m/s at the geom's origin, rad/s), if it has one of its own.
+    /// Velocity of a moving surface in the frame's axes (m/s at the geom's origin, rad/s); `None` for one at rest.
     pub own: Option<[[S; 3]; 2]>,
 }
 

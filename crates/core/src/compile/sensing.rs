@@ -1,4 +1,4 @@
-//! What sensors read: objects become places in frames, bodies with all that hangs from them become parts.
+//! Compiled sensors: objects become places in frames, and bodies with their descendants become parts.
 
 use std::cell::RefCell;
 use std::sync::Arc;
@@ -28,11 +28,11 @@ pub struct CompiledSensing<S> {
     pub quaternions: bool,
     /// Body of every geom of the model.
     pub geom_body: Vec<usize>,
-    /// What the sensors need.
+    /// Quantities that the sensors need.
     pub needs: Needs,
     /// Bodies with all that hangs from them whose masses are read.
     pub subtrees: Vec<Subtree>,
-    /// Where the force and torque of the parent on a subtree are read, and which subtree that is.
+    /// Frames at which sensors read the force and torque of the parent on a subtree, and the subtree.
     pub carried: Vec<(SensorFrame<S>, usize)>,
     /// Geoms of the model, and where they are.
     pub geoms: Vec<SensorFrame<S>>,
@@ -46,7 +46,7 @@ pub struct CompiledSensing<S> {
     pub shapes: Vec<Object>,
 }
 
-/// What sensors need beyond q, v and the activations.
+/// Quantities that sensors need besides q, v and the activations.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Needs {
     /// Poses.
@@ -72,9 +72,9 @@ pub struct CompiledSensor<S> {
     pub at: usize,
     /// Numbers of its reading.
     pub dim: usize,
-    /// How errors act on it.
+    /// Kind of quantity, which determines how errors act on it.
     pub quantity: Quantity,
-    /// What it reads.
+    /// Reading of the sensor.
     pub read: Read<S>,
 }
 
@@ -87,16 +87,16 @@ pub struct SensorFrame<S> {
     pub index: usize,
     /// Orientation in it.
     pub mat: [S; 9],
-    /// The same as a quaternion.
+    /// Orientation as a quaternion.
     pub quat: [S; 4],
 }
 
 /// A shape somewhere.
 #[derive(Clone, Debug)]
 pub struct Solid<S> {
-    /// Where.
+    /// Place of the zone.
     pub place: SensorFrame<S>,
-    /// What.
+    /// Shape of the zone.
     pub form: Form,
     /// Its number among all shapes, for its size.
     pub index: usize,
@@ -125,13 +125,13 @@ pub enum Form {
 /// A geom that rays can meet.
 #[derive(Clone, Debug)]
 pub struct Target<S> {
-    /// Where.
+    /// Place of the target.
     pub place: SensorFrame<S>,
-    /// What.
+    /// Shape of the target.
     pub form: TargetForm,
 }
 
-/// What rays meet of a geom.
+/// Shape of a geom that rays hit.
 #[derive(Clone, Debug)]
 pub enum TargetForm {
     /// A simple shape, and its number among all shapes, for its size.
@@ -140,7 +140,7 @@ pub enum TargetForm {
     Surface(Arc<RaySurface>),
 }
 
-/// What belongs to a body and all that hangs from it, by frame.
+/// Body with its descendants, by frame.
 #[derive(Clone, Debug)]
 pub struct Subtree {
     /// Its number among all subtrees, for its mass.
@@ -169,12 +169,12 @@ pub enum Side<S> {
     Zone(Solid<S>),
 }
 
-/// What a sensor reads, in terms of the compiled model; subtrees by their number.
+/// Reading of a sensor, in terms of the compiled model; subtrees by their number.
 #[derive(Clone, Debug)]
 pub enum Read<S> {
-    /// So many entries of q.
+    /// That many entries of q.
     Position(usize),
-    /// So many entries of v.
+    /// That many entries of v.
     Velocity(usize),
     /// sum of coefficient q
     Length(Vec<(usize, S)>),
@@ -200,11 +200,11 @@ pub enum Read<S> {
     Frame(FrameReading, SensorFrame<S>, Option<SensorFrame<S>>),
     /// The magnetic field.
     Magnetometer(SensorFrame<S>),
-    /// Linear velocity in its own frame.
+    /// Linear velocity in the sensor's frame.
     Velocimeter(SensorFrame<S>),
-    /// Angular velocity in its own frame.
+    /// Angular velocity in the sensor's frame.
     Gyro(SensorFrame<S>),
-    /// Linear acceleration less gravity in its own frame.
+    /// Linear acceleration less gravity in the sensor's frame.
     Accelerometer(SensorFrame<S>),
     /// Force of the parent on a subtree, by its number among those that are read.
     Force(usize),
@@ -239,7 +239,7 @@ pub enum Read<S> {
 /// Ends of a range.
 #[derive(Clone, Copy, Debug)]
 pub enum Bounds<S> {
-    /// Those of a joint's limit, by its index in the compiled model.
+    /// Readings of a joint's limit, by its index in the compiled model.
     Limit(usize),
     /// Fixed ones.
     Range([S; 2]),
@@ -261,7 +261,7 @@ impl Form {
 }
 
 impl<S: Scalar> CompiledSensing<S> {
-    /// `lossy` says whether part of what actuators do is known from the impulses of a step alone.
+    /// `lossy` marks models in which the impulses of a step determine part of the actuator forces.
     pub(super) fn new(model: &Model, merged: &Merged, tendons: &[CompiledTendon<S>], lossy: bool) -> Self {
         let owners = tendons.iter().map(|t| (t.index, t.owner)).collect();
         let compiler = Compiler { model, merged, addresses: model.joint_addresses(), owners, found: RefCell::default() };
@@ -343,7 +343,7 @@ struct Compiler<'a> {
     found: RefCell<Found>,
 }
 
-/// What the sensors so far read that has numbers of its own.
+/// Objects found so far that need separate numbers in the compiled model.
 #[derive(Default)]
 struct Found {
     subtrees: Vec<Subtree>,

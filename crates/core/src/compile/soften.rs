@@ -11,8 +11,9 @@ use crate::compile::tree::CompiledFriction;
 use crate::model::{Cone, Equality, EqualityKind, Filter, InverseWeights, Joint, JointKind, MIN_VALUE, Model, SoftSettings};
 
 impl<S: Scalar> CompiledModel<S> {
-    /// Adds what MuJoCo's contact law needs for steps of `timestep` seconds, `discrete` ones where constraints are taken at the end of the
-    /// step. Contacts are no patches then: their forces are determined.
+    /// Adds the numbers of MuJoCo's contact law for steps of `timestep` seconds.
+    ///
+    /// `discrete` steps evaluate constraints at the end of the step. Contact groups are removed, because the law determines all forces.
     pub(crate) fn soften(&mut self, model: &Model, weights: &InverseWeights, timestep: f64, discrete: bool) {
         let SoftSettings { cone, impratio, refsafe, noslip, .. } = model.soft;
         let effort = SlipEffort { sweeps: noslip.iterations, tolerance: S::from_f64(noslip.tolerance) };

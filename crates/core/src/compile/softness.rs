@@ -14,8 +14,9 @@ pub(crate) const MIN_FRICTION: f64 = 1e-5;
 /// Mobility below which a row moves nothing.
 pub(crate) const MIN_MOBILITY: f64 = MIN_VALUE;
 
-/// Law of a soft row: reference acceleration -B v - K d(r) r and regularisation (1 - d(r)) / d(r) times its weight, with the error r, its
-/// rate v and the impedance d.
+/// Law of a soft row: reference acceleration -B v - K d(r) r and regularisation (1 - d(r)) / d(r) times its weight.
+///
+/// r is the error of the row, v its rate and d the impedance.
 #[derive(Clone, Copy, Debug)]
 pub struct SoftLaw<S> {
     /// Stiffness K, 1/s^2.
@@ -83,7 +84,7 @@ pub struct CompiledSoftness<S> {
     pub order: Vec<u32>,
 }
 
-/// What a law is made with, besides its softness.
+/// Inputs of a soft law besides its softness.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct LawMaker {
     /// Least time constant, s.
@@ -124,7 +125,7 @@ impl<S: Scalar> SoftLaw<S> {
         self.row_at(self.impedance(r), r, v, active)
     }
 
-    /// The same where the impedance is that of several errors together.
+    /// Reference acceleration and regularisation at a given impedance, for several errors that share one.
     #[inline(always)]
     pub fn row_at<R: Real<Scalar = S>>(&self, impedance: R, r: R, v: R, active: R::Mask) -> [R; 2] {
         let reference = -(R::splat(self.damping) * v) - R::splat(self.stiffness) * impedance * r;
@@ -144,8 +145,10 @@ pub(crate) struct EndLaw<R> {
 }
 
 impl<R: Real> EndLaw<R> {
-    /// That of a law at an impedance, for a step of `h` seconds. One that yields and is stiffer than a step resolves, h^2 K d > 1, becomes
-    /// the stiffest that does not bounce, with the damping ratio that it had, as far as the largest impedance lets it.
+    /// Effective law at an impedance, for a step of `h` seconds.
+    ///
+    /// A law that is stiffer than the step resolves, h^2 K d > 1, becomes the stiffest law that does not bounce. It keeps its damping ratio
+    /// as far as the largest impedance permits.
     #[inline(always)]
     pub(crate) fn new(law: &SoftLaw<R::Scalar>, impedance: R, h: R) -> Self {
         let (mut stiffness, mut damping) = (R::splat(law.stiffness) * impedance, R::splat(law.damping));

@@ -17,7 +17,7 @@ pub struct Link<S> {
     pub pos: [S; 3],
     /// Orientation in the parent frame before its joints; `None` when aligned.
     pub mat: Option<[S; 9]>,
-    /// The same as a quaternion.
+    /// Orientation as a quaternion.
     pub quat: [S; 4],
     /// Its joints.
     pub joints: std::ops::Range<usize>,
@@ -28,7 +28,7 @@ pub struct Link<S> {
 /// A joint.
 #[derive(Clone, Debug)]
 pub struct CompiledJoint<S> {
-    /// How it moves.
+    /// Kind of the joint.
     pub kind: JointKind,
     /// Address in q.
     pub q: usize,
@@ -46,7 +46,7 @@ pub struct CompiledJoint<S> {
     pub reference: S,
     /// Whether it has a spring.
     pub sprung: bool,
-    /// Where the spring rests: one coordinate, or a quaternion, or position and quaternion.
+    /// Rest position of the spring: one coordinate, or a quaternion, or position and quaternion.
     pub rest: [S; 7],
 }
 
@@ -63,7 +63,7 @@ pub struct Dof {
     pub depth: usize,
     /// Whether its body is simple, so that MuJoCo's mass matrix is diagonal there.
     pub is_simple: bool,
-    /// Where its descendants are listed.
+    /// Range of its descendants in their list.
     pub descendants: std::ops::Range<usize>,
 }
 
@@ -72,7 +72,7 @@ pub struct Dof {
 pub struct Descendant {
     /// Which.
     pub dof: u32,
-    /// Where its chain has the ancestor: its entry of the mass matrix with it. The ancestors of that follow, as in the ancestor's own row.
+    /// Entry of the mass matrix with the ancestor, as an index in the chain. The ancestor's ancestors follow, as in its row.
     pub entry: u32,
 }
 
@@ -100,7 +100,7 @@ pub struct CompiledMocap<S> {
     pub quat: [S; 4],
 }
 
-/// Where a body of the model is.
+/// Place of a body of the model.
 #[derive(Clone, Debug)]
 pub struct CompiledBody<S> {
     /// Index of its parent; the world's is 0.
@@ -111,7 +111,7 @@ pub struct CompiledBody<S> {
     pub pos: [S; 3],
     /// Its orientation in that frame.
     pub mat: [S; 9],
-    /// The same as a quaternion.
+    /// Orientation as a quaternion.
     pub quat: [S; 4],
 }
 
@@ -146,7 +146,7 @@ pub struct CompiledFriction {
     pub driven: bool,
 }
 
-/// The same numbers in the scalar type of the lanes.
+/// Converts numbers to the scalar type of the lanes.
 pub(crate) fn scalars<S: Scalar, const N: usize>(x: [f64; N]) -> [S; N] {
     x.map(S::from_f64)
 }

@@ -23,8 +23,8 @@ impl<R: Real> ActiveEqualities<R> {
         active
     }
 
-    /// Takes up what the user says of the environments `first..first + used`, (num_envs, neq) with 0 for an equality that does not act; an
-    /// empty array leaves it to the model.
+    /// Loads the user's `rows` of the environments `first..first + used`, (num_envs, neq); 0 disables an equality. An empty array selects
+    /// the defaults of the model.
     pub(crate) fn load(&mut self, compiled: &ModelStructure<R::Scalar>, rows: &[f64], first: usize, used: usize) {
         let count = self.lanes.len();
         for (block, any) in compiled.equalities.iter().zip(&mut self.blocks) {

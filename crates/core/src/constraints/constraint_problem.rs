@@ -27,7 +27,7 @@ pub struct ConstraintProblem<R: Real> {
     pub rolling_slots: Vec<(usize, R::Mask, V3<R>)>,
     /// Lanes with at least one row.
     pub constrained: R::Mask,
-    /// Lanes whose positions need a solve of their own in stage 8.
+    /// Lanes whose positions need a separate solve in stage 8.
     pub needs_position_solve: R::Mask,
     /// Lanes in which Baumgarte's bias is part of the velocities.
     pub biased: R::Mask,
@@ -56,7 +56,7 @@ pub(crate) struct Impact<R: Real> {
     pub(crate) lanes: R::Mask,
     /// Lanes in which it overlapped before.
     pub(crate) overlapping: R::Mask,
-    /// When, from the beginning of the step, as a part of it.
+    /// Time of the impact after the beginning of the step, as a fraction of the step.
     pub(crate) time_fraction: R,
     /// 1 + e.
     pub(crate) normal_factor: R,

@@ -24,7 +24,7 @@ fn least_lever<R: Real>() -> f64 {
 
 /// Rows of a slot along the normal and the tangents. Their entries are in the column of the row builder.
 pub(crate) struct SlidingRows<R: Real> {
-    /// What each row demands of velocities and of positions, m/s.
+    /// Target velocity of each row in the velocity solve and in the position solve, m/s.
     pub(crate) targets: [[R; 2]; 3],
     /// Squared lengths of the rows, where equalities are taken out of them.
     pub(crate) lengths: Option<SquaredLengths<R, 3>>,
@@ -32,7 +32,7 @@ pub(crate) struct SlidingRows<R: Real> {
     pub(crate) active: R::Mask,
     /// Lanes in which the rows are deferred. The caller sets the contact, slot and impulse.
     pub(crate) deferred: DeferredContact<R>,
-    /// Compliance of the normal row, 1/kg, where surfaces of the model give way.
+    /// Compliance of the normal row, 1/kg, where the model has soft surfaces.
     pub(crate) compliance: Option<R>,
 }
 
@@ -75,8 +75,11 @@ impl<R: Real> Assembler<'_, R> {
         self.problem.constrained = self.problem.constrained.or(solved);
     }
 
-    /// Lanes in which slot `k` can move along its normal though it moves far less than along its tangents, or than a body of all moving
-    /// mass would: some degree of freedom has a lever arm. With the rounding of its normal velocity, m/s. Uses `column` up.
+    /// Lanes in which slot `k` can move along its normal although its normal mobility is small, and the rounding error of its normal
+    /// velocity, m/s.
+    ///
+    /// The mobility counts as small compared with that of its tangents, or of a body with the whole moving mass. The contact can move if
+    /// some degree of freedom has a lever arm. Overwrites `column`.
     #[cold]
     #[inline(never)]
     pub(crate) fn reconsider(&mut self, input: RowInput<'_, R>, contacts: &Contacts<R>, k: usize, lanes: u32) -> (R::Mask, R) {

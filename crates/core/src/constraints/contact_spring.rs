@@ -1,8 +1,8 @@
-//! Contacts whose surfaces give way: a spring and a damper along the normal, implicit in the step as those of equalities are.
+//! Contacts with soft surfaces: a spring and a damper along the normal, implicit in the step as those of equalities are.
 //!
-//! The law stays one of complementarity: 0 <= lambda, complementary to v+ + R lambda + P R >= 0, with the compliance R and the demand P R
-//! of [`spring_law`], so that a spring pushes and never pulls. What is still apart closes as rigid surfaces do, and only what overlaps at
-//! the end of the step is pressed. Friction holds or slides by the force that the spring bears.
+//! The contact stays a complementarity problem: 0 <= lambda, complementary to v+ + R lambda + P R >= 0. R is the compliance and P R the
+//! target velocity of [`spring_law`], so that a spring pushes and never pulls. A gap closes as between rigid surfaces. Only an overlap at
+//! the end of the step loads the spring. The force of the spring bounds friction.
 
 use stepper_real::{Mask, Real};
 
@@ -10,11 +10,11 @@ use crate::collision::contact_set::Contacts;
 use crate::constraints::equality::{RowInput, RowLaw, SpringRow, spring_law};
 use crate::constraints::row_builder::RowBuilder;
 
-/// The normal row of a contact that gives way.
+/// Normal row of a contact with soft surfaces.
 pub(crate) struct GivingRow<R: Real> {
     /// Lanes in which it does.
     pub(crate) lanes: R::Mask,
-    /// What is added to the free velocity, m/s.
+    /// Bias that is added to the free velocity, m/s.
     pub(crate) bias: R,
     /// Compliance, 1/kg; 0 in the other lanes.
     pub(crate) compliance: R,

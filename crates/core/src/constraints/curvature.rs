@@ -1,17 +1,18 @@
-//! How the velocity of a contact changes as it moves on.
+//! Change of a contact's velocity as its place moves.
 //!
-//! Rows of the midpoint rule are taken in the middle of the step and ask for a velocity at its end, `time_after` seconds later. There
+//! The midpoint rule evaluates its rows in the middle of the step, but their target is a velocity at the end, `time_after` seconds later.
+//! There
 //!
 //! ```text
 //! J(end) v+ = J v+ + time_after kappa,    kappa = A_b - A_a + (omega_b - omega_a) x c'
 //! ```
 //!
-//! to second order: A are the accelerations of the two bodies' velocity fields at the contact's place while no joint accelerates, and c' is
-//! the velocity of that place. A ball that rolls on a table that turns is at a place of another velocity at the end of the step; without
-//! kappa it would have the velocity of half a step before, always, which is Euler's explicit rule for its circle, and gain energy.
+//! to second order. A are the accelerations of the two bodies' velocity fields at the contact while no joint accelerates. c' is the
+//! velocity of the contact's place. For example, a ball that rolls on a turntable is at a place of another velocity at the end of the step.
+//! Without kappa its velocity would always lag by half a step. Its circle would follow Euler's explicit rule and gain energy.
 //!
-//! The place moves with the centre of a sphere or of a capsule's end, turned back as the other surface turns the normal, and with the
-//! second body where a corner touches.
+//! The place moves with the centre of a sphere or of a capsule's end, turned back as the other surface turns the normal. Where a corner
+//! touches, it moves with the second body.
 
 use stepper_real::{Mask, Real};
 
@@ -34,11 +35,11 @@ struct Field<R> {
 }
 
 impl<R: Real> Assembler<'_, R> {
-    /// Adds it to what friction's rows of a contact demand, but for those that are taken at the time of their impact: from `free`, their
-    /// velocities without constraints, and the `change` of these by the free motion.
+    /// Adds the curvature term to the targets of a contact's friction rows, except at impacts.
     ///
-    /// The work of such a row's impulse is (t^2 - (J v)^2) / 2 G when it asks for J v+ = t: asking for no more than there was, nothing is
-    /// gained. A kernel of its own: few contacts need it, and inlined where it is called it would slow down all.
+    /// `free` are their velocities without constraints, `change` the change of these by the free motion. The work of such a row's impulse
+    /// is (t^2 - (J v)^2) / 2 G for the target J v+ = t. A target of at most the present speed therefore adds no energy. A separate kernel:
+    /// few contacts need it, and inlined it would slow down all.
     #[inline(never)]
     pub(crate) fn add_curve(
         &self,

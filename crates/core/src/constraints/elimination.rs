@@ -92,7 +92,7 @@ impl<R: Real> RowBuilder<R> {
         if self.coupled.is_empty() { None } else { Some(self.eliminate_coupled(rows, mass, targets)) }
     }
 
-    /// Elimination as a kernel of its own. Inlined it would dominate the row assembly, and few scenes need it.
+    /// Elimination as a separate kernel. Inlined it would dominate the row assembly, and few scenes need it.
     #[inline(never)]
     fn eliminate_coupled<const N: usize>(
         &mut self,
@@ -148,7 +148,7 @@ impl<R: Real> RowBuilder<R> {
 
     /// Projects the remaining rows a second time, in the lanes `short`.
     ///
-    /// They are then orthogonal to the equalities relative to their own length, and that length is summed from the entries, without
+    /// They are then orthogonal to the equalities relative to the length that remains, and the entries give that length without
     /// cancellation. A row becomes zero if none of its entries exceeds a thousandth of the terms that were summed in it. Its target
     /// velocity becomes zero if it is rounding error.
     #[cold]
@@ -198,7 +198,7 @@ impl<R: Real> RowBuilder<R> {
                         }
                     }
                 }
-                // Rounding error that the coefficient transfers to entries without terms of their own.
+                // Rounding error that the coefficient transfers to entries without other terms.
                 for k in coupled.iter().flat_map(Range::clone) {
                     let (row, coefficient) = (&rows.scalars[k], &mut projections[k]);
                     let (support, entries) = rows.scalars.entries(row);

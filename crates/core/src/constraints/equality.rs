@@ -1,15 +1,15 @@
 //! Rows of equalities: J v = 0 along the whole step, so that closed loops stay closed.
 //!
-//! With the error e(q), its Jacobian J and kappa = J' v (J' the rate of J), what a step does to the error is, to third order in h,
+//! With the error e(q), its Jacobian J and kappa = J' v (J' the rate of J), a step changes the error as follows, to third order in h:
 //!
 //! ```text
 //! Euler (q+ = q + h v+, rows at q):                             e+ = e + h J v+ + h^2/2 kappa
 //! midpoint (q+ = q_m + h/2 v+, rows at q_m = q + h/2 v):         e+ = (e_m - h^2/8 kappa) + h/2 (J v+ + h/2 kappa)
 //! ```
 //!
-//! so that each asks for `J v+ = -h/2 kappa - beta/h (e - c h^2 kappa)` with c = 0 or 1/8. The velocity before the step has
-//! J v = +h/2 kappa in both, so that the impulses' work, lambda J (v + v+) / 2, is zero but for what the correction does: a loop that moves
-//! keeps its energy. Without kappa every step would take the energy of the velocity that the curvature turns away, (h kappa)^2 / 2 G.
+//! The target velocity is therefore `J v+ = -h/2 kappa - beta/h (e - c h^2 kappa)` with c = 0 or 1/8. The velocity before the step has J v
+//! = +h/2 kappa in both. The work of the impulses, lambda J (v + v+) / 2, is then zero except for the correction. A moving loop keeps its
+//! energy. Without kappa every step would remove the energy of the velocity that the curvature turns away, (h kappa)^2 / 2 G.
 
 use stepper_real::{Mask, Real, Scalar};
 use stepper_solve::{EntryScales, RowScales, velocity_rounding};
@@ -35,7 +35,7 @@ pub(crate) struct EqualityJacobian<R: Real> {
     bodies: R,
 }
 
-/// What the rows are made from.
+/// Inputs from which rows are assembled.
 #[derive(Clone, Copy)]
 pub(crate) struct RowInput<'a, R: Real> {
     pub(crate) compiled: &'a LaneModel<R>,
@@ -240,8 +240,8 @@ impl<R: Real> Assembler<'_, R> {
         if !block.hard {
             return true;
         }
-        // The largest correction of the block, as a distance, adds compliance to all its rows: so long a motion turns the other rows'
-        // directions, which a linearised solve does not know, and their demands would no longer be met at the end of the step.
+        // The largest correction of the block, as a distance, adds compliance to all its rows. A long correction turns the directions of
+        // the other rows. A linearised solve neglects that, and would miss their targets at the end of the step.
         let displacement = self.builder.targets.iter().fold(R::zero(), |most, target| most.max(target[2].abs())) * input.assembly.h;
         let split = input.options.stabilization == Stabilization::Split;
         let damping = if split { R::of(DAMPING) + displacement * R::of(1.0 / CORRECTION_ARM) } else { R::zero() };
@@ -271,11 +271,11 @@ impl<R: Real> Assembler<'_, R> {
         decided
     }
 
-    /// Gives the orthogonal rows from `start` on what they demand besides J v_free.
+    /// Adds the position targets and curvature terms to the orthogonal rows from `start` on, which have J v_free so far.
     ///
-    /// The work of such a row's impulse is (t^2 - (J v)^2) / 2 G when it asks for J v+ = t: asking for no more than there was, nothing is
-    /// gained, not even where a loop straightens and the curvature knows no bounds. A dependent row keeps what it demands beyond the
-    /// rounding of its velocity, for the residual: nothing meets it. `scales` is the index of the first row's scale of its velocity.
+    /// The work of such a row's impulse is (t^2 - (J v)^2) / 2 G for the target J v+ = t. A target of at most the present speed adds no
+    /// energy, even where a loop straightens and its curvature is unbounded. A dependent row keeps a target above the rounding error of its
+    /// velocity, so that the residual contains it. `scales` is the index of the first row's velocity scale.
     #[inline(always)]
     fn set_equality_targets(&mut self, options: &StepSettings, start: usize, scales: usize) {
         let rounding = R::of(velocity_rounding::<R>().powi(2));
@@ -430,7 +430,7 @@ impl<R: Real> Assembler<'_, R> {
         self.problem.rows.scalars.set_position_target(g[0][1]);
     }
 
-    /// Says by what the residual of the row pushed last is measured: its squared length before and after equalities were taken out.
+    /// Sets the scale of the residual of the row pushed last, from its squared length before and after the elimination of equalities.
     #[inline(always)]
     fn set_trace_ratio(&mut self, compliance: R, whole: R, rest: R) {
         self.problem.rows.scalars.set_trace_ratio(trace_ratio(&[whole, compliance], &[rest, compliance]));
@@ -479,29 +479,31 @@ pub(crate) fn limit_law<R: Real>(free: R, [velocity, position]: [R; 2], active: 
     RowLaw { g: [free + velocity, free + position], compliance: R::zero(), active, bounds: [R::zero(), R::of(f64::INFINITY)] }
 }
 
-/// What a spring's row is made from: its error, its velocities before the step and free, and its diagonal entry of G.
+/// Inputs of a spring's row: its error, its velocities before the step and without constraints, and its diagonal entry of G.
 #[derive(Clone, Copy)]
 pub(crate) struct SpringRow<R: Real> {
     pub(crate) error: R,
     pub(crate) before: R,
     pub(crate) free: R,
     pub(crate) gram: R,
-    /// Where the spring pulls; damper and inertia always do.
+    /// Lanes in which the spring is taut. Damper and inertia act in all lanes.
     pub(crate) taut: R::Mask,
 }
 
-/// A spring, damper and inertia along a row as a compliant row, implicit in the row's own velocity.
+/// Compliant row of a spring, damper and inertia, implicit in the velocity of the row.
 ///
-/// With the force -k e - d v - a v' taken as Euler's rule or the midpoint rule takes it, the impulse is lambda = -Q v+ - P:
+/// With the force -k e - d v - a v' of Euler's rule or the midpoint rule, the impulse is lambda = -Q v+ - P:
 ///
 /// ```text
 /// Euler      force at e + h v+, v+:                     Q = h^2 k + h d + a          P = h k e - a v
 /// midpoint   force at e_m + h/4 (v+ - v), (v + v+)/2:   Q = h^2 k/4 + h d/2 + a      P = h k e_m + (h d/2 - h^2 k/4 - a) v
 /// ```
 ///
-/// so v+ + lambda/Q + P/Q = 0: a row of compliance 1/Q. Both are stable for any stiffness, and the mass matrix keeps the sparsity of the
-/// tree: k J^T J in it would join all joints of a tendon with one another. The midpoint rule does not damp what is too stiff for the step,
-/// so it goes over to Euler's by s = z^2 / (1 + z^2), z = G (h^2 k/4 + h d/2), which keeps its second order.
+/// so v+ + lambda/Q + P/Q = 0: a row of compliance 1/Q. Both rules are stable for any stiffness. The mass matrix keeps the sparsity of the
+/// tree; k J^T J in it would couple all joints of a tendon.
+///
+/// The midpoint rule does not damp oscillations that are too fast for the step. Stiff springs therefore change over to Euler's rule by s =
+/// z^2 / (1 + z^2), z = G (h^2 k/4 + h d/2), which keeps the second order.
 #[inline(always)]
 pub(crate) fn spring_law<R: Real>(assembly: &AssemblyInput<'_, R>, spring: &Spring<R::Scalar>, row: SpringRow<R>) -> RowLaw<R> {
     let AssemblyInput { h, alive, in_the_middle, .. } = *assembly;

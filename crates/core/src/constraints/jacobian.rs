@@ -70,8 +70,9 @@ impl<R: Real> RowBuilder<R> {
         }
     }
 
-    /// The dofs that move slot k in any of its lanes, or that are tied to them, ascending, and in which lanes each moves the second and the
-    /// first geom.
+    /// Gathers the dofs that move slot k in any of its lanes, or that are coupled to them, in ascending order.
+    ///
+    /// For each it gives the lanes in which it moves the second geom and those in which it moves the first.
     #[inline(always)]
     pub(crate) fn gather_support(
         &mut self,
@@ -131,9 +132,11 @@ impl<R: Real> RowBuilder<R> {
         R::select(R::Mask::from_bits(plus), R::one(), R::zero()) - R::select(R::Mask::from_bits(minus), R::one(), R::zero())
     }
 
-    /// Leaves J of a contact's rows (n, t1, t2) in `column`. Returns the relative velocity of its surfaces along the three axes with the
-    /// free velocity, and with the velocity before the step along the normal alone (zeros for the others). Both include the surfaces' own
-    /// motion (conveyor belts), the second's relative to the first's.
+    /// Computes J of a contact's rows (n, t1, t2) into `column`.
+    ///
+    /// Returns the relative velocity of the surfaces along the three axes with the free velocity. The second result is the velocity before
+    /// the step along the normal, with zeros for the tangents. Both include the surfaces' motion (conveyor belts), that of the second
+    /// surface relative to the first.
     #[inline(always)]
     pub(crate) fn contact_columns(&mut self, input: RowInput<'_, R>, contacts: &Contacts<R>, k: usize, lanes: u32) -> [V3<R>; 2] {
         let RowInput { compiled, kinematics, assembly, .. } = input;

@@ -1,4 +1,5 @@
-//! The rows of the constraint problem: contacts, joint limits, dry friction, equalities and tendons, with their Jacobians and demands.
+//! Rows of the constraint problem: contacts, joint limits, dry friction, equalities and tendons, with their Jacobians and target
+//! velocities.
 
 pub(crate) mod active_equalities;
 pub(crate) mod approaching;

@@ -1,14 +1,14 @@
-//! Loads that the law leaves open: where a loose body touches another one at three points or more, they are shared evenly.
+//! Redundant supports: contact forces that the laws of motion leave open. Their loads are shared evenly.
 //!
-//! Three contacts have nine unknown force components, a rigid body gives six equations. As long as all points stick, the motion is one
-//! whatever the forces are. When they slip, friction's torque depends on how the load is shared: forces left by sweeps, which load the
-//! points that they visit first, turn a box that two fingers hold.
+//! Three contacts between two bodies have nine unknown force components; a rigid body gives six equations. While all points stick, the
+//! motion is the same for all solutions. When they slip, the torque of friction depends on how the points share the load. Sweeps
+//! (Gauss-Seidel iterations) load the points that they visit first, and such forces turn a box that two fingers hold.
 //!
-//! The contacts of one pair of bodies are a patch, and patches that move a coordinate together are shared together (a box between two
-//! fingers: where on the fingers it presses is open too). Of all their normal impulses that move the joints as the present ones do, none
-//! negative, those of least norm are taken; and friction is taken anew where a contact slips, as mu times the normal impulse against the
-//! motion. Where a patch slips along a plane without turning, that leaves the force and the moment of friction as they were, and with them
-//! all velocities; where it turns, the solution goes on from the shared loads.
+//! The contacts between two bodies form a contact group. Groups that move a common coordinate form a cluster, whose loads are shared
+//! together. An example is a box between two fingers, whose place on the fingers is open too. Among all nonnegative normal impulses with
+//! the same effect on the joints, those of least norm are chosen. Friction of a slipping contact is recomputed as mu times the normal
+//! impulse, against the motion. If a group slips along a plane without turning, its force, its friction moment and all velocities stay the
+//! same. If it turns, the solver continues from the shared loads.
 
 use std::ops::Range;
 
@@ -21,22 +21,22 @@ use crate::constraints::constraint_problem::ConstraintProblem;
 use crate::math::spatial::*;
 use crate::tuning::{DEPENDENT_LENGTH, MAX_NEW_CONTACTS, MAX_SHARED_CONTACTS, MIN_SHARE_CHANGE, MIN_SHARED_CONTACTS, SLIP_SPEED};
 
-/// ContactGroups of all lanes: contacts between the same two bodies, of which at least one is loose.
+/// Contact groups of all lanes: contacts between the same two bodies, of which at least one is loose.
 #[derive(Clone, Debug)]
 pub(crate) struct ContactGroups<R> {
-    /// Slots of the contacts, patch by patch.
+    /// Slots of the contacts, group by group.
     slots: Vec<usize>,
-    /// All patches, lane by lane.
+    /// All contact groups, lane by lane.
     groups: Vec<ContactGroup>,
-    /// Bodies of every patch of the lane that is searched, and the number of its contacts.
+    /// Bodies of every group of the lane that is searched, and the number of its contacts.
     pairs: Vec<([usize; 2], usize)>,
     /// Contact group of every contact of that lane.
     of_contact: Vec<usize>,
-    /// Contacts of the patches that are shared together.
+    /// Contacts of the cluster whose loads are being shared.
     points: Vec<Point>,
     /// Rows of the normal impulses: one for each coordinate that they move, with an entry for each point.
     rows: Vec<f64>,
-    /// What the impulses make of each coordinate.
+    /// Sum of the scaled impulses in each coordinate.
     sums: Vec<f64>,
     /// Coordinate of each row.
     coordinates: Vec<u32>,
@@ -52,9 +52,9 @@ pub(crate) struct ContactGroups<R> {
 #[derive(Clone, Copy, Debug)]
 struct ContactGroup {
     lane: usize,
-    /// Where its contacts begin in the list of slots, and end.
+    /// Range of its contacts in the list of slots.
     slots: [usize; 2],
-    /// Number that it has in common with the patches that are shared with it.
+    /// Cluster of the group: the index of one of its groups.
     cluster: usize,
     /// Whether any of its contacts slips under load.
     slips: bool,
@@ -76,7 +76,7 @@ impl ContactGroup {
     }
 }
 
-/// One contact of patches that are shared together.
+/// Contact of a cluster.
 #[derive(Clone, Copy, Debug)]
 struct Point {
     /// Index of the contact in the problem.
@@ -110,7 +110,7 @@ impl<R: Real> ContactGroups<R> {
         }
     }
 
-    /// Finds the patches of the lanes `lanes` (bits).
+    /// Finds the contact groups of the lanes `lanes` (bits).
     pub(crate) fn find(&mut self, compiled: &ModelStructure<R::Scalar>, contacts: &Contacts<R>, lanes: u32) {
         self.slots.clear();
         self.groups.clear();
@@ -122,7 +122,7 @@ impl<R: Real> ContactGroups<R> {
             self.of_contact.clear();
             for k in 0..contacts.count[lane] {
                 let pair = contacts.ids[k][lane].pair();
-                // Springs say how loads are shared.
+                // Springs determine how loads are shared.
                 if compiled.has_contact_springs && compiled.pair(pair).spring.is_some() {
                     self.of_contact.push(usize::MAX);
                     continue;
@@ -149,14 +149,15 @@ impl<R: Real> ContactGroups<R> {
         }
     }
 
-    /// Lanes with a patch.
+    /// Lanes with a contact group.
     #[inline(always)]
     pub(crate) fn lanes(&self) -> R::Mask {
         R::Mask::from_bits(self.groups.iter().fold(0, |bits, p| bits | 1 << p.lane))
     }
 
-    /// Lanes with a patch that bears no load yet and is about to: what sweeps make of it depends on their order, so its first impulses are
-    /// to be those of least norm.
+    /// Lanes with a contact group that bears no load yet and closes in this step.
+    ///
+    /// The result of sweeps depends on their order, so the first impulses of such a group must be those of least norm.
     pub(crate) fn new_lanes(
         &self,
         contacts: &Contacts<R>,
@@ -176,7 +177,7 @@ impl<R: Real> ContactGroups<R> {
         R::Mask::from_bits(lanes)
     }
 
-    /// Finds the patches of the lanes `lanes` that slip; returns the lanes in which any does.
+    /// Finds the contact groups of the lanes `lanes` that slip. Returns the lanes with any.
     pub(crate) fn find_slips(&mut self, assembled: &ConstraintProblem<R>, iterate: &Iterate<R>, lanes: R::Mask) -> R::Mask {
         if lanes.none() {
             return lanes;
@@ -223,7 +224,7 @@ impl<R: Real> ContactGroups<R> {
         R::Mask::from_bits(shared)
     }
 
-    /// Shares the loads of one lane, whose patches are `patches`; returns whether any has changed.
+    /// Shares the loads of the contact groups `groups` of one lane. Returns whether any load has changed.
     fn share_lane(&mut self, groups: Range<usize>, assembled: &ConstraintProblem<R>, iterate: &mut Iterate<R>) -> bool {
         let lane = self.groups[groups.start].lane;
         self.find_clusters(groups.clone(), assembled);
@@ -245,7 +246,7 @@ impl<R: Real> ContactGroups<R> {
         changed
     }
 
-    /// Gathers the contacts of a patch that have three rows.
+    /// Gathers the contacts of a group that have three rows.
     fn gather(&mut self, group: usize, assembled: &ConstraintProblem<R>, iterate: &Iterate<R>) {
         let Self { slots, groups, points, velocities, .. } = self;
         let lane = groups[group].lane;
@@ -255,7 +256,7 @@ impl<R: Real> ContactGroups<R> {
         }
     }
 
-    /// Gives patches that move a coordinate together the same group: the number of one of them.
+    /// Assigns groups that move a common coordinate to the same cluster.
     fn find_clusters(&mut self, groups: Range<usize>, assembled: &ConstraintProblem<R>) {
         let Self { slots, groups: all, owners, .. } = self;
         owners.clear();
@@ -270,7 +271,7 @@ impl<R: Real> ContactGroups<R> {
                     if owner == usize::MAX {
                         owners[c as usize] = cluster;
                     } else if owner != cluster {
-                        // Groups of coordinates are those of their patches: an owner may have been renamed since.
+                        // The cluster of an owner is that of its group, which may have changed since.
                         let known = all[owner].cluster;
                         all[groups.clone()].iter_mut().filter(|other| other.cluster == cluster).for_each(|other| other.cluster = known);
                     }

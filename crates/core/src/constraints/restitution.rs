@@ -1,16 +1,16 @@
 //! Contacts that bounce.
 //!
-//! Euler's rule takes Newton's law on the free velocity, which is the textbook's recursion. The midpoint rule takes it at the time t of the
-//! impact (see [`crate::constraints::impact_time`]): with the velocities v- that the free motion has then, the rows demand
+//! Euler's rule applies Newton's law to the free velocity, which is the recursion of textbooks. The midpoint rule applies it at the time t
+//! of the impact (see [`crate::constraints::impact_time`]). With the velocities v- of the free motion at that time, the rows are
 //!
 //! ```text
 //! 0 <= lambda_n, complementary to v_n+ + e v_n- >= 0     so g_n = (1 + e) v_n-(t)
 //! friction against v_t+                                  so g_t = v_t-(t)
 //! ```
 //!
-//! The impulse acts for what is left of the step, and the positions go on from where the step is taken with the velocity after it, which
-//! gives every impulse the time `time_after`: what is missing, (h - t - time_after) M^-1 J^T lambda, is added where the positions are
-//! solved apart, so that other contacts see it.
+//! The impulse acts for the rest of the step. Positions advance from the evaluation point with the velocity after the step, which gives
+//! every impulse the time `time_after`. The difference, (h - t - time_after) M^-1 J^T lambda, is added in the position solve, so that other
+//! contacts take it into account.
 
 use stepper_real::{Mask, Real};
 use stepper_solve::Iterate;
@@ -44,10 +44,10 @@ impl<R: Real> RowBuilder<R> {
 }
 
 impl<R: Real> Assembler<'_, R> {
-    /// What Euler's rule adds to the free velocity of a normal row, and the lanes that have the row.
+    /// Velocity that Euler's rule adds to the free velocity of a normal row, m/s, and the lanes that have the row.
     ///
-    /// All closed contacts share an impact: 0 <= lambda, complementary to v+ + e v- >= 0, also where v- parts. A contact slower than the
-    /// threshold before the step rests: it does not bounce from the velocity that gravity gives it within the step.
+    /// All closed contacts share an impact: 0 <= lambda, complementary to v+ + e v- >= 0, also where v- separates. A contact slower than
+    /// the threshold before the step rests. The velocity that gravity adds within the step does not make it bounce.
     #[inline(always)]
     #[expect(clippy::too_many_arguments, reason = "one contact, every part of it named at the call")]
     pub(crate) fn bounce(
@@ -77,9 +77,10 @@ impl<R: Real> Assembler<'_, R> {
         (R::select(bounces, e * free, bias), stays)
     }
 
-    /// The law of the midpoint rule, in place of the `demands` of a contact that does not bounce. `free` are the rows' velocities without
-    /// constraints before the elimination of equalities, `change` what the free motion changed of them in the step; after the
-    /// elimination the free velocity is `demands` less the normal's `bias`. Returns the lanes that have the rows. A kernel of its own, as
+    /// Replaces the `targets` of a bouncing contact with those of the midpoint rule. Returns the lanes that have the rows.
+    ///
+    /// `free` are the velocities of the rows without constraints, before equalities are eliminated. `change` is their change by the free
+    /// motion in the step. After the elimination the free velocity is `targets` minus the normal's `bias`. A separate kernel, as
     /// [`Assembler::add_curve`].
     #[inline(never)]
     pub(crate) fn bounce_within(
@@ -125,8 +126,8 @@ impl<R: Real> Assembler<'_, R> {
         )
     }
 
-    /// The velocity of rows of turning at the time of the impact that was added last, where it bounces: from that without constraints and
-    /// its `change` by the free motion, as the demands are.
+    /// Changes the targets `turns` of torsional and rolling rows to the time of the impact that was added last, where it bounces. `change`
+    /// is the change of their velocities by the free motion.
     #[inline(always)]
     pub(crate) fn turn_at_impact(&self, change: V3<R>, turns: &mut Targets<R>) {
         if let Some(impact) = self.problem.impacts.last() {

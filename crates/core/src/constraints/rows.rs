@@ -1,4 +1,4 @@
-//! Scalar rows: their entries, their demands and the impulses that they start from.
+//! Scalar rows: their entries, their target velocities and the impulses from which the solve starts.
 
 use stepper_real::{Mask, Real};
 

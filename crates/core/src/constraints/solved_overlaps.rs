@@ -1,8 +1,8 @@
-//! Overlaps of the solution that a derivative is taken at.
+//! Overlaps of the solution at which a derivative is computed.
 //!
 //! The target velocity of a contact or limit has a corner, or with MuJoCo's law a jump, where its gap closes. A robot at rest has gaps of
-//! 1e-17 m of either sign, so that no displacement is small enough to stay on one side of all corners. At displaced states contacts and
-//! limits therefore stay on the side on which the solution has them.
+//! 1e-17 m of either sign. No displacement is small enough to stay on one side of all corners. At displaced states contacts and limits
+//! therefore stay on the side on which the solution has them.
 
 use stepper_real::{Real, Scalar};
 
@@ -64,7 +64,7 @@ impl<R: Real> SolvedOverlaps<R> {
         self.limits[i]
     }
 
-    /// Those of the lanes `lanes` (bits) in which a displaced state has all contacts that overlap in the solution.
+    /// Lanes of `lanes` (bits) in which a displaced state has all contacts that overlap in the solution.
     pub(crate) fn found(&self, contacts: &Contacts<R>, lanes: u32) -> u32 {
         let overlaps = |lane: usize, k: usize| self.contacts.data[k].point.distance.lane(lane).to_f64() < 0.0;
         let has = |lane: usize, k: usize| contacts.find(lane, k, self.contacts.ids[k][lane]).is_some();

@@ -75,8 +75,8 @@ impl<R: Real> Assembler<'_, R> {
         self.add_row(input.mass, tendon.owner, limit_law(free, [velocity, position], active));
     }
 
-    /// Where a limit at distance `phi`, left at the free velocity `free`, can be reached within the step, and its biases: in the
-    /// velocities, and when positions are solved apart.
+    /// Lanes in which a limit at distance `phi` can be reached within the step at the free velocity `free`, and its biases in the velocity
+    /// solve and in the position solve.
     #[inline(always)]
     fn reach(&mut self, input: RowInput<'_, R>, phi: R, free: R) -> Option<(R::Mask, R, R)> {
         let h = input.assembly.h;

@@ -119,11 +119,11 @@ impl<R: Real> Assembler<'_, R> {
 struct Friction<R: Real> {
     /// Torsional and rolling, m.
     more: [R; 2],
-    /// Of the scaled rows: sliding friction, or 1 for contacts that slide freely.
+    /// Friction coefficient of the scaled rows: that of sliding, or 1 for contacts that slide freely.
     mu: R,
     /// 1 for contacts with sliding friction, else 0.
     slides: R,
-    /// What the rows of turning are multiplied by, m.
+    /// Factors of the torsional and rolling rows, m.
     scale: V3<R>,
 }
 
@@ -170,7 +170,7 @@ pub(crate) fn rolling_lanes<R: Real>(compiled: &LaneModel<R>, contacts: &Contact
     rolling
 }
 
-/// What belongs to the tangents, in the units of their scaled rows.
+/// Scales the tangential entries to the units of their rows.
 #[inline(always)]
 fn scale_tangents<R: Real>([n, a, b]: V3<R>, rub: R) -> V3<R> {
     [n, a * rub, b * rub]

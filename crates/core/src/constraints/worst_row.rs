@@ -14,7 +14,7 @@ pub struct ConstraintCode(pub u64);
 /// First number of contacts.
 const CONTACTS: u64 = 1 << 32;
 
-/// What a code names.
+/// Constraint that a code names.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum CodedConstraint {
     /// Scalar row, by the index of its impulse in [`crate::constraints::VelocitySolution::scalar_impulse`].

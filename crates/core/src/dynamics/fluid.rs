@@ -1,12 +1,12 @@
 //! Forces of the medium on moving bodies: MuJoCo's two models (its documentation, "Fluid forces"; `engine_passive.c`).
 //!
-//! Box: along every principal axis the force -(a + b |v|) v and the torque -(c + d |w|) w, with a, c Stokes' drag of a ball and b, d the
-//! drag of the faces of the box that has the body's inertia. Ellipsoid: added mass (p x w; p x v + L x w with p = m_a v, L = I_a w),
-//! Magnus' lift w x v, Kutta's lift, and drag.
+//! The box model has, along every principal axis, the force -(a + b |v|) v and the torque -(c + d |w|) w. Here a, c are Stokes' drag of a
+//! ball, and b, d the drag of the faces of the box with the body's inertia. The ellipsoid model has added mass (p x w; p x v + L x w with p
+//! = m_a v, L = I_a w), Magnus' lift w x v, Kutta's lift, and drag.
 //!
-//! Drag takes energy out however large it is, but taken explicitly it turns the motion around and feeds it as soon as h b |v| > 2 m. So its
-//! secant B = a + b |v| at the velocity before the step goes into the mass matrix, as damping does: with f the force, v* the velocity at
-//! which forces are taken and u that before the step, the step takes f(v*) + B (v* - u), and the matrix the rest.
+//! Drag dissipates energy, but explicit drag reverses the motion and adds energy once h b |v| > 2 m. Its secant B = a + b |v| at the
+//! velocity before the step therefore goes into the mass matrix, as damping does. Let f be the force, v* the velocity at which forces are
+//! evaluated and u the velocity before the step. The step applies f(v*) + B (v* - u), and the matrix the rest.
 
 use stepper_real::Real;
 
@@ -17,7 +17,7 @@ use crate::math::spatial::*;
 /// Forces of the medium, and their workspace; empty for scenes without one.
 #[derive(Clone, Debug)]
 pub struct Fluid<R: Real> {
-    /// Velocity of every body before the step in its own axes, against the medium.
+    /// Velocity of every body before the step in body axes, relative to the medium.
     before: Vec<V6<R>>,
     /// Secants of drag at that velocity.
     drag: Vec<V6<R>>,
@@ -180,11 +180,10 @@ struct Projection<R> {
     normal: V3<R>,
 }
 
-/// The projected area pi sqrt(sum b_k^4 v_k^2 / sum b_k^2 v_k^2), b_k the product of the two other semi-axes; its normal is along b_k^2
-/// v_k.
+/// Projected area pi sqrt(sum b_k^4 v_k^2 / sum b_k^2 v_k^2), b_k the product of the two other semi-axes; its normal is along b_k^2 v_k.
 ///
-/// It is made of directions and of shares of the largest area, so that neither small bodies nor slow ones nor single precision meet a bound
-/// that has a unit. Needles that fly along themselves, b / a^2 < 3e-8 with the longest semi-axis a, have no area, in MuJoCo (4.0) too.
+/// It is computed from directions and relative areas. Small bodies, slow bodies and single precision therefore meet no bound with a unit.
+/// Needles that fly along their axis, b / a^2 < 3e-8 with the longest semi-axis a, have no area, as in MuJoCo (4.0).
 #[inline(always)]
 fn projection<R: Real>(e: &CompiledEllipsoid<R::Scalar>, v: V3<R>) -> Projection<R> {
     let areas: V3<R> = splat(e.areas);

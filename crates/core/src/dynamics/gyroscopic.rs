@@ -1,19 +1,19 @@
 //! Gyroscopic motion of single bodies, free or on a ball joint, by a discrete midpoint rule that keeps their angular momentum.
 //!
-//! With everything taken at the orientation R in the middle of the step, the body comes from R exp(-h/2 w) and goes to R exp(h/2 w+). Its
-//! angular momentum before and after, in the axes of R, are p-(w) = exp(-h/2 w) I w and p+(w+) = exp(h/2 w+) I w+. (Where the step is taken
-//! `time_before` seconds after its beginning and `time_after` seconds before its end, these stand for the two halves.) The step
+//! Let R be the orientation in the middle of the step. The body moves from R exp(-h/2 w) to R exp(h/2 w+). Its angular momentum before and
+//! after, in the axes of R, is p-(w) = exp(-h/2 w) I w and p+(w+) = exp(h/2 w+) I w+. If the evaluation point is not the middle,
+//! `time_before` and `time_after` replace the two halves. The step
 //!
 //! ```text
 //! p+(w+) = p-(w) + h (torque)
 //! ```
 //!
-//! is a map composed with its adjoint: symmetric, so of second order, with an energy that has no drift (Hairer, Lubich & Wanner 2006,
-//! sections II.3 and XI.3), and the momentum in world axes is that before plus the impulse, exactly. Centres of mass that are not at the
-//! joint are taken along: linear momentum and spin of a free body, angular momentum about the anchor of a ball joint.
+//! is a map composed with its adjoint. It is therefore symmetric and of second order, and its energy does not drift (Hairer, Lubich &
+//! Wanner 2006, sections II.3 and XI.3). The momentum in world axes changes by exactly the impulse. Centres of mass away from the joint are
+//! included: linear momentum and spin of a free body, angular momentum about the anchor of a ball joint.
 //!
-//! It is solved by fixed-point iteration of M (w+ - w) = h (torque) - N, N = p+(w+) - p-(w) - M (w+ - w), which gains a factor of about
-//! h |w| / 2 each time.
+//! Fixed-point iteration solves M (w+ - w) = h (torque) - N with N = p+(w+) - p-(w) - M (w+ - w). Each iteration reduces the error by a
+//! factor of about h |w| / 2.
 
 use stepper_real::{Mask, Real};
 
@@ -61,9 +61,10 @@ pub fn correct<R: Real>(
     )
 }
 
-/// Puts right the free velocities `v_free` of single bodies, which were found with the gyroscopic force at the velocity before the step for
-/// the first of `times` seconds and with that at the velocity after it for the second: with the impulses of contacts, the momentum then
-/// changes by exactly theirs.
+/// Corrects the free velocities `v_free` of single bodies so that contact impulses change their momentum exactly.
+///
+/// `v_free` was computed with the gyroscopic force at the velocity before the step for the first of `times` seconds. For the second of
+/// `times` seconds it was computed with that at the velocity after the step.
 pub fn correct_spin<R: Real>(
     compiled: &LaneModel<R>,
     kinematics: &Kinematics<R>,
@@ -131,7 +132,7 @@ fn solve<R: Real>(compiled: &LaneModel<R>, mass: &MassMatrix<R>, spinner: &Compi
 struct Body<R: Real> {
     mat: M3<R>,
     mass: R,
-    /// Central inertia in its own axes: xx, yy, zz, xy, xz, yz.
+    /// Central inertia in body axes: xx, yy, zz, xy, xz, yz.
     inertia: [R; 6],
     /// Centre of mass from the joint, own axes, m.
     arm: V3<R>,

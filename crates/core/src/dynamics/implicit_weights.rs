@@ -20,7 +20,7 @@ impl<R: Real> ImplicitWeights<R> {
         (self.step * damping).gt(R::zero()).any()
     }
 
-    /// How much more of a damping is taken at the end of the step, from 0 to 1, for a rate of damping d / m, 1/s.
+    /// Additional share of a damping at the end of the step, from 0 to 1, for a rate of damping d / m, 1/s.
     #[inline(always)]
     pub(crate) fn share(self, rate: R) -> R {
         let z = self.step * rate;

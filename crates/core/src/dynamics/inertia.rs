@@ -55,8 +55,10 @@ impl<R: Real> MassMatrix<R> {
         }
     }
 
-    /// Adds the shares `theta` of the joints' damping and stiffness to the diagonal of M. What stiff springs get of damping that they have
-    /// not themselves, see [`crate::actuation::forces`], goes to `drag`, which may be empty where no joint has a spring.
+    /// Adds the shares `weights` of joint damping and stiffness to the diagonal of M.
+    ///
+    /// The damping that stiff springs receive (see [`crate::actuation::forces`]) goes to `drag`, which may be empty if no joint has a
+    /// spring.
     #[inline(always)]
     pub fn add_joints(&mut self, compiled: &LaneModel<R>, implicit: ImplicitWeights<R>, drag: &mut [R]) {
         for (d, dof) in compiled.dofs.iter().enumerate() {

@@ -69,7 +69,7 @@ impl<R: Real> Kinematics<R> {
         )
     }
 
-    /// Sines and cosines of all hinges, in a loop of their own: even those of one environment are computed side by side then.
+    /// Sines and cosines of all hinges, in a separate loop, so that SIMD lanes compute those of one environment too.
     #[inline(always)]
     fn turn_all(&mut self, compiled: &LaneModel<R>, q: &[R]) {
         let [angles, sines, cosines] = &mut self.turns;

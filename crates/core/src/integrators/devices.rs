@@ -27,7 +27,7 @@ pub(crate) struct ActuatorDevices<'a, S> {
 /// Error models of the sensors and their memory.
 #[derive(Debug)]
 pub(crate) struct SensorDevices<'a, S> {
-    /// What sensors that are not ideal make of the truth; none where all are ideal.
+    /// Error models of the sensors; none where all sensors are ideal.
     pub(crate) errors: Option<&'a Errors<S>>,
     pub(crate) memory: &'a mut Memory<S>,
     /// Whether ideal sensors are read too: error models read every step.

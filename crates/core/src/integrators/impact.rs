@@ -1,7 +1,7 @@
 //! Impacts: velocities that jump within the step.
 //!
-//! What bounces is taken at the time at which it strikes: normals and arms are those of the impact, and so is the velocity that Newton's
-//! law is taken on (see [`crate::constraints::impact_time`] and stage 4).
+//! The step evaluates a bouncing contact at the time of its impact: its normal, its arms and the velocity to which Newton's law applies
+//! (see [`crate::constraints::impact_time`] and stage 4).
 
 use stepper_real::{Mask, Real};
 use stepper_solve::Iterate;
@@ -90,9 +90,10 @@ fn normal_velocities<R: Real>(
 
 /// Prepares the position solve if any lane needs it: its rows and its free velocity. Returns the lanes with impacts, which need it.
 ///
-/// Positions advance from `time_before` with the velocity after the step. The free velocity of the position solve therefore also contains
-/// what they lack: (time_before - t) / h of the velocity change by each impulse, and (time_before / h - 1/2) of that by smooth forces,
-/// because the step was not evaluated in its middle. `impulses` are those of the velocity solution, without impacts afterwards.
+/// Positions advance from `time_before` with the velocity after the step. The free velocity of the position solve therefore contains two
+/// more terms. The first is (time_before - t) / h times the velocity change by each impulse. The second is (time_before / h - 1/2) times
+/// the change by smooth forces, because the step was not evaluated in its middle. `impulses` are those of the velocity solution. Impacts
+/// are removed from them.
 #[inline(always)]
 pub(crate) fn prepare_position_solve<R: Real>(
     place: Place<'_, R>,
@@ -129,9 +130,9 @@ pub(crate) fn prepare_position_solve<R: Real>(
 
 /// Recomputes the free velocity in lanes in which an impact has changed the velocity. Returns these lanes, which must be solved again.
 ///
-/// The midpoint rule moves half of the step with the velocity before it and half with that after it, so inertial forces are the mean of
-/// those at both. The first solution evaluates them at the mean of the velocities. At an impact that is an error of first order in momentum
-/// and energy. `first` marks the first call in a step.
+/// The midpoint rule moves half of the step with the velocity before it and half with the velocity after it. Inertial forces are therefore
+/// the mean of those at both velocities. The first solution evaluates them at the mean of the velocities. At an impact that is an error of
+/// first order in momentum and energy. `first` marks the first call in a step.
 pub(crate) fn correct_impact_forces<R: Real>(
     place: Place<'_, R>,
     free: &mut FreeMotion<R>,
@@ -173,7 +174,7 @@ fn lanes_with_impacts<R: Real>(
             let change = jump.max(pushed);
             let impact = change.gt(smooth * R::of(MIN_IMPACT_RATIO)).and((scheme.h * change).lt(R::of(MAX_RESOLVED_ROTATION)));
             let matters = impact.and((scheme.h * (jump * fastest).max(apart)).gt(R::of(MIN_VELOCITY_ERROR)));
-            // Equalities near singular positions change as suddenly, but nothing strikes there.
+            // Equalities near singular positions change as suddenly, but without an impact.
             let slots = problem.slots.iter().map(|slot| slot.1).chain(problem.rolling_slots.iter().map(|slot| slot.1));
             let touching = slots.fold(R::Mask::splat(false), |all, lanes| all.or(lanes));
             touching.and(alive).and_not(free.unresolved).and(matters)

@@ -1,11 +1,11 @@
-//! What is known of the impacts of a step.
+//! Lanes with impacts within the step, and the link velocities that predict them.
 
 use stepper_real::{Mask, Real};
 
 use crate::compile::ModelStructure;
 use crate::math::spatial::*;
 
-/// What is known of the impacts of a step.
+/// Lanes with impacts within the step, and the link velocities that predict them.
 #[derive(Clone, Debug)]
 pub(crate) struct Impacts<R: Real> {
     /// Lanes that are taken at the time of an impact, or were taken away from the middle of the step in search of it.

@@ -14,9 +14,9 @@ use crate::tuning::MAX_PLACEMENTS;
 
 /// Stages 1 to 3 at the evaluation point: forces, the free velocity and the contacts.
 ///
-/// Euler's rule evaluates a step at its beginning, the midpoint rule in its middle. The loop moves the point of some lanes: to the
-/// beginning of the step where bodies are so fast that they could pass through a thin geom before, and to the time of the first elastic
-/// impact.
+/// Euler's rule evaluates a step at its beginning, the midpoint rule in its middle. The loop moves the evaluation point of some lanes. Very
+/// fast bodies could pass a thin geom before the middle, so their lanes move to the beginning of the step. Lanes with an elastic impact
+/// move to the time of the first one.
 #[inline(always)]
 pub(crate) fn locate<R: Real>(input: StepInput<'_, R>, evaluation: &mut Evaluation<R>, free: &mut FreeMotion<R>, probe: impl Probe) {
     evaluation.scheme = scheme(input.options);

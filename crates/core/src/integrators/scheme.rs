@@ -1,4 +1,4 @@
-//! A scheme of integration as numbers: where in the step everything is taken. Each scheme has a file beside this one.
+//! Scheme of integration: where in the step forces and rows are evaluated. Each scheme has a file in this folder.
 
 use stepper_real::{Mask, Real};
 
@@ -19,9 +19,9 @@ pub(crate) struct Scheme<R> {
     pub(crate) time_ahead: R,
     /// Shares of damping and stiffness in the mass matrix.
     pub(crate) weights: ImplicitWeights<R>,
-    /// Where velocity-dependent forces are taken, from 0 at the velocity before the step to 1 at that after it.
+    /// Point at which velocity-dependent forces are evaluated: 0 is the velocity before the step, 1 the velocity after it.
     pub(crate) velocity_weight: R,
-    /// Whether everything is taken in the middle of the step, with impacts at their own time.
+    /// Whether forces and rows are evaluated in the middle of the step, with impacts at their times.
     pub(crate) in_the_middle: bool,
     /// Whether springs and servos are taken ahead of the rest.
     pub(crate) looks_ahead: bool,
@@ -30,8 +30,9 @@ pub(crate) struct Scheme<R> {
 }
 
 impl<R: Real> Scheme<R> {
-    /// The part of a gap that may close in a step: the next step is to meet the surface exactly in its middle, instead of beyond it. That
-    /// is two thirds where the midpoint rule is taken at the beginning of a step; `impacts` are taken anywhere.
+    /// Fraction of a gap that may close in a step. The next step should meet the surface exactly in its middle, and not beyond it.
+    ///
+    /// Two thirds where the midpoint rule evaluates the beginning of a step. `impacts` marks lanes that are evaluated at any time.
     #[inline(always)]
     pub(crate) fn closing_fraction(&self, at_beginning: R::Mask, impacts: R::Mask) -> R {
         let whole = R::select(at_beginning, R::of(2.0 / 3.0), R::one());
@@ -44,14 +45,12 @@ impl<R: Real> Scheme<R> {
         )
     }
 
-    /// How stage 1 takes servos. A scheme that does not correct takes those of actuator dynamics alone implicitly, as it does the joints'
-    /// damping.
+    /// Implicit servos of stage 1. A scheme that does not correct makes only servos of actuator dynamics implicit, with joint damping.
     pub(crate) fn servos(&self) -> Option<ImplicitServos<R>> {
         Some(ImplicitServos { weights: self.weights, all: self.corrects })
     }
 
-    /// Shares of the joints' own damping and stiffness: a scheme that does not correct takes damping explicitly where the model asks for
-    /// it.
+    /// Implicit shares of joint damping and stiffness. In a scheme that does not correct, damping is explicit if the model selects it.
     pub(crate) fn joints(&self, compiled: &LaneModel<R>) -> ImplicitWeights<R> {
         let explicit = compiled.explicit_damping && !self.corrects;
         ImplicitWeights { damping: if explicit { R::zero() } else { self.weights.damping }, ..self.weights }

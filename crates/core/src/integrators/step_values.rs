@@ -54,7 +54,7 @@ pub(crate) struct Place<'a, R: Real> {
 }
 
 impl<'a, R: Real> Place<'a, R> {
-    /// Where forces are evaluated. Velocity-dependent forces that are not implicit use the velocity `v_at`.
+    /// State at which forces are evaluated. Velocity-dependent forces that are not implicit use the velocity `v_at`.
     pub(crate) fn forces_at(&self, v_at: &'a [R]) -> ForceState<'a, R> {
         let Place { input: StepInput { state, inputs, .. }, evaluation: Evaluation { scheme, q, q_ahead, act, .. } } = *self;
         let Inputs { ctrl, actuator_dynamics, .. } = inputs;
@@ -157,7 +157,7 @@ pub(crate) struct Scratch<R: Real> {
     pub(crate) impulse: Vec<R>,
     /// Velocity at which velocity-dependent forces are evaluated.
     pub(crate) v_mean: Vec<R>,
-    /// The same, where inertial forces are left out in some lanes.
+    /// Mean velocity of the step, or the velocity before it in lanes without inertial forces.
     pub(crate) v_forces: Vec<R>,
     /// Free velocity with recomputed forces.
     pub(crate) v_free_corrected: Vec<R>,

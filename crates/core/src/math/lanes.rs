@@ -18,7 +18,7 @@ pub(crate) fn columns<T: Copy>(rows: &[T], lanes: usize, first: usize, n: usize)
 /// Lanes of a group that take over those of a part of another.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Target {
-    /// As many as the part has, from this one on.
+    /// All that the part has, from this index on.
     From(usize),
     /// Each lane of a set, from a part of one lane.
     Each(u32),

@@ -1,5 +1,7 @@
 //! Random numbers without a state: Philox4x32-10 (Salmon, Moraes, Dror and Shaw 2011, "Parallel random numbers: as easy as 1, 2, 3",
-//! section 3.3), four 32-bit numbers of a 128-bit counter and a 64-bit key, in which every lane counts for itself.
+//! section 3.3).
+//!
+//! It maps a 128-bit counter and a 64-bit key to four 32-bit numbers. Every lane has a separate counter.
 
 use stepper_real::{Real, Scalar};
 
@@ -63,8 +65,8 @@ fn signed<R: Real>(word: &Word, shift: u32) -> R {
 
 /// Two independent standard normal numbers of two words (Box and Muller 1958). The largest is 6.7.
 ///
-/// They are sqrt(-ln u) (cos a - sin a) and sqrt(-ln u) (cos a + sin a) with signs of their own: the point at pi/4 + a of the first
-/// quadrant, mirrored. The two upper bits of the angle's word are the signs, the others a in (-pi/4, pi/4).
+/// They are sqrt(-ln u) (cos a - sin a) and sqrt(-ln u) (cos a + sin a) with two signs: the point at pi/4 + a of the first quadrant,
+/// mirrored. The two upper bits of the angle's word are the signs, the others a in (-pi/4, pi/4).
 #[inline(always)]
 pub fn normals<R: Real>(radius: &Word, angle: &Word) -> [R; 2] {
     /// pi/4 over 2^31.
@@ -90,8 +92,8 @@ mod tests {
         assert_eq!(run(counter, [0xa409_3822, 0x299f_31d0]), [0xd16c_fe09, 0x94fd_cceb, 0x5001_e420, 0x2412_6ea1]);
     }
 
-    /// The point that the words stand for: in f64 to rounding, in f32 to five roundings of 6e-8, and to one of u, whose radius is
-    /// sqrt(2 (1 - u)) where that is small.
+    /// The words stand for a point in the plane. In f64 it agrees to rounding. In f32 it agrees to five roundings of 6e-8 and one of u,
+    /// whose radius is sqrt(2 (1 - u)) where that is small.
     #[test]
     fn normals_are_points_in_the_plane() {
         for i in 0..100_000u32 {

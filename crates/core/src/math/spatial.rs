@@ -1,7 +1,7 @@
 //! Vectors, rotations and spatial algebra over lanes, world-aligned.
 //!
-//! Spatial vectors are (angular, linear), both in world axes. Motions, forces and inertias of one kinematic tree are all taken about one
-//! point, the position of its root, so that they add without transforms (Featherstone 2008, chapter 2).
+//! Spatial vectors are (angular, linear), both in world axes. Motions, forces and inertias of one kinematic tree refer to one point, the
+//! position of its root. They therefore add without transforms (Featherstone 2008, chapter 2).
 
 use stepper_real::Real;
 
@@ -64,8 +64,9 @@ pub fn apply_inertia<R: Real>(i: &Inertia<R>, m: &V6<R>) -> V6<R> {
     spatial(add(second, cross(first, v)), sub(scale(v, i[0]), cross(first, w)))
 }
 
-/// Inertia about the reference point of a body with mass `m`, central inertia `c` (xx, yy, zz, xy, xz, yz, in the frame `x`) and centre of
-/// mass at `r` from the reference point.
+/// Inertia about the reference point of a body with mass `m`, kg, and centre of mass at `r` from the reference point, m.
+///
+/// `c` is the central inertia (xx, yy, zz, xy, xz, yz) in the frame `x`, kg m^2.
 #[inline(always)]
 pub fn inertia_at<R: Real>(m: R, c: [R; 6], x: &M3<R>, r: V3<R>) -> Inertia<R> {
     let local = [c[0], c[3], c[4], c[3], c[1], c[5], c[4], c[5], c[2]];

@@ -22,7 +22,7 @@ pub(crate) struct Contact {
 #[derive(Clone, Debug)]
 pub(crate) struct Felt {
     pub(super) contacts: Vec<Contact>,
-    /// Where those of every lane begin and end.
+    /// Offsets of the contacts of every lane.
     pub(super) ends: [usize; MAX_LANES + 1],
 }
 

@@ -1,14 +1,15 @@
-//! The transfer function of real sensors:
+//! Transfer function of real sensors:
 //!
 //! ```text
 //! truth -> scale and misalignment -> + bias + drift + noise -> quantisation -> clip -> sample and hold -> delay -> observation
 //! ```
 //!
-//! Bias, scale error and misalignment are drawn at reset. Drift d is a random walk with `drift_std` per sqrt(s), or with a correlation time
-//! tau the Gauss-Markov process that the same driving noise makes: d+ = e^(-h/tau) d + drift_std sqrt(tau/2 (1 - e^(-2h/tau))) n (Brown and
-//! Hwang 2012, section 5.5). A noise density N per sqrt(Hz) is white noise of N / sqrt(T) at a sampling time of T, so that the Allan
-//! deviation at 1 s is N whatever the time step (IEEE 952). Unit vectors and quaternions are turned by bias, drift and noise as a rotation
-//! vector.
+//! Bias, scale error and misalignment are drawn at reset. Drift d is a random walk with `drift_std` per sqrt(s). With a correlation time
+//! tau it is the Gauss-Markov process of the same driving noise: d+ = e^(-h/tau) d + drift_std sqrt(tau/2 (1 - e^(-2h/tau))) n (Brown and
+//! Hwang 2012, section 5.5).
+//!
+//! A noise density N per sqrt(Hz) is white noise of N / sqrt(T) at a sampling time of T. The Allan deviation at 1 s is therefore N for any
+//! time step (IEEE 952). Bias, drift and noise turn unit vectors and quaternions by a rotation vector.
 
 mod delay;
 mod draws;
@@ -102,7 +103,7 @@ struct Numbers<'a, S> {
 }
 
 impl<S: Scalar> Numbers<'_, S> {
-    /// Those of one sensor.
+    /// Numbers of one sensor.
     #[inline(always)]
     fn of(&self, sensor: usize) -> Self {
         Numbers { rows: &self.rows[sensor * NUMBERS * self.lanes..], lanes: self.lanes }
@@ -115,7 +116,7 @@ impl<S: Scalar> Numbers<'_, S> {
 }
 
 impl<S: Scalar> Errors<S> {
-    /// Where the delay line of every sensor that is not ideal is in the memory; without samples where it has none.
+    /// Delay lines of the sensors that are not ideal, as places in the memory; without samples for sensors without delay.
     pub fn delay_lines(&self) -> impl Iterator<Item = DelayLine> {
         self.sensors.iter().map(|s| DelayLine { at: s.line_at(), samples: s.line, width: s.dim })
     }
@@ -226,8 +227,10 @@ impl<S: Scalar> Imperfect<S> {
         }
     }
 
-    /// How many random numbers a step needs, and how many of them at the beginning are normal: those of the drift, those of the Gaussian
-    /// noise of a sample; behind them two uniform ones for dropout and jitter, and those of uniform noise.
+    /// Number of random numbers that a step needs, and number of normal ones among them, which come first.
+    ///
+    /// The normal numbers are those of the drift, then the Gaussian noise of a sample. Two uniform ones for dropout and jitter follow, then
+    /// those of uniform noise.
     #[inline(always)]
     fn draws_of(&self, sampling: bool) -> (usize, usize) {
         let drift = self.noise_at();
@@ -240,19 +243,19 @@ impl<S: Scalar> Imperfect<S> {
         }
     }
 
-    /// Where the Gaussian noise begins among them.
+    /// Offset of the Gaussian noise among the random numbers.
     #[inline(always)]
     fn noise_at(&self) -> usize {
         if self.drifts { self.freedom } else { 0 }
     }
 
-    /// Where the two numbers for dropout and jitter are: normal ones come in pairs.
+    /// Offset of the two numbers for dropout and jitter. Normal numbers come in pairs.
     #[inline(always)]
     fn timing_at(&self) -> usize {
         (self.noise_at() + if self.noisy && !self.uniform { self.freedom } else { 0 }).next_multiple_of(2)
     }
 
-    /// Where those of uniform noise are.
+    /// Offset of the uniform noise.
     #[inline(always)]
     fn uniform_at(&self) -> usize {
         self.timing_at() + if self.lossy || self.jittery { 2 } else { 0 }

@@ -145,7 +145,7 @@ fn acceleration<R: Real>(
     )
 }
 
-/// Velocity and acceleration of a site in its own axes: [angular velocity, linear velocity] or [angular, linear acceleration].
+/// Velocity and acceleration of a site in site axes: [angular velocity, linear velocity] or [angular, linear acceleration].
 pub fn site_motion<R: Real>(
     compiled: &LaneModel<R>,
     kinematics: &Kinematics<R>,
@@ -203,7 +203,7 @@ pub fn frame<R: Real>(
                 F::LinVel => {
                     let [_, v] = velocity(compiled, kinematics, workspace, object);
                     reference.map_or(v, |r| {
-                        // The velocity that an observer who turns with the reference sees.
+                        // Velocity in the rotating frame of the reference.
                         let [w, u] = velocity(compiled, kinematics, workspace, r);
                         sub(sub(v, u), cross(w, arm(r)))
                     })

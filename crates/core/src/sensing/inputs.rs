@@ -1,4 +1,4 @@
-//! What stage 9 is made of: poses and motions of frames, masses, rays, contacts; random numbers and the errors of real sensors.
+//! Inputs of stage 9: poses and motions of frames, masses, rays, contacts; random numbers and the errors of real sensors.
 
 use stepper_real::Real;
 
@@ -8,7 +8,7 @@ use crate::compile::ModelStructure;
 use crate::math::spatial::*;
 use crate::sensing::contact_list::Felt;
 
-/// All that sensors can ask: the state after a step, and what the step did.
+/// Inputs of the sensors: the state after a step, and the results of the step.
 #[derive(Debug)]
 pub struct SensorInput<'a, R: Real> {
     /// Configuration.
@@ -31,7 +31,7 @@ pub struct SensorInput<'a, R: Real> {
     pub contacts: &'a Contacts<R>,
 }
 
-/// Workspace that all sensors share. Mocap frames are placed in `kinematics` and in `orientation` by whoever knows them.
+/// Workspace that all sensors share. The caller places mocap frames in `kinematics` and in `orientation`.
 #[derive(Clone, Debug)]
 pub struct SensorWorkspace<R: Real> {
     /// Readings of ideal sensors.

@@ -1,4 +1,4 @@
-//! What sensors remember from step to step, lane-interleaved.
+//! Memory of the sensors, lane-interleaved.
 
 use serde::{Deserialize, Serialize};
 use stepper_real::Scalar;
@@ -31,7 +31,7 @@ pub struct Memory<S> {
     pub xfrc: Vec<S>,
     /// Numbers of the transfer functions.
     pub numbers: Vec<S>,
-    /// Where every delay line was written last.
+    /// Position of the last sample in every delay line.
     pub cursors: Vec<u32>,
     /// Readings after the transfer functions; empty when all sensors are ideal.
     pub observation: Vec<S>,
@@ -74,7 +74,7 @@ impl<S: Scalar> Memory<S> {
         [&self.acceleration, &self.ctrl, &self.xfrc, &self.numbers, &self.observation]
     }
 
-    /// Says that the state of a lane was set: there is no last step to read. All else stays.
+    /// Marks the state of a lane as set: there is no last step to read. All else stays.
     pub fn refresh(&mut self, lane: usize) {
         self.fresh |= 1 << lane;
     }
@@ -101,7 +101,7 @@ impl<S: Scalar> Memory<S> {
         self.forget(lane);
     }
 
-    /// What nobody can read of a lane that is no environment is zero.
+    /// Clears the entries of an unused lane that cannot be read.
     pub fn clear(&mut self, lane: usize) {
         let lanes = self.seed.len();
         let all = [&mut self.acceleration, &mut self.ctrl, &mut self.xfrc, &mut self.numbers, &mut self.observation];
@@ -114,7 +114,7 @@ impl<S: Scalar> Memory<S> {
         self.waiting &= !(1 << lane);
     }
 
-    /// What `n` lanes from `first` on remember.
+    /// Memory of `n` lanes from `first` on.
     pub fn part(&self, first: usize, n: usize) -> Self {
         let lanes = self.seed.len();
         let numbers = |x: &[S]| columns(x, lanes, first, n);
@@ -176,7 +176,7 @@ impl<S: Scalar> Memory<S> {
         sizes(self) == sizes(other)
     }
 
-    /// Who draws random numbers now.
+    /// Keys of the next random numbers.
     #[inline(always)]
     pub fn keys(&self) -> Keys {
         let lane = |x: &[u32]| {

@@ -1,4 +1,4 @@
-//! What sensors share, made once for all of them.
+//! Intermediate results that sensors share, computed once for all of them.
 
 use stepper_real::Real;
 

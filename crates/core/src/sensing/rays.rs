@@ -39,8 +39,10 @@ fn nothing<R: Real>() -> R {
     R::of(f64::INFINITY)
 }
 
-/// Where a line meets a piece of second order: the roots t of a t^2 + 2 b t + c, ascending. Whether they are on the piece is asked outside,
-/// and no function is handed on: a closure that is called twice is not inlined into the kernel.
+/// Intersections of a line with a quadric: the roots t of a t^2 + 2 b t + c, ascending.
+///
+/// The caller tests whether they are on the surface. Passing a function would be slow, because a closure that is called twice is not
+/// inlined into the kernel.
 struct Roots<R: Real> {
     real: R::Mask,
     at: [R; 2],
@@ -67,7 +69,7 @@ impl<R: Real> Roots<R> {
     }
 }
 
-/// Where the line meets the plane of constant coordinate k, and the lanes in which it does so not behind the ray's beginning.
+/// Intersection of the line with the plane of constant coordinate k, and the lanes in which it is not behind the origin of the ray.
 #[inline(always)]
 fn crossing<R: Real>(o: V3<R>, d: V3<R>, k: usize, level: R) -> (R, R::Mask) {
     let z = R::zero();

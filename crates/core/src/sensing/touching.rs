@@ -66,7 +66,7 @@ impl<R: Real> Volume<R> {
         )
     }
 
-    /// As one lane sees it.
+    /// Zone in one lane.
     #[inline(always)]
     fn zone(&self, lane: usize) -> Zone {
         Zone { origin: of_lane(&self.origin, lane), axes: of_lane(&self.axes, lane), size: of_lane(&self.size, lane) }
@@ -104,7 +104,7 @@ impl Felt {
         }
     }
 
-    /// Those of one lane.
+    /// Contacts of one lane.
     fn lane(&self, lane: usize) -> &[Contact] {
         &self.contacts[self.ends[lane]..self.ends[lane + 1]]
     }
@@ -135,8 +135,9 @@ impl Felt {
     }
 }
 
-/// Force (N) and torque (N m) of all contacts on every body of the model in world axes, six numbers each, the torque about the body's
-/// centre of mass, one of `centres` (m); `h` is the length of the step that the impulses are of.
+/// Force (N) and torque (N m) of all contacts on every body of the model, world axes, six numbers each.
+///
+/// The torque is about the body's centre of mass, one of `centres` (m). `h` is the length of the step of the impulses, s.
 pub fn contact_wrenches<R: Real>(compiled: &LaneModel<R>, contacts: &Contacts<R>, h: R, centres: &[V3<R>], out: &mut [[R; 6]]) {
     for lane in 0..R::LANES {
         for slot in 0..contacts.count[lane] {

@@ -44,14 +44,14 @@ pub fn actuate<R: Real>(
                 };
                 let motion = actuator_forces.motion(actuator, at.q, at.v_at, at.v);
                 let parameters = compiled.params.actuator(i);
-                let law = law(actuator, parameters, at, nearest_equivalent_angle(actuator, parameters, input, motion.length));
+                let affine = affine_force(actuator, parameters, at, nearest_equivalent_angle(actuator, parameters, input, motion.length));
                 actuator_forces.beyond[i] = R::Mask::splat(false);
                 match (implicit, &actuator.dynamics) {
                     (Some(implicit), Some(dynamics)) => {
                         actuator_forces.set_actuator_dynamics(
                             i,
                             k,
-                            &law,
+                            &affine,
                             &motion,
                             dynamics,
                             &at.actuator_dynamics[dynamics.index],
@@ -59,15 +59,15 @@ pub fn actuate<R: Real>(
                         );
                     }
                     (Some(ImplicitServos { weights, all: true }), None) => {
-                        let (force, weight) = law.implicit_force(&motion, actuator_forces.effective_inertia_at(k), weights);
+                        let (force, weight) = affine.implicit_force(&motion, actuator_forces.effective_inertia_at(k), weights);
                         actuator_forces.set_servo(i, k, force, weight);
                     }
                     (None, Some(dynamics)) => {
                         actuator_forces.force[i] =
-                            bounded(dynamics, &at.actuator_dynamics[dynamics.index], law.force(&motion), motion.velocity);
+                            bounded(dynamics, &at.actuator_dynamics[dynamics.index], affine.force(&motion), motion.velocity);
                     }
                     (_, None) => {
-                        let asked = law.force(&motion);
+                        let asked = affine.force(&motion);
                         actuator_forces.beyond[i] = beyond(asked, actuator.force_range);
                         actuator_forces.force[i] = within(asked, actuator.force_range);
                     }
@@ -119,7 +119,7 @@ fn slopes<R: Real>(compiled: &LaneModel<R>, at: &ForceState<'_, R>, actuator: us
         Some(a) => at.act[a],
         None => control(at.ctrl[actuator], own.ctrl_range),
     };
-    let AffineForce { level, slope, rate } = law(own, compiled.params.actuator(actuator), at, input);
+    let AffineForce { level, slope, rate } = affine_force(own, compiled.params.actuator(actuator), at, input);
     let mut cut = forces.is_at_bound(compiled, actuator);
     if let Some(dynamics) = &own.dynamics {
         let velocity = forces.along(own, at.v);
@@ -178,7 +178,7 @@ fn nearest_equivalent_angle<R: Real>(
     R::select(alone.and(gain[0].eq(-bias[1])), nearest, input)
 }
 
-/// What an activation follows: the control, for the angle of a servo that nearest to the activation `at`.
+/// Setpoint of an activation filter: the control, or for an angular servo the equivalent angle nearest to the activation `at`.
 #[inline(always)]
 fn setpoint<R: Real>(compiled: &LaneModel<R>, i: usize, actuator: &CompiledActuator<R::Scalar>, u: R, at: R) -> R {
     let u = control(u, actuator.ctrl_range);
@@ -188,10 +188,11 @@ fn setpoint<R: Real>(compiled: &LaneModel<R>, i: usize, actuator: &CompiledActua
     }
 }
 
-/// force = gain . (1, length, velocity) input + bias . (1, length, velocity), or what an actuator's dynamics makes of it: a continuous
-/// servo of its own, or a motor whose control is the share of its voltage.
+/// Force of an actuator: gain . (1, length, velocity) input + bias . (1, length, velocity).
+///
+/// Actuator dynamics replace this formula with a continuous servo, or with a motor whose control is a fraction of its voltage.
 #[inline(always)]
-fn law<R: Real>(
+fn affine_force<R: Real>(
     actuator: &CompiledActuator<R::Scalar>,
     ActuatorParams { gain, bias }: ActuatorParams<R>,
     at: &ForceState<'_, R>,

@@ -55,7 +55,7 @@ impl<R: Real> Smooth<R> {
         )
     }
 
-    /// What is left to do after [`Smooth::assemble_mass`]: what else is implicit, and the factors.
+    /// Completes the mass matrix after [`Smooth::assemble_mass`]: adds the other implicit terms and factors it.
     pub fn complete_mass(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, implicit: Implicit<'_, R>) {
         R::vectorize(
             #[inline(always)]
@@ -85,7 +85,7 @@ impl<R: Real> Smooth<R> {
         self.entries_without_servos.copy_from_slice(&self.mass.entries[..n]);
     }
 
-    /// The same again at the same configuration, where servos are others than they were.
+    /// Mass matrix and its factors at the same configuration, recomputed after the implicit servos have changed.
     pub fn refactor_mass(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, implicit: Implicit<'_, R>) {
         R::vectorize(
             #[inline(always)]
@@ -129,7 +129,7 @@ impl<R: Real> Smooth<R> {
         )
     }
 
-    /// The same again with the bias force of the last time.
+    /// Acceleration at the velocity `v`, recomputed with the bias force of the previous call.
     pub fn recompute_acceleration(&mut self, compiled: &LaneModel<R>, forces: [&[R]; 2], v: &[R]) {
         R::vectorize(
             #[inline(always)]
@@ -163,8 +163,10 @@ impl<R: Real> Smooth<R> {
         )
     }
 
-    /// What the user applies, as generalized forces: `qfrc` on the joints, and the wrenches `xfrc` (force, torque; six per body, at its
-    /// centre of mass, world axes). Either may be empty.
+    /// Applied forces of the user as generalized forces.
+    ///
+    /// `qfrc` acts on the joints. `xfrc` are wrenches (force, torque; six numbers per body, at its centre of mass, world axes). Either may
+    /// be empty.
     pub fn apply(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, [qfrc, xfrc]: [&[R]; 2], out: &mut [R]) {
         if qfrc.is_empty() {
             out.fill(R::zero());

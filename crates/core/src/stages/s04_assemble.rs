@@ -1,17 +1,17 @@
-//! Stage 4: contacts, equalities, limits, springs of tendons and dry friction become the constraint problem.
+//! Stage 4: contacts, equalities, limits, tendon springs and dry friction become the constraint problem.
 //!
-//! Every row is carried through half a solve, y = D^-1/2 L^-T J^T, which touches only the ancestors of the bodies it joins; the Delassus
-//! matrix is then Y^T Y. The bias of a row says what velocity it demands at the end of the step:
+//! Each row is scaled to y = D^-1/2 L^-T J^T, which touches only the ancestors of the bodies that it joins. The Delassus matrix is then Y^T
+//! Y. The bias of a row sets its target velocity at the end of the step:
 //!
 //! ```text
-//! apart (phi > 0):                v_n+ >= -c phi / h           it may just close (c = 1)
+//! apart (phi > 0):                v_n+ >= -c phi / h           the gap may just close (c = 1)
 //! touching:                       v_n+ >= 0
 //! overlapping, Baumgarte:         v_n+ >= min(beta (overlap - slop) / h, cap)
 //! closing and fast, e > 0:        v_n+ >= -e v_n-              Newton's law (Moreau 1988), and no other bias
 //! ```
 //!
-//! The last line is taken at the time of the impact by the midpoint rule (`constraints/restitution.rs`). A contact with e > 0 that neither
-//! strikes nor is about to rest has no row: to stop it at the surface would take the energy that it is to bounce with.
+//! The midpoint rule applies the last line at the time of the impact (`constraints/restitution.rs`). A contact with e > 0 that neither
+//! collides nor comes to rest in this step has no row. A row would stop it at the surface and take the energy of its bounce.
 
 use stepper_real::{Mask, Real};
 

@@ -13,10 +13,9 @@ use crate::tuning::{
     ROUGH_MOTION, STRUCTURE_MOTION,
 };
 
-/// Solves the lanes `lanes` to the tolerance and leaves the impulses where the next step finds its warm start.
+/// Solves the lanes `lanes` to the tolerance, and stores the impulses as the warm start of the next step.
 ///
-/// What moves slowly is solved more tightly, to a part of its own speed `v`: else a robot at rest would creep at the speed of the
-/// tolerance.
+/// The tolerance of slow lanes is a fraction of their speed `v`. Otherwise a robot at rest would creep at the speed of the tolerance.
 #[inline(always)]
 pub fn solve<R: Real>(
     options: &StepSettings,
@@ -78,8 +77,9 @@ pub fn store_impulses<R: Real>(problem: &ConstraintProblem<R>, velocity: &mut Ve
     );
 }
 
-/// Shares the loads of hyperstatic patches that slip in the lanes `solved` (see [`crate::constraints::redundant_supports`]). Lanes that it
-/// unsettles, since a patch turns while it slips, are solved again from the shared loads.
+/// Distributes the loads of redundant supports that slip in the lanes `solved` evenly (see [`crate::constraints::redundant_supports`]).
+///
+/// A contact group that turns while it slips changes its velocity by this. Its lanes are solved again from the shared loads.
 #[inline(always)]
 fn share_loads<R: Real>(
     problem: &ConstraintProblem<R>,
@@ -109,24 +109,24 @@ fn share_loads<R: Real>(
     }
 }
 
-/// How the impulses of a step are estimated before forces that depend on the velocity are taken.
+/// Predictor of this step's contact impulses, before velocity-dependent forces are evaluated.
 #[derive(Clone, Copy, Debug)]
 pub struct Estimate<R: Real> {
-    /// Lanes of which an estimate is made: where a step ends follows from its own contacts then, and not from those of the step before.
-    /// What rests keeps the impulses of the step before: they hold it.
+    /// Lanes that are predicted from this step's contacts alone, and not from the previous impulses. Lanes at rest keep the previous
+    /// impulses as their prediction.
     moving: R::Mask,
-    /// Those of them in which a few sweeps from no impulses, which follow from the state alone, are as good as the rule needs. In the
-    /// others the estimate is solved for.
+    /// Predicted lanes in which a few Gauss-Seidel iterations from zero are accurate enough. The other predicted lanes are solved to the
+    /// tolerance.
     rough: R::Mask,
     /// Change by a sweep at which the others are solved, m/s.
     tolerance: R,
 }
 
 impl<R: Real> Estimate<R> {
-    /// Estimate of a step of `h` seconds from the velocity `v`.
+    /// Predictor for a step of `h` seconds from the velocity `v`.
     ///
-    /// A rough estimate has an error of up to [`ESTIMATE_ERROR`]. The estimate is solved if a smaller error is required, where it decides
-    /// whether servos are at their bounds, where loads are shared, and with Newton's method.
+    /// A rough estimate has an error of up to [`ESTIMATE_ERROR`]. The estimate is solved if a smaller error is required. It is also solved
+    /// where it decides which servos are at their bounds, where loads are shared, and with Newton's method.
     #[inline(always)]
     pub fn new(compiled: &LaneModel<R>, options: &StepSettings, v: &[R], h: R, velocity: &VelocitySolution<R>) -> Self {
         let error = ESTIMATE_ERROR / options.refinement();
@@ -168,8 +168,10 @@ impl<R: Real> Estimate<R> {
         }
     }
 
-    /// Gives the lanes `lanes` the impulses from before the estimate back where loads are shared evenly, which is not for sweeps to change,
-    /// and where those are as good a start of the solve as a rough estimate.
+    /// Selects the impulses from which the solve of the lanes `lanes` starts.
+    ///
+    /// Lanes with shared loads start from the impulses before the estimate, because sweeps would change the shares. So do lanes in which
+    /// these impulses are as close to the solution as the rough estimate.
     #[inline(always)]
     pub fn choose_start(&self, lanes: R::Mask, problem: &ConstraintProblem<R>, velocity: &mut VelocitySolution<R>) {
         let VelocitySolution { impulses, shared, groups, .. } = velocity;

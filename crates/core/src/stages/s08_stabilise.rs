@@ -1,13 +1,13 @@
-//! Stage 8: positions are corrected where the velocity of the solution is not the one they should have moved with.
+//! Stage 8: corrects positions after the velocity solve.
 //!
-//! A second solve of the same rows, without restitution, finds the velocity that closes every gap just so and removes a part of every
-//! overlap. It is used once, for the positions, and thrown away: no kinetic energy comes of it. That is [`stabilise`], the split form. With
-//! Baumgarte's method positions are corrected through the velocities; [`limit_baumgarte`], which runs after stage 6, replaces velocities
-//! that its bias has made absurd, and there the bounded correction stays in the velocity.
+//! A second solve of the same rows, without restitution, finds the velocity that just closes every gap and removes a part of every overlap.
+//! Only the positions use this velocity, so it adds no kinetic energy. [`stabilise`] implements this split form. Baumgarte's method
+//! corrects positions through the velocities. [`limit_baumgarte`] runs after stage 6 and replaces velocities that its bias made absurd.
+//! There the bounded correction stays in the velocity.
 //!
-//! What positions demand may be impossible: overlaps that contradict one another, a weld out of reach, a contact whose normal passes a
-//! hinge. So the demands are damped ([`stepper_solve::PositionRows::damp`]), what they move is bounded, island by island, and where a
-//! witness proves that no motion within the bounds meets them, the lane is marked infeasible.
+//! Position targets may be infeasible: contradicting overlaps, a weld out of reach, or a contact whose normal passes a hinge. The targets
+//! are therefore damped ([`stepper_solve::PositionRows::damp`]), and the correction of each island is bounded. A lane is marked infeasible
+//! if a witness proves that no motion within the bounds meets its targets.
 
 use stepper_real::{Mask, Real, Scalar};
 use stepper_solve::{Damping, Iterate, Outcome, Reference, Settings, Snapshot, System};
@@ -93,10 +93,11 @@ pub fn stabilise<R: Real>(
     infeasible
 }
 
-/// Limits Baumgarte's method in lanes with a bias where constraints change a velocity by more than four times what a correction may, or
-/// where a row that nothing can move demands more than 1 cm/s. There `velocity.v` becomes the velocity of the rows without their bias, plus
-/// the bounded correction that the split form would give positions. `v_free` is the free velocity. Returns the lanes in which the position
-/// errors cannot be removed.
+/// Limits the velocities of Baumgarte's method, and returns the lanes in which the position errors cannot be removed.
+///
+/// A lane with a bias is limited in two cases. Constraints change a velocity by more than four times the bound of a correction, or an
+/// immovable row has a target above 1 cm/s. There `velocity.v` becomes the velocity of the rows without their bias, plus the bounded
+/// correction of the split form. `v_free` is the free velocity.
 #[inline(always)]
 pub fn limit_baumgarte<R: Real>(
     compiled: &LaneModel<R>,
@@ -286,7 +287,7 @@ fn excess<R: Real>(compiled: &ModelStructure<R::Scalar>, v: &[R], bounds: Bounds
     most
 }
 
-/// The same of one joint, whose direction of shift or axis of turn does not matter.
+/// Ratio of the velocity `v` of one joint to its bounds, for any direction of its shift or axis of its turn.
 #[inline(always)]
 fn excess_of<R: Real>(kind: JointKind, v: &[R], bounds: Bounds<R>) -> R {
     match kind {
@@ -330,7 +331,7 @@ fn bound_islands<R: Real>(
     }
 }
 
-/// Those of the lanes `lanes` in which the impulses of the correction prove that no motion within the bounds meets what positions demand.
+/// Lanes of `lanes` in which the impulses of the correction prove that no motion within the bounds meets the position targets.
 #[cold]
 fn prove_infeasible<R: Real>(
     compiled: &LaneModel<R>,

@@ -159,7 +159,7 @@ fn bounds<R: Real>(compiled: &LaneModel<R>, bounds: &Bounds<R::Scalar>) -> [R; 2
     }
 }
 
-/// How far q is from the nearer end of its range where it is beyond it, and that distance's rate at velocity v; else zeros.
+/// Distance of q beyond the nearer end of its range and its rate at velocity v; zeros within the range.
 fn overlap<R: Real>(q: R, v: R, [low, high]: [R; 2]) -> [R; 2] {
     R::vectorize(
         #[inline(always)]

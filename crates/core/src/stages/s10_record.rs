@@ -1,4 +1,4 @@
-//! Stage 10: what the step says of itself.
+//! Stage 10: record of how well the step was solved.
 
 use std::fmt;
 
@@ -50,8 +50,8 @@ bitflags! {
         const UNRESOLVED = 8;
         /// Something moved so fast that it may have passed through something thin.
         const TUNNELLED = 16;
-        /// What constraints demand cannot be met, and impulses prove it: they move nothing, or so little that no motion within the bounds
-        /// of a correction gives what they ask for. What can be met of it is.
+        /// Constraints contradict each other, and impulses prove it. No motion within the bounds of a correction meets the targets. The
+        /// solver meets them as far as possible.
         const INFEASIBLE = 32;
         /// A contact overlapped by more than 1 mm: a hundred times the default slop.
         const DEEP = 64;
@@ -76,7 +76,7 @@ impl fmt::Display for Status {
 /// The record of one step, lane by lane.
 #[derive(Clone, Copy, Debug)]
 pub struct Record<R: Real> {
-    /// Residual, m/s, with the largest velocity that is demanded where nothing can move; 0 where the step was not finite.
+    /// Residual, or the largest target velocity of an immovable row if that is larger, m/s. 0 where the step was not finite.
     pub residual: R,
     /// Sweeps of the solver.
     pub sweeps: R,
@@ -98,7 +98,7 @@ pub struct Record<R: Real> {
     pub unresolved: R::Mask,
     /// Lanes in which something may have passed through something thin.
     pub tunnelled: R::Mask,
-    /// Lanes in which a witness proves that what constraints demand cannot be met.
+    /// Lanes in which a witness proves that the constraints are infeasible.
     pub infeasible: R::Mask,
     /// Lanes whose `depth` is above [`DEEP`].
     pub deep: R::Mask,

@@ -26,7 +26,7 @@ impl<R: Real> HeldOverlaps<R> {
         }
     }
 
-    /// Makes rows by their own overlaps again.
+    /// Makes rows follow the present overlaps again.
     pub(crate) fn release(&mut self, s: &mut Workspace<R>) {
         self.0 = s.evaluation.solved_overlaps.take().or_else(|| self.0.take());
     }

@@ -1,9 +1,9 @@
-//! Derivative of a step at the modes of its solution: the implicit function theorem.
+//! Derivative of a step at the modes of its solution, by the implicit function theorem.
 //!
-//! A step is solved once, in all lanes. Then one coordinate after the other is displaced, in every lane that of its own environment, and
-//! stages 1 to 8 are taken there, with the linear response of the solution in the place of solves: which contacts push, stick and slip is
-//! held. Geometry, forces and inertia are differentiated by differences of this, which has no kinks of its own. Where the configuration
-//! stays, poses, mass matrix and rows do.
+//! The step is solved once, in all lanes. Then each coordinate is displaced in turn; every lane displaces that of its environment. Stages 1
+//! to 8 run there with the linear response of the solution in place of solves. The contacts that push, stick and slip stay the same.
+//! Differences of these evaluations differentiate geometry, forces and inertia without kinks. If the configuration does not change, poses,
+//! mass matrix and rows are reused.
 
 mod held_overlaps;
 pub(crate) mod kink;
@@ -36,8 +36,8 @@ const LARGEST_BEND: f64 = 0.1;
 /// Slope below which a column is compared with this one, SI units: what rests has columns that are 0 but for terms of second order.
 const LEAST_SLOPE: f64 = 0.1;
 
-/// Difference of the response at the solution from the solution, relative to its velocities, that is rounding and residual: elsewhere
-/// something has a part in the step that the response does not know.
+/// Difference of the response at the solution from the solution, relative to its velocities, that counts as rounding and residual. A larger
+/// one means that the step has a part that the response does not model.
 const FAITHFUL: f64 = 1e-8;
 
 /// Part of a state, or the controls, whose coordinates are columns.
@@ -54,7 +54,7 @@ pub enum StatePart {
 }
 
 impl StatePart {
-    /// What is another where a coordinate of it is displaced.
+    /// Parts of a step that change when a coordinate of this kind is displaced.
     fn renews(self) -> Recomputed {
         match self {
             Self::Qpos => Recomputed::Configuration,
@@ -64,7 +64,7 @@ impl StatePart {
     }
 }
 
-/// What is differentiated: numbers are environment-major.
+/// Arguments of a derivative; arrays are environment-major.
 #[derive(Clone, Copy, Debug)]
 pub struct DerivativeQuery<'a> {
     /// Parts in the order of their columns.
@@ -97,7 +97,7 @@ pub struct DerivativeRows<'a> {
 }
 
 impl<'a> DerivativeRows<'a> {
-    /// The rows of `num_envs` environments in parts of so many environments.
+    /// Rows of `num_envs` environments in chunks of `size` environments.
     pub(crate) fn chunks(self, num_envs: usize, size: usize) -> impl Iterator<Item = DerivativeRows<'a>> + Send {
         let Self { slopes, causes, distance, sound, residual, status, state } = self;
         let [mut slopes, mut distance, mut residual] = [slopes, distance, residual].map(|all| rows(all, num_envs, size));
@@ -117,7 +117,7 @@ impl<'a> DerivativeRows<'a> {
         .take(num_envs.div_ceil(size))
     }
 
-    /// Notes what has come nearer to another mode by the displacement of column `c` of so many.
+    /// Records the constraint that the displacement of column `c` of `columns` brings closer to another mode.
     fn note(&mut self, near: Followed, (c, columns): (usize, usize)) {
         self.distance[near.lane] = self.distance[near.lane].min(near.distance);
         if near.distance <= 1.0 {
@@ -132,12 +132,12 @@ impl<'a> DerivativeRows<'a> {
     }
 }
 
-/// Rows of `num_envs` environments in parts of so many environments; as many empty parts as are asked for where rows have no numbers.
+/// Rows of `num_envs` environments in chunks of `size` environments. Empty rows give that many empty chunks.
 fn rows<T: Send>(all: &mut [T], num_envs: usize, size: usize) -> impl Iterator<Item = &mut [T]> + Send {
     all.chunks_mut((all.len() / num_envs * size).max(1)).chain(std::iter::repeat_with(Default::default))
 }
 
-/// Room for the derivatives of a group of lanes.
+/// Workspace for the derivatives of a group of lanes.
 #[derive(Clone, Debug)]
 pub(crate) struct StepDerivative<R: Real> {
     law: LawResponse<R>,
@@ -151,7 +151,7 @@ pub(crate) struct StepDerivative<R: Real> {
     direction: Vec<R>,
 }
 
-/// How the solution follows the state, by the law of contact.
+/// Response of the solution to the state, by contact law.
 #[derive(Clone, Debug)]
 enum LawResponse<R: Real> {
     Hard(Box<HardResponse<R>>),
@@ -220,7 +220,7 @@ impl<R: Real> StepDerivative<R> {
         }
     }
 
-    /// Makes the step, and writes down what it says of itself. Returns the lanes in which it is solved.
+    /// Makes the step and stores its solution. Returns the lanes in which the step is solved.
     fn solve(&mut self, compiled: &LaneModel<R>, options: &StepSettings, s: &mut Workspace<R>, rows: &mut DerivativeRows<'_>) -> u32 {
         for (kept, now) in self.before.iter_mut().zip([&s.state.q, &s.state.v, &s.state.act, &s.inputs.ctrl]) {
             kept.copy_from_slice(now);

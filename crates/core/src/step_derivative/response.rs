@@ -42,19 +42,19 @@ pub(crate) fn is_solved<R: Real>(options: &StepSettings, residual: R) -> R::Mask
 pub(crate) struct HardResponse<R: Real> {
     /// Impulses of the step.
     solution: Response<R>,
-    /// Those with which forces that depend on the velocity to come are taken, which are a solution of the same rows before these forces.
+    /// Response of the estimated impulses, which solve the same rows before velocity-dependent forces are evaluated.
     estimate: Response<R>,
     /// Impulses of stage 8 in the place of those of the step, with which positions are corrected.
     correction: Response<R>,
     /// Lanes (bits) whose positions are corrected.
     corrected: u32,
-    /// Whether positions are corrected by a solution of their own.
+    /// Whether a second solution corrects the positions.
     split: bool,
     /// Contacts of the step.
     contacts: Contacts<R>,
     /// Gaps of its joint limits, negative beyond the end of a range, rad or m; NaN of those that do not push.
     limits: Vec<R>,
-    /// Distances at which what a contact or a limit demands has a corner, m or rad.
+    /// Distances at which the target velocity of a contact or a limit has a corner, m or rad.
     edges: Vec<f64>,
     /// Velocity that it expected.
     v_expected: Vec<R>,
@@ -65,12 +65,12 @@ pub(crate) struct HardResponse<R: Real> {
     scheme: Scheme<R>,
 }
 
-/// What becomes of the impulses of a system of rows, in the lanes `lanes` (bits).
+/// Treatment of the impulses of a system of rows, in the lanes `lanes` (bits).
 enum Pass<'a> {
-    /// They are solved for, and how they follow the rows is taken up. Lanes in which they do not follow are taken out.
+    /// The impulses are solved for, and their response to the rows is stored. Lanes without a response are removed.
     Solve { lanes: u32 },
-    /// They follow the rows. Lanes that have lost a constraint are taken out; `near` is called with the constraints that have come nearer
-    /// to another mode in the others.
+    /// The impulses follow the rows. Lanes that have lost a constraint are removed. In the other lanes `near` is called with the
+    /// constraints that have come closer to another mode.
     Follow { lanes: u32, near: &'a mut dyn FnMut(Followed) },
 }
 
@@ -94,7 +94,7 @@ impl<R: Real> HardResponse<R> {
         }
     }
 
-    /// Keeps what the step that was just made says of its solution.
+    /// Stores the solution of the step that was just made.
     pub(crate) fn keep(&mut self, compiled: &LaneModel<R>, s: &Workspace<R>) {
         // The step has handed its contacts on.
         self.contacts.clone_from(&s.state.contacts);
@@ -139,8 +139,10 @@ impl<R: Real> HardResponse<R> {
         )
     }
 
-    /// Stages 1 to 8 near the solution, in the lanes `lanes` (bits). Returns those of them in which all constraints that pushed there are
-    /// there still, and calls `near` with the constraints that have come nearer to another mode.
+    /// Stages 1 to 8 close to the solution, in the lanes `lanes` (bits). Returns the lanes in which all constraints that pushed still
+    /// exist.
+    ///
+    /// Calls `near` with the constraints that have come closer to another mode.
     pub(crate) fn follow(
         &mut self,
         compiled: &LaneModel<R>,
@@ -158,14 +160,14 @@ impl<R: Real> HardResponse<R> {
         left
     }
 
-    /// Calls `near` with contacts and limits that push and have come nearer to where what they demand has a corner, in the lanes `lanes`
+    /// Calls `near` with contacts and limits that push and have come closer to a corner of their target velocity, in the lanes `lanes`
     /// (bits).
     fn compare_gaps(&self, compiled: &LaneModel<R>, s: &Workspace<R>, lanes: u32, near: &mut dyn FnMut(Followed)) {
         let mut compare = |lane: usize, before: R, after: R| {
             let [before, after] = [before, after].map(|gap| gap.lane(lane).to_f64());
             for edge in &self.edges {
                 let [from, to] = [before - edge, after - edge];
-                // One that stays says nothing.
+                // A distance that does not change gives no kink.
                 if from * to <= 0.0 || to.abs() < from.abs() {
                     near(Followed { lane, switch: Switch::Gap, distance: from / (from - to) });
                 }
@@ -252,7 +254,7 @@ impl<R: Real> HardResponse<R> {
     ) {
         let Place { input: StepInput { compiled, options, .. }, evaluation: Evaluation { contacts, .. } } = place;
         if matches!(pass, Pass::Solve { .. }) {
-            // Errors of equalities that are none, so that the step corrects nothing, are some beside it.
+            // Zero equality errors, which the step does not correct, are no longer zero at a displaced state.
             let ConstraintProblem { needs_position_solve, constrained, .. } = problem;
             self.corrected = if compiled.equalities.is_empty() { needs_position_solve.bits() } else { constrained.bits() };
         }
@@ -289,9 +291,10 @@ impl<R: Real> HardResponse<R> {
         );
     }
 
-    /// What of the rows is to be made again where so much is new. Where forces change the mass matrix that is all, as where servos are
-    /// implicit, or drag at some velocity; what velocities change is else the free velocity alone, unless rows demand something of the
-    /// velocity before the step.
+    /// Parts of the rows that must be recomputed for this displacement.
+    ///
+    /// All rows, if forces change the mass matrix, as implicit servos or drag do. Otherwise a change of velocities changes the free
+    /// velocity alone, unless targets depend on the velocity before the step.
     fn rows_by(&self, compiled: &LaneModel<R>, recomputed: Recomputed) -> Recomputed {
         let plain = compiled.equalities.is_empty() && compiled.tendons.iter().all(|tendon| tendon.spring.is_none());
         match recomputed {
@@ -354,8 +357,10 @@ impl Pass<'_> {
     }
 }
 
-/// Distances at which what a contact or a limit demands has a corner: where it closes, and where an overlap begins to be corrected. None
-/// with Baumgarte's method where it has one demand for gaps and overlaps.
+/// Distances at which the target velocity of a contact or a limit has a corner: where it closes, and where the correction of an overlap
+/// begins.
+///
+/// None with Baumgarte's method if gaps and overlaps have the same target.
 fn edges(options: &StepSettings) -> Vec<f64> {
     let StepSettings { stabilization, baumgarte, slop, .. } = *options;
     match stabilization {

@@ -1,4 +1,4 @@
-//! What a kind of constraint does: in a sweep, in the residual, in lane compaction, in Newton's method, in the position solve.
+//! Operations of a kind of constraint: in a sweep, in the residual, in lane compaction, in Newton's method, in the position solve.
 
 use crate::admissible_set::AdmissibleSet;
 use crate::capacity::Capacity;
@@ -6,7 +6,7 @@ use crate::lane_map::LaneMap;
 use serde::{Deserialize, Serialize};
 use stepper_real::{Mask, Real, Scalar};
 
-/// Rows of one kind of constraint as a solve reads them: what they demand, how softly, and what follows for the constraint alone.
+/// Rows of one kind of constraint in one solve: target velocities, compliances, and the numbers that follow for each constraint alone.
 #[derive(Clone, Debug)]
 pub struct Rows<T> {
     /// Rows of every constraint.
@@ -22,7 +22,7 @@ impl<T> Default for Rows<T> {
 }
 
 impl<T: Row> Rows<T> {
-    /// An empty list with room for so many constraints.
+    /// Empty list with capacity for `constraints` constraints.
     pub(crate) fn with_capacity(constraints: usize) -> Self {
         Self { items: Vec::with_capacity(constraints), compliant: false }
     }
@@ -34,7 +34,7 @@ impl<T: Row> Rows<T> {
         self.compliant = false;
     }
 
-    /// Exchanges the two demands of all rows.
+    /// Exchanges the velocity and position targets of all rows.
     #[inline(always)]
     pub(crate) fn exchange_targets(&mut self) {
         for row in &mut self.items {
@@ -42,7 +42,7 @@ impl<T: Row> Rows<T> {
         }
     }
 
-    /// Copies rows; where there is room, nothing is allocated.
+    /// Copies rows, without allocation if the capacity suffices.
     #[inline(always)]
     pub(crate) fn copy(&mut self, from: &Self) {
         self.items.clear();
@@ -62,7 +62,7 @@ pub trait Impulse<R: Real>: Copy {
     /// Numbers of all impulses, one after the other.
     fn flatten(impulses: &[Self]) -> &[R];
 
-    /// The same, mutable.
+    /// Rows of impulses as a flat list, mutable.
     fn flatten_mut(impulses: &mut [Self]) -> &mut [R];
 }
 
@@ -106,7 +106,7 @@ impl<R: Real, const N: usize> Impulse<R> for [R; N] {
 
 /// Rows of one constraint.
 pub trait Row: Copy {
-    /// Exchanges what the rows demand in the velocity solve for what they demand in the position solve, or back.
+    /// Exchanges the targets of the velocity solve for those of the position solve, or back.
     fn exchange_targets(&mut self);
 }
 
@@ -129,7 +129,7 @@ pub struct Unknowns<'a, R, I> {
     pub(crate) w: &'a mut [R],
 }
 
-/// Damping of what positions demand.
+/// Damping of position targets.
 #[derive(Clone, Copy, Debug)]
 pub struct Damping<R> {
     /// Ratio of a row's compliance to its mobility.
@@ -140,12 +140,12 @@ pub struct Damping<R> {
     pub negligible: R,
 }
 
-/// Normal impulses and demands of a reference solution, for one kind of constraint.
+/// Normal impulses and targets of a reference solution, for one kind of constraint.
 #[derive(Clone, Copy)]
 pub struct ReferenceRows<'a, R> {
     /// Normal impulse of every constraint.
     pub(crate) lambda: &'a [R],
-    /// Undamped demand g of every normal row.
+    /// Undamped g of every normal row.
     pub(crate) g: &'a [R],
 }
 
@@ -161,7 +161,7 @@ pub struct LaneConstraint<const N: usize> {
     pub(crate) lambda: [f64; N],
     /// Compliance R >= 0 on the diagonal of G, the same for all of its rows.
     pub(crate) compliance: f64,
-    /// What the first row has besides.
+    /// Additional compliance of the first row.
     pub(crate) normal_compliance: f64,
     /// Ratio of trace(G_ii) before elimination of equality rows to that after it, at least 1.
     pub(crate) trace_ratio: f64,
@@ -183,9 +183,9 @@ pub struct SavedConstraint {
     pub(crate) support: Vec<u32>,
     /// Entries; those of a coordinate lie side by side.
     pub(crate) y: Vec<f64>,
-    /// Demand of the velocity solve.
+    /// Target g of the velocity solve.
     pub(crate) g: Vec<f64>,
-    /// Demand of the position solve.
+    /// Target g of the position solve.
     pub(crate) position_g: Vec<f64>,
     /// Impulse at the start.
     pub(crate) impulse: Vec<f64>,
@@ -197,7 +197,7 @@ pub struct SavedConstraint {
     pub(crate) trace_ratio: f64,
     /// Mobility that the damping of a scalar row is relative to.
     pub(crate) mobility: f64,
-    /// Velocity that damping already took from the demand of a scalar row.
+    /// Velocity by which damping already reduced the target of a scalar row.
     pub(crate) damping_deficit: f64,
     /// Whether it is an eliminated row, which sweeps do not visit.
     pub(crate) eliminated: bool,
@@ -227,9 +227,10 @@ impl SavedConstraint {
     }
 }
 
-/// Operations of one kind of constraint on all constraints of that kind: `self` has what every solve shares, `rows` what one solve reads.
-/// Results that run over all kinds (a sum, a maximum) are handed from one kind to the next, so that the order of the arithmetic is that of
-/// the rows.
+/// Operations of one kind of constraint on all constraints of that kind.
+///
+/// `self` has the parts that all solves share, `rows` those of one solve. Results over all kinds (a sum, a maximum) pass from one kind to
+/// the next, so that the order of the arithmetic is that of the rows.
 pub trait ConstraintSet<R: Real>: Sized {
     /// Rows of one constraint.
     type Row: Row;
@@ -238,13 +239,13 @@ pub trait ConstraintSet<R: Real>: Sized {
     /// Set of the same kind in half the lanes.
     type Half: ConstraintSet<R::Half>;
 
-    /// An empty set with room for so many constraints.
+    /// Empty set with capacity for `constraints` constraints.
     fn new(constraints: usize, capacity: &Capacity) -> Self;
 
     /// Rows of the velocity solve.
     fn rows(&self) -> &Rows<Self::Row>;
 
-    /// The same, mutable.
+    /// Rows of one solve, mutable.
     fn rows_mut(&mut self) -> &mut Rows<Self::Row>;
 
     /// Number of multipliers that sweeps keep.
@@ -302,21 +303,20 @@ pub trait ConstraintSet<R: Real>: Sized {
     /// `sum` plus the potential `g . lambda + R lambda^2 / 2` of the impulses in the velocity solve, J.
     fn add_potential(&self, impulses: &[Self::Impulse], sum: R) -> R;
 
-    /// Shifts both demands of all rows by the velocities of a scaled change of the free velocity, in the lanes `lanes`.
+    /// Adds the velocities of a scaled change of the free velocity to both targets of all rows, in the lanes `lanes`.
     fn shift(&self, rows: &mut Rows<Self::Row>, change: &[R], lanes: R::Mask);
 
-    /// Damps what the rows demand, counted from `impulses`, which are appended to the reference; see
+    /// Damps the targets of the rows relative to `impulses`, which are appended to the reference; see
     /// [`PositionRows::damp`](crate::PositionRows::damp).
     fn damp(&self, rows: &mut Rows<Self::Row>, impulses: &[Self::Impulse], damping: Damping<R>, floors: &[R], reference: [&mut Vec<R>; 2]);
 
-    /// The larger of `most` and the largest velocity that damping keeps a normal row from what it demands, m/s or rad/s.
+    /// Larger of `most` and the largest velocity by which damping keeps a normal row from its target, m/s or rad/s.
     fn shortfall(&self, rows: &Rows<Self::Row>, impulses: &[Self::Impulse], before: &[R], most: R) -> R;
 
-    /// The larger of `most` and the largest velocity that is demanded where nothing can move, m/s or rad/s.
+    /// Larger of `most` and the largest target of an immovable row, m/s or rad/s.
     fn immovable_target(&self, rows: &Rows<Self::Row>, most: R) -> R;
 
-    /// The larger of `most` and the largest velocity that is demanded of the velocities, without any correction of positions, where nothing
-    /// can move, m/s or rad/s.
+    /// Larger of `most` and the largest target velocity of an immovable row without position correction, m/s or rad/s.
     fn unmet_velocity(&self, rows: &Rows<Self::Row>, most: R) -> R;
 
     /// Adds J^T z of a witness of infeasibility to `momentum`, scaled; returns `lack` - z . u, J. See

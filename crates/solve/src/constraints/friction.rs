@@ -1,6 +1,6 @@
-//! Contacts with Coulomb friction, of any number of rows: the normal one first, then those of the tangents.
+//! Contacts with Coulomb friction, of any number of rows: the normal row first, then those of the tangents.
 //!
-//! What is the same for every number of rows is here; a [`LocalSolver`] solves one contact alone, and knows the block of G that this takes.
+//! This file has the parts that do not depend on the number of rows. A [`LocalSolver`] solves one contact alone, with its block of G.
 
 use std::fmt::Debug;
 use std::ops::{Index, IndexMut};
@@ -16,8 +16,9 @@ use crate::entries::Entries;
 use crate::lane_map::LaneMap;
 use stepper_real::{Mask, Real, Scalar};
 
-/// Friction law of one contact: the solution of its own problem while all other impulses stand, and the set of its impulses, which is the
-/// circular cone of Coulomb's law unless it has another.
+/// Friction law of one contact: the solution of the contact's problem while all other impulses stay, and the set of admissible impulses.
+///
+/// The set is the circular cone of Coulomb's law unless the implementation replaces it.
 pub trait LocalSolver<R: Real, const N: usize>: Copy + Debug + Sized {
     /// Solver of the same kind in half the lanes.
     type Half: LocalSolver<R::Half, N>;
@@ -59,7 +60,7 @@ pub trait LocalSolver<R: Real, const N: usize>: Copy + Debug + Sized {
         project(x, mu)
     }
 
-    /// The same set for Newton's method.
+    /// Admissible set for Newton's method.
     fn admissible_set(mu: f64) -> AdmissibleSet {
         AdmissibleSet::Cone { mu }
     }
@@ -109,7 +110,7 @@ pub struct FrictionContact<R: Real, const N: usize, L> {
     pub mu: R,
     /// Velocity before any impulse, with the bias of the normal row, m/s.
     pub g: [R; N],
-    /// Demand of the position solve, m/s: g of the normal row, and what is added to g of the others.
+    /// Target of the position solve, m/s: g of the normal row, and the terms added to g of the others.
     pub position_g: [R; N],
     /// Compliance R of the normal row, at least 0: the velocity that it yields per unit of impulse. 0 is hard.
     pub(crate) compliance: R,
@@ -262,8 +263,7 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContacts<R, N, L> {
         )
     }
 
-    /// Sets what the normal row of the contact pushed last demands to zero where nothing can move along it and it demands less than
-    /// `rounding`, m/s.
+    /// Sets the target of the contact pushed last to zero along an immovable normal, if it is below `rounding`, m/s.
     pub fn forgive(&mut self, rounding: R) {
         R::vectorize(
             #[inline(always)]
@@ -284,8 +284,9 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContacts<R, N, L> {
         }
     }
 
-    /// Sets the demand of the position solve of the contact pushed last, m/s: g of the normal row, and what is added to g of the others.
-    /// Without, it is the demand of the velocity solve.
+    /// Sets the target of the position solve of the contact pushed last, m/s: g of the normal row, and the terms added to g of the others.
+    ///
+    /// By default it is the target of the velocity solve.
     #[inline(always)]
     pub fn set_position_target(&mut self, position_g: [R; N]) {
         if let Some(contact) = self.rows.items.last_mut() {
@@ -370,8 +371,9 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContacts<R, N, L> {
         v
     }
 
-    /// Shifts what contact `i` demands in the velocity solve by its velocities of a scaled `change`, times a weight of the normal row and
-    /// one of the others, in the lanes `lanes`.
+    /// Adds the velocities of a scaled `change` to the velocity targets of contact `i`, in the lanes `lanes`.
+    ///
+    /// One weight scales the normal row and one the others.
     #[inline(always)]
     pub(crate) fn shift_contact(&self, contact: &mut FrictionContact<R, N, L>, change: &[R], lanes: R::Mask, weights: [R; 2]) {
         let moved = self.velocity(contact, change);
@@ -443,7 +445,7 @@ fn tangential_speed<R: Real, const N: usize>(v: &[R; N]) -> R {
     square.sqrt()
 }
 
-/// Compliance of a contact of mobility `mobility` that corrects so many m/s: 0 where it corrects nothing.
+/// Compliance of a contact of mobility `mobility` with a correction of `correction` m/s: 0 without correction.
 #[inline(always)]
 fn damping_compliance<R: Real>(damping: Damping<R>, correction: R, mobility: R) -> R {
     masked(correction.gt(damping.negligible), (damping.ratio + damping.bending * correction) * mobility)
@@ -755,7 +757,7 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> ConstraintSet<R> for Frictio
         mut lack: R,
     ) -> R {
         for ((contact, now), (&before, &g)) in rows.items.iter().zip(impulses).zip(reference.lambda.iter().zip(reference.g)) {
-            // A compliant row gives way, so that its demand is never impossible.
+            // A compliant row can always meet its target.
             let hard = contact.active.and_not(contact.compliance.gt(R::zero()));
             let z = masked(hard, (now[0] - before).max(R::zero()));
             let u = self.velocity(contact, w)[0] - contact.g[0] + g;

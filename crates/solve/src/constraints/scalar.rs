@@ -27,7 +27,7 @@ pub struct ScalarRow<R: Real> {
     pub active: R::Mask,
     /// Velocity of the row before any impulse, with its bias, m/s or rad/s.
     pub g: R,
-    /// The same with the bias of the position solve, m/s or rad/s.
+    /// Free velocity with the bias of the position solve, m/s or rad/s.
     pub position_g: R,
     /// Least impulse, N s or N m s.
     pub lo: R,
@@ -41,9 +41,9 @@ pub struct ScalarRow<R: Real> {
     pub(super) inv_diagonal: R,
     /// Ratio of the diagonal entry before elimination of equality rows to that after it, at least 1.
     pub(crate) trace_ratio: R,
-    /// Mobility that the damping of its demand is relative to; 0 for a row that is soft by its own law.
+    /// Mobility that scales the damping of the row's target; 0 for a row that is soft by its force law.
     pub(super) mobility: R,
-    /// Velocity that damping already took from the demand, m/s or rad/s: see [`ScalarRow::damp_correction`].
+    /// Velocity by which damping already reduced the target, m/s or rad/s: see [`ScalarRow::damp_correction`].
     pub(super) damping_deficit: R,
     /// Lanes in which the row exists but nothing can move along it.
     pub(super) immovable: R::Mask,
@@ -79,8 +79,9 @@ impl<R: Real> ScalarRow<R> {
         met
     }
 
-    /// Velocity that a row demands where nothing can move, m/s or rad/s: the magnitude of what an equality demands, or what of `g` a limit
-    /// does not admit. Dry friction demands nothing.
+    /// Unmet target velocity of an immovable row, m/s or rad/s.
+    ///
+    /// For an equality it is the magnitude of the target, for a limit the part of `g` that the limit does not admit. Dry friction has none.
     #[inline(always)]
     fn unmet(&self, equality: R, g: R) -> R {
         let infinite = R::of(f64::INFINITY);
@@ -212,7 +213,7 @@ impl<R: Real> ScalarRows<R> {
             row.mobility = R::select(compliance.gt(R::zero()), R::zero(), row.mobility);
             row.diagonal += compliance;
             row.inv_diagonal = R::one() / R::select(row.diagonal.gt(R::zero()), row.diagonal, R::one());
-            // What gives way by its own law is not held.
+            // A row with a compliance can move.
             row.immovable = row.immovable.and_not(compliance.gt(R::zero()));
         }
     }
@@ -227,8 +228,8 @@ impl<R: Real> ScalarRows<R> {
         }
     }
 
-    /// Sets the mobility that the damping of the row pushed last is relative to: that of its fellows, say, where the row itself can be
-    /// nearly immovable.
+    /// Sets the mobility that scales the damping of the row pushed last, for example that of the other rows of a block with a nearly
+    /// immovable row.
     #[inline(always)]
     pub fn set_mobility(&mut self, mobility: R) {
         if let Some(row) = self.rows.items.last_mut() {
@@ -536,7 +537,7 @@ impl<R: Real> ConstraintSet<R> for ScalarRows<R> {
         for (k, (row, &now)) in rows.items.iter().zip(impulses).enumerate() {
             let change = now - before[k];
             let give = if k < self.eliminated { R::zero() } else { row.compliance * change };
-            // The compliance of a spring is its own law.
+            // The compliance of a spring is its force law.
             most = most.max(masked(row.active.and(row.mobility.gt(R::zero())), give.abs().max(row.damping_deficit.abs())));
         }
         most

@@ -1,8 +1,8 @@
 //! Anderson's acceleration on top of sweeps (Anderson 1965; the type II form of Walker & Ni 2011, equation 2.2).
 //!
-//! A sweep takes x to T(x). With f = T(x) - x, the next sweep starts from `T(x) - sum_j c_j dT_j`, where c minimises `|f - sum_j c_j df_j|`
+//! A sweep maps x to T(x). With f = T(x) - x, the next sweep starts from `T(x) - sum_j c_j dT_j`. Here c minimises `|f - sum_j c_j df_j|`
 //! over the changes of f and of T(x) between the last sweeps. Lengths are those of w, so |f|^2 is twice the kinetic energy of the change. A
-//! lane whose sweeps change more than the one before forgets the past.
+//! lane discards its history if a sweep changes more than the one before.
 
 use crate::constraints::constraint_set::Impulse;
 use crate::constraints::each_kind;

@@ -46,7 +46,7 @@ pub(super) struct SweepChange<R> {
 }
 
 impl<R: Real> History<R> {
-    /// Reserves memory for so many coordinates of w, and so many unknowns, w included.
+    /// Reserves memory for `dimension` coordinates of w, and `unknowns` unknowns, w included.
     pub(crate) fn new(dimension: usize, unknowns: usize) -> Self {
         let unknowns = || Vec::with_capacity(unknowns);
         let coordinates = || vec![R::zero(); dimension];
@@ -96,7 +96,7 @@ impl<R: Real> History<R> {
         }
     }
 
-    /// Number of changes that any lane may know once that of the sweep just made is known.
+    /// Number of changes that any lane has, with that of the present sweep.
     #[inline(always)]
     pub(super) fn remembered(&self) -> usize {
         if self.ran.any() { 1 + self.known[1..].iter().take_while(|known| known.any()).count() } else { 0 }
@@ -140,8 +140,9 @@ impl<R: Real> History<R> {
         self.known.iter().take_while(|known| known.any()).count()
     }
 
-    /// Records the unknowns `part`, which a sweep left and which are at the place `at` among all, and subtracts the combination `c` of the
-    /// last `N` changes from them. `at` becomes the place after them.
+    /// Records the unknowns `part` after a sweep, and subtracts the combination `c` of the last `N` changes from them.
+    ///
+    /// `at` is their place among all unknowns; it becomes the place after them.
     #[inline(always)]
     pub(super) fn extrapolate<const N: usize>(&mut self, c: &[R; N], part: &mut [R], at: &mut usize) {
         let (known, place) = (self.known[0], *at..*at + part.len());
@@ -165,7 +166,7 @@ impl<R: Real> History<R> {
         }
     }
 
-    /// Coefficients c of least squares over the last `N` changes; 0 for a change that a lane does not know.
+    /// Least-squares coefficients c over the last `N` changes; 0 for a change that a lane does not have.
     #[inline(always)]
     pub(super) fn coefficients<const N: usize>(&mut self, change: &SweepChange<R>) -> [R; N] {
         let Self { known, gram, .. } = self;

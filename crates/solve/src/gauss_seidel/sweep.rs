@@ -24,7 +24,7 @@ pub(super) struct Progress<R: Real> {
     pub(super) sweeps: R,
     /// Largest number of sweeps.
     pub(super) most_sweeps: f64,
-    /// Lanes in which acceleration moved w and the impulses, each by a sum of its own.
+    /// Lanes in which acceleration moved w and the impulses, each by a separate sum.
     pub(super) extrapolated: R::Mask,
 }
 

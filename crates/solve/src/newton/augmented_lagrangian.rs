@@ -1,11 +1,11 @@
-//! The augmented Lagrangian: one step of the proximal method is its minimum, found by Newton's method in the space of w.
+//! Augmented Lagrangian. Its minimum is one step of the proximal method, and Newton's method finds it in the space of w.
 //!
-//! With x_i = c_i lambda_i - rho_i (Y_i w + g_i + s_i) and z_i = P_K(x_i), the function whose gradient is `w - sum_i Y_i^T z_i` is convex
-//! and once differentiable; its Hessian is `I + sum_i rho_i Y_i^T DP_K Y_i`. Compliance R of a row makes `c = 1 / (1 + rho R)` and weakens
-//! rho by as much.
+//! With x_i = c_i lambda_i - rho_i (Y_i w + g_i + s_i) and z_i = P_K(x_i), the gradient `w - sum_i Y_i^T z_i` belongs to a convex function
+//! that is once differentiable. Its Hessian is `I + sum_i rho_i Y_i^T DP_K Y_i`. Compliance R of a row gives `c = 1 / (1 + rho R)` and
+//! reduces rho by the same factor.
 //!
-//! De Saxce's s_i = mu |v_t| is held, or ("implicit") taken at the present w. Then the equation is the exact law's, its matrix is not
-//! symmetric and nothing is minimised any more, but near the answer Newton's method converges on it at once.
+//! De Saxce's s_i = mu |v_t| is constant, or ("implicit") evaluated at the present w. The implicit equation is the exact law's. Its matrix
+//! is not symmetric and no function is minimised, but close to the solution Newton's method converges at once.
 
 use crate::admissible_set::Product;
 use crate::newton::dense::Dense;
@@ -215,8 +215,10 @@ impl AugmentedLagrangian {
     }
 }
 
-/// Largest island whose matrix is factorised with pivoting where the skyline has no factors. It has them with pivots of either sign: with
-/// pivoting instead, 280 problems of robots, grasps and heaps, and 29 of a struck wall, are solved in as many steps.
+/// Largest island whose matrix is factorised with pivoting if the skyline factorisation fails.
+///
+/// The skyline accepts pivots of either sign. With pivoting instead, 280 problems of robots, grasps and heaps, and 29 of a wall hit by a
+/// ball, take the same number of steps.
 const LARGEST_DENSE: usize = 256;
 /// Least step length of an implicit step.
 const LEAST_LENGTH: f64 = 0.125;

@@ -29,7 +29,7 @@ pub(super) struct Block {
     pub(super) compliance: f64,
     /// Step of the natural map by which the residual is measured: of a block without the first row's own compliance.
     natural_step: f64,
-    /// Part of an error in the first row that no compliance of its own takes up.
+    /// Fraction of an error in the first row that no compliance of the contact absorbs.
     rigid_fraction: f64,
 }
 

@@ -25,7 +25,7 @@ pub(super) struct LaneBlock {
     pub(super) rows: Range<usize>,
     /// Compliance R >= 0 on the diagonal of G, the same for all of its rows.
     pub(super) compliance: f64,
-    /// What the first row has besides: the square of the last coordinate's entry, 0 where it has no coordinate of its own.
+    /// Additional compliance of the first row: the square of the last coordinate's entry, 0 without a separate coordinate.
     pub(super) normal_compliance: f64,
     /// Ratio of trace(G_ii) before elimination of equality rows to that after it, at least 1.
     pub(super) trace_ratio: f64,
@@ -48,8 +48,9 @@ pub(super) struct Lane {
     pub(super) w: Vec<f64>,
     /// Part of w from the eliminated rows. They are solved, and no other row depends on it.
     eliminated: Vec<f64>,
-    /// Coordinates of w that are none of the lanes' problem: one for each normal row with a compliance R of its own, with the entry
-    /// sqrt(R), which no other row sees. Newton's method knows compliances that are the same for all rows of a cone.
+    /// Coordinates of w that only this problem has: one for each normal row with a compliance R, with the entry sqrt(R).
+    ///
+    /// No other row has an entry there. Newton's method supports only compliances that are the same for all rows of a cone.
     own: Vec<f64>,
 }
 

@@ -1,12 +1,12 @@
-//! The outer loop: proximal steps of one island, from its warm start to the tolerance.
+//! Outer loop: proximal steps of one island, from its warm start to the tolerance.
 //!
-//! With De Saxce's terms held the problem is convex, and proximal steps converge on it whatever it is, if it has an answer: after k of them
-//! the residual is at most the distance from the first impulses to the nearest answer, over kappa and the root of k (Rockafellar 1976,
-//! theorem 1; Guler 1991, theorem 2.1). Rows that are nearly multiples of others have answers that are far away, so kappa grows until the
-//! residual falls by a factor at every step. What bounds kappa is rounding, see [`largest_kappa`].
+//! With De Saxce's terms constant the problem is convex, and proximal steps converge if it has a solution. After k steps the residual is at
+//! most the distance from the first impulses to the nearest solution, over kappa and the root of k (Rockafellar 1976, theorem 1; Guler
+//! 1991, theorem 2.1). The solutions of nearly dependent rows are far away. Kappa therefore grows until the residual falls by a factor at
+//! every step. Rounding bounds kappa, see [`largest_kappa`].
 //!
-//! Every loop has a bound: a search makes at most `Criteria::steps` Newton steps ([`EXACT_RATIO`] times as many of the exact law) and as
-//! many rounds, of which each evaluates the problem at most twice besides, and it ends where a round changes nothing.
+//! Every loop has a bound. A search makes at most `Criteria::steps` Newton steps, [`EXACT_RATIO`] times as many for the exact law, and as
+//! many rounds. Each round evaluates the problem at most twice more. The search ends when a round changes nothing.
 
 use crate::newton::anderson::Anderson;
 use crate::newton::augmented_lagrangian::AugmentedLagrangian;
@@ -27,9 +27,9 @@ const LEAST_KAPPA: f64 = 1e2;
 /// Ratio kappa of the first steps of [`ProximalPoint::solve_exact`], in islands of at most [`SMALL`] coordinates and in larger ones, of the
 /// shortest, and of the longest.
 ///
-/// Measured on 53 problems of a struck wall and of a heap of thirty boxes that sweeps and steps with De Saxce's terms held had left: a
-/// first kappa of 10 or 1000, growth by 4, or 10 instead of [`MOST_STEPS`] take within 15 % as many Newton steps, and leave none either.
-/// In small islands, of 280 problems, 300 or 3000 take up to 20 % more.
+/// Measured on 53 problems of a wall hit by a ball and of a heap of thirty boxes, which sweeps and convex steps had not solved. A first
+/// kappa of 10 or 1000, growth by 4, or 10 instead of [`MOST_STEPS`] take within 15 % as many Newton steps, and also solve all. In small
+/// islands, of 280 problems, 300 or 3000 take up to 20 % more.
 const FIRST_EXACT_KAPPA: [f64; 2] = [1e3, 1e2];
 const LEAST_EXACT_KAPPA: f64 = 0.3;
 const MOST_EXACT_KAPPA: f64 = 1e6;
@@ -45,7 +45,8 @@ pub const EXACT_RATIO: u32 = 6;
 /// Number of steps of a try of the exact law that need not lower its error.
 const PATIENCE: u32 = 3;
 
-/// Number of coordinates of a small island: of larger ones (a struck wall, a heap of thirty boxes) hundreds of contacts switch at once.
+/// Number of coordinates of a small island. In larger ones (a wall hit by a ball, a heap of thirty boxes) hundreds of contacts switch at
+/// once.
 pub(super) const SMALL: usize = 64;
 
 /// Which law Newton's steps are of.
@@ -178,12 +179,12 @@ impl ProximalPoint {
         self.steps
     }
 
-    /// Improves `rows` as [`ProximalPoint::solve`] does, by proximal steps of the exact law throughout, whose length follows from how well
-    /// Newton's method takes them.
+    /// Improves `rows` as [`ProximalPoint::solve`] does, but by proximal steps of the exact law. Their length depends on how well Newton's
+    /// method converges.
     ///
-    /// With De Saxce's terms held, their fixed point is what does not converge where hundreds of contacts stick, slip and open at once; and
-    /// a long step of the exact law switches so many of them that Newton's method loses its way. A short one is a small correction of where
-    /// it stands, and unlike a sweep it moves all contacts together: pseudo-transient continuation (Kelley & Keyes 1998).
+    /// With De Saxce's terms constant, the fixed-point iteration does not converge if hundreds of contacts stick, slip and open at once. A
+    /// long step of the exact law switches too many of them for Newton's method. A short step is a small correction, and unlike a sweep it
+    /// moves all contacts together: pseudo-transient continuation (Kelley & Keyes 1998).
     pub(super) fn solve_exact<R: Real>(&mut self, rows: &mut Island, criteria: Criteria) -> u32 {
         self.lagrangian.reset(rows);
         (self.steps, self.rounds) = (0, 0);
@@ -311,9 +312,9 @@ impl ProximalPoint {
 
 /// Largest kappa whose rounding leaves velocities within the tolerance.
 ///
-/// Velocities of rows that push are small at the end of a proximal step, and they are sums of ever smaller changes, so that their rounding
-/// is small too, however fast the rest moves. But where a contact slips, rho times De Saxce's term cancels against mu times the length of
-/// x's tangential part: what is left has lost rho times the rounding of the slip.
+/// Velocities of rows that push are small at the end of a proximal step. They are sums of ever smaller changes, so that their rounding is
+/// small however fast the rest moves. In a slipping contact, rho times De Saxce's term cancels against mu times the length of x's
+/// tangential part. The difference has a rounding error of rho times that of the slip.
 fn largest_kappa(slip: &[f64], tolerance: f64) -> f64 {
     let fastest = slip.iter().fold(0.0, |most: f64, s| most.max(*s));
     (0.1 * tolerance / (f64::EPSILON * fastest)).clamp(LEAST_KAPPA, MOST_KAPPA)

@@ -1,4 +1,5 @@
-//! How the impulses of a solved problem follow its rows while no mode changes: the implicit function theorem, lane by lane in scalar f64.
+//! Response of the impulses of a solved problem to its rows while no mode changes, by the implicit function theorem. It works lane by lane
+//! in scalar f64.
 //!
 //! The impulses are a zero of the natural map, with v = G lambda + g and De Saxce's terms s:
 //!
@@ -7,8 +8,8 @@
 //! (I - DP + rho DP (I + S) G) dlambda = -rho DP (I + S) dv
 //! ```
 //!
-//! where dv is what the rows' velocities change by while the impulses are held: a change of the free velocity, of what the rows demand, or
-//! of the rows themselves. The matrix is made once; each change is then a product (Le Lidec et al. 2024).
+//! Here dv is the change of the rows' velocities at constant impulses: by the free velocity, by the targets of the rows, or by the rows.
+//! The matrix is computed once; each change is then a product (Le Lidec et al. 2024).
 
 use crate::admissible_set::{AdmissibleSet, Piece, Product};
 use crate::constraints::constraint_set::{ConstraintSet, Impulse, number_of};
@@ -50,14 +51,14 @@ pub enum Switch {
     Gap,
 }
 
-/// How near a change has brought a constraint to another mode.
+/// Distance of a constraint from its next mode under a change.
 #[derive(Clone, Copy, Debug)]
 pub struct Followed {
     /// Lane.
     pub lane: usize,
-    /// What would change next.
+    /// Mode that would change next.
     pub switch: Switch,
-    /// How far away that is, as a multiple of the change: at most 1 where it has happened. Infinite where the change leads away from it.
+    /// Distance to the switch, as a multiple of the change: at most 1 if it has happened, infinite if the change leads away from it.
     pub distance: f64,
 }
 
@@ -120,7 +121,7 @@ impl Block {
     }
 }
 
-/// Linear system of a lane, and room to make it.
+/// Linear system of a lane, with its workspace.
 #[derive(Clone, Debug, Default)]
 struct Linear {
     /// Rows of the active constraints over all coordinates.
@@ -150,10 +151,12 @@ impl<R: Real> Default for Response<R> {
 }
 
 impl<R: Real> Response<R> {
-    /// Takes up the solution of the lanes `lanes` (bits). `name` says which constraint a kind's constraint of some index is in a lane, by
-    /// a number that it has in other problems too. Returns the lanes whose motion follows from their rows: not those in which contacts
-    /// share loads while they slip about a point, say, where it depends on loads that the rows leave open. The compliance of a position
-    /// solve counts from the impulses of `before`, the solution of the velocities: what that leaves open may move nothing here either.
+    /// Stores the solution of the lanes `lanes` (bits). Returns the lanes whose motion follows from their rows.
+    ///
+    /// The motion does not follow if, for example, contacts share loads while they slip about a point, because the rows leave the loads
+    /// open. `name` returns a number for a constraint of a kind in a lane, which identifies it in other problems. The compliance of a
+    /// position solve counts from the impulses `before`, the solution of the velocities. The loads that this solution leaves open must move
+    /// nothing here either.
     pub fn settle<'a>(
         &mut self,
         system: impl Into<System<'a, R>>,
@@ -375,8 +378,10 @@ impl LaneResponse {
         }
     }
 
-    /// Gives rows of the lane `l` that were damped at the solution and are not now, or the other way round, the velocities that they have
-    /// with the damping of the solution. `compliances` are those of now, and `before` the impulses that damping counts from.
+    /// Corrects the velocities of rows of the lane `l` whose damping differs from that at the solution: damped there and not now, or the
+    /// reverse.
+    ///
+    /// `compliances` are the present ones, and `before` the impulses from which damping counts.
     fn hold_damping<R: Real>(&self, velocities: &mut [R], compliances: &[R], before: &[R], l: usize) {
         for (block, first) in self.blocks.iter().zip(&self.found) {
             let Some(first) = *first else { continue };
@@ -391,7 +396,7 @@ impl LaneResponse {
         }
     }
 
-    /// Changes the impulses of the lane `l` by what the velocities say.
+    /// Changes the impulses of the lane `l` in response to the velocities.
     fn follow<R: Real>(&mut self, velocities: &[R], impulses: &mut [R], l: usize) {
         let Self { blocks, lambda, velocity, matrix, found, change, .. } = self;
         change.clear();
@@ -512,8 +517,10 @@ impl Linear {
         impulses
     }
 
-    /// Whether impulses of the active rows move nothing, beside what `size` N s would move alone, so that the motion is determined whatever
-    /// they are: loads that are shared while all sticks, or slips along one line, and rows along which nothing can move.
+    /// Whether the impulses of the active rows cause no motion compared with that by `size` N s alone. The motion is then determined
+    /// whatever they are.
+    ///
+    /// Examples are loads that are shared while all contacts stick or slip along one line, and immovable rows.
     fn is_idle(&self, impulses: &[f64], size: f64) -> bool {
         let Self { dense, .. } = self;
         let width = dense.len() / impulses.len().max(1);

@@ -8,14 +8,14 @@ use crate::soft::contact::SoftContact;
 /// Shape of the friction cone.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Cone {
-    /// Pyramid whose edges are n + mu_k t_k and n - mu_k t_k, each with a force of its own.
+    /// Pyramid whose edges are n + mu_k t_k and n - mu_k t_k, each with a separate force.
     #[default]
     Pyramidal,
     /// Ellipse `sum (f_k / mu_k)^2 <= f_n^2`.
     Elliptic,
 }
 
-/// Where the velocity-like argument of an elliptic contact is, seen from its cone.
+/// Zone of the velocity-like argument of an elliptic contact, relative to its cone.
 struct Zone<R: Real> {
     /// The force is linear in every row.
     sticks: R::Mask,

@@ -22,7 +22,7 @@ pub(super) struct Hessian<R: Real> {
     entries: Vec<R>,
     /// Columns left of the diagonal that each row has, as a set, in words of 64 bits.
     sets: Vec<u64>,
-    /// The same as ranges, ascending: of a tree's row there are few, and what is done to a range needs no index for every entry.
+    /// Columns as ranges, ascending. A tree's row has few, and work on a range needs no index for every entry.
     runs: Vec<Vec<Range<usize>>>,
     /// Whether a row has the columns of the row before it, that row's own, and no others: the joints of a body, or of a limb.
     follows: Vec<bool>,
@@ -36,7 +36,7 @@ pub(super) struct Hessian<R: Real> {
 const BLOCK: usize = 3;
 
 impl<R: Real> Hessian<R> {
-    /// Room for a matrix whose rows are the coordinates in the order `order`.
+    /// Workspace for a matrix whose rows are the coordinates in the order `order`.
     pub(super) fn new(order: &[u32]) -> Self {
         let dimension = order.len();
         let mut places = vec![0; dimension];
@@ -215,8 +215,9 @@ impl<R: Real> Hessian<R> {
         }
     }
 
-    /// Eliminates `W` rows from `first` on, of which each has the columns of the one before and that one's own. What the last subtracts
-    /// comes first everywhere, as if each were eliminated by itself.
+    /// Eliminates `W` rows from `first` on, each of which has the columns of the previous row and that row's index.
+    ///
+    /// Subtractions start with the last row everywhere, as if each row were eliminated alone.
     #[inline(always)]
     fn eliminate<const W: usize>(&mut self, first: usize) {
         let n = self.dimension;

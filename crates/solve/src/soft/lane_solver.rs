@@ -77,7 +77,7 @@ impl<R: Real, M: Metric<R>> Metric<R::Single> for LaneMetric<'_, R, M> {
 }
 
 impl<R: Real> LaneSolver<R> {
-    /// Room for problems of as many coordinates as `order` lists.
+    /// Workspace for problems with the coordinates in `order`.
     pub fn new(order: &[u32]) -> Self {
         let zeros = || vec![R::Single::zero(); order.len()];
         Self {

@@ -1,7 +1,7 @@
 //! Newton's method with an exact line search, over lanes.
 //!
-//! The objective is strictly convex and its gradient is piecewise smooth, so that the method converges from anywhere, at last quadratically
-//! (Boyd & Vandenberghe 2004, section 9.5, for exact line search).
+//! The objective is strictly convex and its gradient is piecewise smooth. The method therefore converges from any start, and at last
+//! quadratically (Boyd & Vandenberghe 2004, section 9.5, for exact line search).
 
 use stepper_real::{Mask, Real};
 
@@ -9,7 +9,7 @@ use crate::soft::hessian::{Argument, Hessian, advance};
 use crate::soft::noslip::{ContactVisit, NoSlip, Responds, SlipCapacity, SlipEffort};
 use crate::soft::problem::{Metric, SoftProblem};
 
-/// What a solve may cost, and how good it is to be.
+/// Limit of the effort and tolerance of a solve.
 #[derive(Clone, Copy, Debug)]
 pub struct Effort<R> {
     /// Steps at the most.
@@ -18,7 +18,7 @@ pub struct Effort<R> {
     pub tolerance: R,
 }
 
-/// What a solve says of itself.
+/// Outcome of a solve.
 #[derive(Clone, Copy, Debug)]
 pub struct SoftOutcome<R> {
     /// Acceleration that the remaining imbalance M (a - a0) - J^T f makes, largest component: 0 for the exact solution.
@@ -52,15 +52,17 @@ const LINE_SEARCH_STEPS: u32 = 16;
 /// Slope along the direction, relative to that at its beginning, at which a line search ends.
 const LINE_SEARCH_TOLERANCE: f64 = 1e-2;
 
-/// Multiplications that a contact takes in a step, beside those of the factors.
+/// Multiplications of a contact in a step, in addition to those of the factors.
 const CONTACT_WORK: usize = 300;
 
 /// Steps of [`SoftSolver::respond`].
 const RESPONSE_STEPS: usize = 2;
 
 impl<R: Real> SoftSolver<R> {
-    /// Room for problems of as many coordinates as `order` lists, each once. They are eliminated from the last to the first: what rows
-    /// join to many others belongs in front. Coordinates of one tree stay together and in their own order.
+    /// Workspace for problems with the coordinates in `order`, each once.
+    ///
+    /// They are eliminated from the last to the first. Coordinates that rows join to many others belong in front. Those of one tree stay
+    /// together and in order.
     pub fn new(order: &[u32]) -> Self {
         let zeros = || vec![R::zero(); order.len()];
         Self {
@@ -268,7 +270,7 @@ impl<R: Real> SoftSolver<R> {
         self.hessian.work() + CONTACT_WORK * (problem.contacts.items.len() + problem.rolling_contacts.items.len())
     }
 
-    /// Where the rows are at the solution.
+    /// Velocity-like arguments of the rows at the solution.
     pub(super) fn argument(&self) -> &Argument<R> {
         &self.argument
     }

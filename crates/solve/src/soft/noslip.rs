@@ -1,13 +1,13 @@
-//! Friction without slip: forces of friction after the solution, without the regularisation that lets them creep (MuJoCo's documentation,
+//! Friction without slip: friction forces after the solution, without the regularisation that lets contacts creep (MuJoCo's documentation,
 //! computation chapter, "Algorithms", NoSlip).
 //!
-//! Sweeps of projected Gauss-Seidel minimise 1/2 f^T A f + f^T b over the forces of dry friction and of the friction rows of contacts, with
-//! A = J M^-1 J^T and all other forces as the solution left them: an elliptic contact's tangents within the ellipse that its normal force
-//! allows, a pyramid's opposing edges with their sum fixed. A is never formed: the acceleration is carried along, and each row has the
-//! acceleration that a unit force makes.
+//! Sweeps of projected Gauss-Seidel minimise 1/2 f^T A f + f^T b with A = J M^-1 J^T. The unknowns are the forces of dry friction and of
+//! the friction rows of contacts. All other forces stay those of the solution. An elliptic contact's tangents stay within the ellipse of
+//! its normal force; opposing edges of a pyramid keep their sum. A is never formed: the sweep updates the acceleration, and each row has
+//! the acceleration of a unit force.
 //!
-//! Rows that share no tree, directly or by others, are an island; islands stop one by one, where a sweep improves the objective by less
-//! than the tolerance, and other islands of the same lane go on.
+//! Rows that share no tree, directly or by others, are separate islands. An island stops when a sweep improves its objective by less than
+//! the tolerance. The others continue.
 
 use std::ops::Range;
 
@@ -18,7 +18,7 @@ use crate::soft::contact::SoftContact;
 use crate::soft::hessian::Argument;
 use crate::soft::problem::{Metric, SoftContacts, SoftProblem};
 
-/// What sweeps of noslip may cost, and where they stop.
+/// Limit of the sweeps of noslip, and their stopping tolerance.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SlipEffort<S> {
     /// Sweeps at the most.
@@ -154,7 +154,7 @@ impl<R: Real, const N: usize> Friction<R, N> {
     }
 }
 
-/// What forces do to the acceleration.
+/// Response of the acceleration to forces.
 pub(super) trait Responds<R: Real> {
     /// x <- M^-1 x
     fn respond(&mut self, x: &mut [R]);
@@ -182,7 +182,7 @@ pub(super) struct NoSlip<R: Real> {
 }
 
 impl<R: Real> NoSlip<R> {
-    /// Room for problems of this dimension.
+    /// Workspace for problems of this dimension.
     pub(super) fn new(dimension: usize, capacity: SlipCapacity) -> Self {
         let SlipCapacity { rows, contacts, support, rolls } = capacity;
         let rolling = if rolls { contacts } else { 0 };
@@ -332,7 +332,7 @@ impl<R: Real> NoSlip<R> {
         sweeps
     }
 
-    /// What every force that is swept does to the acceleration, by `metric`: once, before [`Noslip::sweep`].
+    /// Computes the response of the acceleration to every swept force, by `metric`: once, before [`Noslip::sweep`].
     #[inline(always)]
     pub(super) fn find_responses(&mut self, problem: &SoftProblem<R>, metric: &mut impl Responds<R>, constraints: usize) {
         let Self { rows, contacts, rolling, trees, work, .. } = self;
@@ -720,7 +720,7 @@ fn as_rows<R: Real>(jacobian: &[R]) -> &[[R; 1]] {
 /// Tree of an item in a lane that does not have it.
 const NOWHERE: u32 = u32::MAX;
 
-/// Unites the trees that an item joins in every lane, and appends one of them; `is_there` says which of its entries a lane has.
+/// Unites the trees that an item joins in every lane, and appends one of them. `is_there` returns whether a lane has an entry.
 fn unite<R: Real>(trees: &[u32], parents: &mut [u32], islands: &mut Vec<u32>, support: &[u32], is_there: impl Fn(usize, usize) -> bool) {
     for l in 0..R::LANES {
         let mut island = None;

@@ -214,8 +214,10 @@ pub struct SoftProblem<R: Real> {
 }
 
 impl<R: Real> SoftProblem<R> {
-    /// An empty problem with room for so many scalar rows and entries of theirs, and for contacts, each of so many coordinates; for those
-    /// with rolling friction too if there can be any.
+    /// Empty problem with capacity for these numbers of scalar rows, of their entries, and of contacts with `contact_support` coordinates
+    /// each.
+    ///
+    /// It also has capacity for contacts with rolling friction, if there can be any.
     pub fn new(cone: Cone, rows: usize, entries: usize, contacts: usize, contact_support: usize, rolls: bool) -> Self {
         Self {
             cone,
@@ -248,7 +250,7 @@ impl<R: Real> SoftProblem<R> {
         self.push_entries(support, support.iter().map(|&d| jacobian(d as usize)), reference, weight, bounds);
     }
 
-    /// The same with these entries.
+    /// Appends a row with these entries.
     #[inline(always)]
     pub(super) fn push_entries(&mut self, support: &[u32], entries: impl Iterator<Item = R>, reference: R, weight: R, bounds: [R; 2]) {
         let start = self.support.len();

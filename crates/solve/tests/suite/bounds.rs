@@ -1,4 +1,4 @@
-//! What is asked for bounds what is done, whatever the numbers are.
+//! Bounds of the effort hold for any numbers.
 
 use crate::common::cases;
 use proptest::prelude::*;
@@ -29,7 +29,7 @@ impl Case {
     }
 }
 
-/// Problems whose coordinates differ by up to 10^`decades`, each way, and whose numbers may be what `odd` says.
+/// Problems whose coordinates differ by up to 10^`decades`, each way, with numbers drawn from `odd` too.
 fn case(decades: f64, odd: impl Strategy<Value = f64> + Clone + 'static) -> impl Strategy<Value = Case> {
     let entry = prop_oneof![2 => Just(0.0), 12 => -1.0..1.0, 1 => odd.clone()];
     let speed = prop_oneof![8 => -2.0..2.0, 1 => odd];
@@ -56,14 +56,14 @@ fn build<R: Real<Scalar = f64>>(case: &Case) -> (Problem<R>, Iterate<R>) {
     (problem, iterate)
 }
 
-/// How Newton's method is asked.
+/// Call of Newton's method.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Way {
     Near(Terms),
     LeastNorm,
 }
 
-/// Fails when more was done than `steps` asks for.
+/// Fails if the work exceeds the limit `steps`.
 fn check(work: Work, steps: u32) -> Result<(), TestCaseError> {
     prop_assert!(work.steps <= steps * work.islands, "{work:?}");
     prop_assert!(work.rounds <= steps * work.islands, "{work:?}");
@@ -100,7 +100,7 @@ fn odd() -> impl Strategy<Value = f64> + Clone {
 proptest! {
     #![proptest_config(cases(400))]
 
-    /// Rounding never lets these be met: the search ends where it stands still, or after so many rounds.
+    /// Rounding never lets these be met: the search ends when it makes no progress, or after the largest number of rounds.
     #[test]
     fn a_tolerance_out_of_reach_ends(case in case(0.0, Just(1.0)), tolerance in prop_oneof![Just(1e-14), Just(1e-17), Just(1e-30), Just(0.0)]) {
         search(&case, tolerance)?;
@@ -117,7 +117,7 @@ proptest! {
         search(&case, 1e-6)?;
     }
 
-    /// Sweeps are as many as asked for at the most, and a lane that blows up leaves its neighbours their bits.
+    /// Sweeps stay within their limit, and a diverging lane leaves its neighbours their bits.
     #[test]
     fn a_lane_that_blows_up_costs_its_neighbours_nothing_but_bounded_time(case in case(0.0, Just(1.0)), at in 0..ROWS, bad in odd()) {
         let (problem, iterate) = build::<F64Lanes>(&case);

@@ -9,8 +9,10 @@ use stepper_solve::{FORMAT_VERSION, Iterate, LoadedProblem, Problem, Settings, S
 const N: usize = 8;
 const SETTINGS: Settings<f64> = Settings { sweeps: 5, newton_steps: 40, tolerance: 1e-9, newton_threshold: 1e-9 };
 
-/// An eliminated equality, a limit with a compliance, and contacts with three and six rows, of which one has a compliance, made of random
-/// numbers in -1 to 1; with impulses to start from.
+/// Random problem with an eliminated equality, a limit with a compliance, and contacts with three and six rows, of which one has a
+/// compliance.
+///
+/// Numbers are in -1 to 1. It has initial impulses.
 fn build(numbers: &[f64]) -> (Problem<f64>, Iterate<f64>) {
     let mut next = numbers.iter().copied().cycle();
     let mut number = || next.next().unwrap();

@@ -137,8 +137,8 @@ proptest! {
     }
 }
 
-/// Mass ratios to 1e4, friction to 1.5, redundant rows. A random problem may have no answer: then the residual says so, and it is no worse
-/// than at the start.
+/// Mass ratios to 1e4, friction to 1.5, redundant rows. A random problem may have no solution. Its residual then shows that, and is no
+/// larger than at the start.
 #[test]
 fn what_is_returned_is_what_the_residual_says() {
     let solved = Share::default();
@@ -173,7 +173,7 @@ fn without_friction_everything_is_solved_in_any_order() {
         let (left, _) = newton(&problem, &mut iterate, 300, 1e-10);
         // Rows that no motion satisfies together have no answer.
         prop_assume!(answered.count(has_an_answer(&case)));
-        // Velocities are sums of impulses times entries of at most one, so that impulses of 1e6 N s and more leave their own rounding.
+        // Velocities are sums of impulses times entries of at most one, so that impulses of 1e6 N s and more add rounding errors.
         prop_assert!(left <= 1e-10 + rounding(&iterate), "{left}");
         let mut turned = case.clone();
         turned.contacts.rotate_left(turn % case.contacts.len());
@@ -200,7 +200,7 @@ fn without_friction_everything_is_solved_in_any_order() {
     swept_too.at_least(0.998, "solved by sweeps too");
 }
 
-/// Of many possible impulses `share` takes the least, from a cold start as from what sweeps left, whichever contact comes first.
+/// Of many possible impulses `share` selects the least, from a cold start as from the result of sweeps, in any order of the contacts.
 #[test]
 fn shared_loads_depend_on_neither_start_nor_order() {
     let solved = Share::default();
@@ -260,8 +260,8 @@ fn rounding(iterate: &Iterate<f64>) -> f64 {
     4.0 * f64::EPSILON * iterate.contacts.iter().map(|l| l[0]).chain(iterate.scalars.iter().copied()).sum::<f64>()
 }
 
-/// Whether rows are fewer than coordinates and, but for copies, far from dependent: then there is a motion for whatever they demand. Fewer
-/// rows alone do not make it certain: a contact that touches two coordinates can demand what limits of these two forbid.
+/// Whether rows are fewer than coordinates and, except for copies, far from dependent. Then a motion exists for any targets. Fewer rows
+/// alone do not suffice: limits of two coordinates can forbid the target of a contact that touches both.
 fn has_an_answer(case: &Case) -> bool {
     let contacts = case.contacts.iter().map(|c| c.y.iter().map(|y| y[0]).collect::<Vec<f64>>());
     let mut rows: Vec<Vec<f64>> = case.limits.iter().map(|l| l.0.clone()).chain(contacts).collect();
@@ -280,8 +280,8 @@ fn problems(count: usize, most: usize, ratio: f64, mu: impl Strategy<Value = f64
     (0..count).map(|_| strategy.new_tree(&mut runner).unwrap().current()).collect()
 }
 
-/// Random rows may demand what no motion can, and couple normal and tangent as no machine does. With friction to 0.3 an answer nearly
-/// always exists; up to 1.5 it often does not, and sweeps (20,000) find a few that are missed here and miss as many that are found.
+/// Random rows may have infeasible targets, and couple normal and tangent as no machine does. With friction to 0.3 a solution nearly always
+/// exists; up to 1.5 it often does not. Sweeps (20,000) find a few solutions that are missed here, and miss as many that are found.
 #[test]
 fn nearly_all_random_problems_are_solved() {
     for (mu, most) in [(0.3, MOST_LEFT[0]), (1.5, MOST_LEFT[1])] {

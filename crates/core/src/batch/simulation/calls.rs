@@ -13,8 +13,9 @@ impl Simulation {
         &self.ctrl
     }
 
-    /// Takes controls that `nstep` steps are to be made with, a row for each environment, or one for all: they stay in force until others
-    /// are given. Controls that no step is made with are checked, and never in force.
+    /// Sets the controls of the next `nstep` steps, a row for each environment or one for all. They stay in force until they are replaced.
+    ///
+    /// With zero steps the controls are checked and not stored.
     ///
     /// # Errors
     /// [`Error::Length`] when there are more or fewer numbers.
@@ -22,7 +23,7 @@ impl Simulation {
         self.set_ctrl_of(rows, nstep, &[])
     }
 
-    /// The same for the environments of a mask; none is all.
+    /// Sets the controls of the environments of a mask; an empty mask is all.
     fn set_ctrl_of(&mut self, rows: &[f64], nstep: usize, mask: &[bool]) -> Result<(), Error> {
         let nu = self.model.nu();
         if rows.len() != self.ctrl.len() && rows.len() != nu {
@@ -67,12 +68,12 @@ impl Simulation {
         Ok(())
     }
 
-    /// Whether so many steps take so short, two or three microseconds, that letting another thread run meanwhile costs more than it gives.
+    /// Whether `nstep` steps take at most two or three microseconds, so that releasing the interpreter for them costs more than it gains.
     pub fn is_brief(&self, nstep: usize) -> bool {
         self.engine.is_brief(nstep)
     }
 
-    /// Makes `nstep` steps in every environment. Slices are environment-major, empty ones say nothing: what is in force stays.
+    /// Makes `nstep` steps in every environment. Slices are environment-major. An empty slice keeps the input in force.
     ///
     /// # Errors
     /// [`Error::Length`] when a slice has the wrong length, [`Error::MocapPoses`] for half of the poses of mocap bodies, [`Error::Threads`]
@@ -81,9 +82,10 @@ impl Simulation {
         self.make_steps(inputs, nstep, None).map(|_| ())
     }
 
-    /// The same for as long as `watch`, which is asked now and then on the thread that calls, says true. Returns how many steps were made,
-    /// in every environment the same number: what is left is what [`Simulation::step`] leaves of so many steps, but that mocap bodies are
-    /// where the longer way has brought them.
+    /// Makes `nstep` steps, but stops when `watch` returns false. Returns the number of steps made, the same in every environment.
+    ///
+    /// The calling thread calls `watch` from time to time. The result is that of [`Simulation::step`] with this number of steps, except
+    /// that mocap bodies are where the longer motion has moved them.
     ///
     /// # Errors
     /// Those of [`Simulation::step`].
@@ -110,8 +112,10 @@ impl Simulation {
         self.roll_out(inputs, Schedule { controls, nstep }, recording, None).map(|_| ())
     }
 
-    /// The same for as long as `watch` says true, see [`Simulation::step_watched`]. Returns how many steps were made, over all controls.
-    /// What follows controls without any is not written; of a control that only a part of the steps was made with, what followed those.
+    /// Makes a rollout, but stops when `watch` returns false (see [`Simulation::step_watched`]). Returns the number of steps made over all
+    /// controls.
+    ///
+    /// Rows of controls without any step are not written. The row of an interrupted control has the state after its last step.
     ///
     /// # Errors
     /// Those of [`Simulation::rollout`].

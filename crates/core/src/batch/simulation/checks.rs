@@ -26,7 +26,7 @@ impl Simulation {
         envs.last().map_or(Ok(()), |&env| self.check_env(env))
     }
 
-    /// What is to be written to a field of one environment: `values` with unit quaternions.
+    /// Checked values of a field of one environment, with unit quaternions.
     ///
     /// # Errors
     /// [`Error::Environment`] when there is no such environment, [`Error::Length`], [`Error::NotFinite`], [`Error::TooLarge`], and
@@ -80,7 +80,7 @@ impl Simulation {
 
     /// Checks the lengths of inputs of all environments.
     pub(super) fn check_inputs(&self, inputs: &StepInputs<'_>, controls: usize) -> Result<(), Error> {
-        // A single environment asks this at every step.
+        // A single environment runs this check at every step.
         let fits = inputs.ctrl.is_empty() || inputs.ctrl.len() == controls.saturating_mul(self.ctrl.len());
         if fits && inputs.mask.is_empty() && inputs.applied().iter().all(|given| given.is_empty()) {
             return Ok(());

@@ -1,9 +1,9 @@
-//! Kinks of a step: what is active in perturbed copies of an environment beside the environment itself.
+//! Kinks of a step, from the active sets of an environment and its perturbed copies.
 //!
-//! A step with contact is differentiable where the same contacts push, stick and slip, the same joints are at their limits or held by dry
-//! friction, and the same actuators are saturated on all sides. Copies of an environment that differ in any of these have a kink between
-//! them. How far it is, in widths of the difference, follows to first order from numbers that are zero at a switch: a normal force, the
-//! force that a bound of friction leaves, a gap.
+//! A step with contact is differentiable if all copies have the same active set. These are the contacts that push, stick and slip, the
+//! joints at their limits or held by dry friction, and the saturated actuators. Copies that differ have a kink between them. Its distance,
+//! in widths of the difference, follows to first order from numbers that are zero at a switch. Examples are a normal force, the margin to a
+//! bound of friction, and a gap.
 
 use std::cmp::Ordering;
 
@@ -28,10 +28,10 @@ const AT_LIMIT: f64 = 1e-6;
 /// Speed below which dry friction holds a joint, m/s or rad/s.
 const HELD: f64 = 1e-9;
 
-/// Perturbed copies of environments in a batch, and what their comparison reads besides the state.
+/// Perturbed copies of environments in a batch, and the inputs of their comparison besides the state.
 ///
-/// Environment row e * count + k is copy k of environment e. Copy 0 is the environment itself; copy 1 + side * columns + column, with the
-/// first of two sides or the only one, is perturbed along a column, and copies behind those are only compared.
+/// Environment row e * count + k is copy k of environment e. Copy 0 is the environment. Copy 1 + side * columns + column is perturbed along
+/// a column, on one of at most two sides. Copies behind those are only compared.
 #[derive(Clone, Copy, Debug)]
 pub struct PerturbedCopies<'a> {
     /// Copies of each environment.
@@ -46,11 +46,11 @@ pub struct PerturbedCopies<'a> {
     pub limited: &'a [[usize; 2]],
     /// Their ranges, (num_envs, joints, 2) or (joints, 2) for all.
     pub ranges: &'a [f64],
-    /// Where the step took them, (num_envs, joints).
+    /// Positions of these joints at which the step evaluated their limits, (num_envs, joints).
     pub taken: &'a [f64],
     /// Degrees of freedom whose dry friction is read.
     pub rubbing: &'a [usize],
-    /// Whether gaps and overlaps have one and the same demand.
+    /// Whether gaps and overlaps have the same target velocity.
     pub smooth_at_rest: bool,
     /// Residual above which a step counts as not solved, m/s.
     pub tolerance: f64,
@@ -65,12 +65,12 @@ pub struct Kinks {
     pub distance: Vec<f64>,
 }
 
-/// What is active in one environment.
+/// Active set of one environment.
 #[derive(Clone, Debug, Default)]
 struct ActiveSet {
     /// For each of [`LISTED`].
     lists: [Vec<usize>; 6],
-    /// Numbers that are zero at a switch, NaN where they say nothing: three for every contact that pushes, then those of the joints.
+    /// Numbers that are zero at a switch, NaN where there are none: three for every contact that pushes, then those of the joints.
     contacts: Vec<[f64; 3]>,
     joints: Vec<f64>,
     unsolved: bool,
@@ -101,7 +101,7 @@ impl Simulation {
                 let differs = nominal.difference(&copy);
                 causes[column] |= differs | if copy.unsolved { UNSOLVED } else { 0 };
                 if differs != 0 {
-                    // What switches between the copies is within their reach, whatever first order says of it from the nominal one.
+                    // A switch between the copies is within their reach, whatever the first-order estimate from the nominal copy is.
                     *distance = distance.min(1.0);
                 }
                 let side = (k - 1) / columns;
@@ -208,7 +208,7 @@ impl Simulation {
 /// Friction of the contacts of one environment.
 struct ContactFriction<'a> {
     model: &'a Model,
-    /// (ngeom, 3) and (npair, 3) numbers that the environment has of its own.
+    /// Per-environment numbers of geoms (ngeom, 3) and of pairs (npair, 3).
     geoms: Option<&'a [f64]>,
     pairs: Option<&'a [f64]>,
 }
@@ -295,7 +295,7 @@ impl ActiveSet {
             let slope = (there - now) * weights[1] + if weights[0] == 0.0 { 0.0 } else { first * weights[0] };
             (now / slope).abs()
         });
-        // What is not a number says nothing.
+        // A NaN gives no distance.
         widths.fold(f64::INFINITY, f64::min)
     }
 }

@@ -1,4 +1,4 @@
-//! The same in nalgebra's types, with the feature `nalgebra`.
+//! Matrices of a simulation in nalgebra's types, with the feature `nalgebra`.
 
 use nalgebra::{DMatrix, DVector, Isometry3, Matrix3, Point3, Quaternion, UnitQuaternion, Vector3};
 

@@ -10,8 +10,10 @@ use crate::integrators::inputs::Inputs;
 use crate::math::precision::Precision;
 
 impl Simulation {
-    /// One environment, to ask about its mass matrix, energy and the like. Inputs are those of that environment alone, over what is in
-    /// force; controls are what actuator dynamics hand on, where there are any.
+    /// Snapshot of one environment, for its mass matrix, energy and similar quantities.
+    ///
+    /// `inputs` are those of this environment alone, and replace those in force. Controls are the outputs of the actuator dynamics, if
+    /// there are any.
     ///
     /// # Errors
     /// [`Error::Environment`] when there is no such environment, [`Error::Length`] and [`Error::MocapPoses`] for the inputs.

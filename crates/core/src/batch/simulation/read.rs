@@ -1,4 +1,4 @@
-//! What can be read of a simulation: state, flags, contacts and poses, environment by environment.
+//! Accessors of a simulation: state, flags, contacts and poses, environment by environment.
 
 use std::path::Path;
 
@@ -183,8 +183,8 @@ impl Simulation {
         Certificate { residual: outcome.residual, sweeps: outcome.sweeps as u32, newton_steps: outcome.newton_steps as u32 }
     }
 
-    /// Row with the largest residual in the last step of the last call that was not solved ([`Status::NOT_CONVERGED`](crate::Status)); none
-    /// where all steps were, or no row is to blame.
+    /// Row with the largest residual in the last unsolved step ([`Status::NOT_CONVERGED`](crate::Status)) of the last call; none if all
+    /// steps were solved or no row exceeds the tolerance.
     ///
     /// # Panics
     /// When there is no such environment.

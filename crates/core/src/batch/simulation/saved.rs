@@ -9,7 +9,7 @@ impl Simulation {
         self.sealed(self.engine.save(None, &self.ctrl))
     }
 
-    /// The same of one environment, as a simulation of that one would save it.
+    /// Saved state of one environment, as a simulation of that environment alone would save it.
     ///
     /// # Panics
     /// When there is no such environment.
@@ -29,18 +29,19 @@ impl Simulation {
         *self.digest.get_or_init(|| self.model.digest())
     }
 
-    /// Takes over what [`Simulation::save_state`] saved, in all environments: from a state of as many, or the same in all from a state of
-    /// one. Continuing from it repeats the same bits.
+    /// Restores a saved state in all environments. Continuing from it repeats the same bits.
+    ///
+    /// The state has the same number of environments, or one that goes to all.
     ///
     /// # Errors
-    /// [`Error::OtherModel`] for a state of another model, [`Error::StatePrecision`] for one of the other precision, [`Error::StateMisfit`]
-    /// for one of another number of environments, of other sensors or drives, or with damaged contents. Nothing is changed then.
+    /// [`Error::OtherModel`] for a state of another model, [`Error::StatePrecision`] for one of the other precision. [`Error::StateMisfit`]
+    /// for another number of environments, other sensors or drives, or damaged contents. Nothing is changed then.
     pub fn restore_state(&mut self, state: &SavedState) -> Result<(), Error> {
         self.restore_state_in(state, &(0..self.num_envs).collect::<Vec<_>>())
     }
 
-    /// The same in the environments `envs`, ascending. Where the state of one environment is given to several, each goes on to draw random
-    /// numbers of its own.
+    /// Restores a saved state in the environments `envs`, ascending. Several environments with the same state still draw different random
+    /// numbers.
     ///
     /// # Errors
     /// As [`Simulation::restore_state`], and [`Error::Environment`] or [`Error::Order`] for `envs`.

@@ -1,4 +1,4 @@
-//! What can be written to a simulation: the state of environments, new episodes, random streams.
+//! Setters of a simulation: state of environments, new episodes, random streams.
 
 use crate::batch::inputs::{Episode, Field, StateRows};
 use crate::batch::simulation::{Error, Simulation};
@@ -31,7 +31,7 @@ impl Simulation {
         self.applied.reset(env, &model);
     }
 
-    /// Starts a new episode in the environments `envs`, ascending: as [`Simulation::reset`] does, and from what `episode` says.
+    /// Starts a new episode in the environments `envs`, ascending: [`Simulation::reset`] with the changes in `episode`.
     ///
     /// # Errors
     /// [`Error::Environment`] or [`Error::Order`] for `envs`, and those of [`Simulation::set`] and [`Simulation::start_from`]; nothing is
@@ -90,8 +90,8 @@ impl Simulation {
         Ok(())
     }
 
-    /// Corrects a field of one environment, which goes on: what is remembered of the steps before stays, as an observer wants it that
-    /// corrects the state of a plant.
+    /// Corrects a field of one running environment. Warm start, delays and sensor memory stay. Use it in observers that correct the state
+    /// of a plant.
     ///
     /// # Errors
     /// As [`Simulation::set`]; nothing is changed then.
@@ -175,7 +175,7 @@ impl Simulation {
         &mut self.ctrl[env * nu..(env + 1) * nu]
     }
 
-    /// Says as which environment one draws random numbers: its place in the batch unless told otherwise.
+    /// Sets the index under which an environment draws random numbers. By default it is the place in the batch.
     ///
     /// # Panics
     /// When there is no such environment.

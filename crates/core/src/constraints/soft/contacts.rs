@@ -28,7 +28,7 @@ struct ContactLaw<R: Real> {
     friction: [R; 5],
     /// Number of rows less one.
     frictions: R,
-    /// What the normal row's regularisation is divided by, and the least that it is, over its weight: 1 and 0 but for discrete steps.
+    /// Divisor of the normal row's regularisation and its lower bound, over its weight: 1 and 0 except in discrete steps.
     end: [R; 2],
 }
 
@@ -270,7 +270,7 @@ impl<R: Real> Assembler<'_, R> {
     }
 }
 
-/// Of the lanes `lanes` those in which slot `k` joins the same trees as in the first of them.
+/// Lanes of `lanes` in which slot `k` joins the same trees as in the first of them.
 fn lanes_of_same_trees<R: Real>(compiled: &LaneModel<R>, contacts: &Contacts<R>, k: usize, lanes: u32) -> u32 {
     if compiled.ntree < 2 {
         return lanes;

@@ -120,8 +120,10 @@ pub(super) fn in_metric<R: Real>(weight: R, mobility: R) -> R {
     (weight / mobility).min(R::of(1.0 / MIN_MOBILITY))
 }
 
-/// Reference acceleration and weight D of a row at the error r, with its rate v and the acceleration `shift` that it has if no joint
-/// accelerates: as MuJoCo's continuous integrators take it, or with `effective` at the end of a discrete step.
+/// Reference acceleration and weight D of a row at the error r.
+///
+/// `v` is the rate of r, and `shift` the acceleration of the row if no joint accelerates. With `effective` the row is evaluated at the end
+/// of a discrete step. Otherwise it follows MuJoCo's continuous integrators.
 #[inline(always)]
 pub(super) fn law_at<R: Real>(
     law: &SoftLaw<R::Scalar>,

@@ -1,4 +1,4 @@
-//! What soft rows are made from.
+//! Inputs from which soft rows are assembled.
 
 use stepper_real::Real;
 
@@ -6,7 +6,7 @@ use crate::compile::CompiledSoftness;
 use crate::constraints::equality::RowInput;
 use crate::constraints::soft::effective_mass::EffectiveMass;
 
-/// What soft rows are made from.
+/// Inputs from which soft rows are assembled.
 #[derive(Clone, Copy)]
 pub struct SoftInput<'a, R: Real> {
     pub(crate) row: RowInput<'a, R>,

@@ -15,7 +15,7 @@ pub struct SoftSystem<R: Real> {
     pub problem: SoftProblem<R>,
     /// Newton's method.
     pub solver: SoftSolver<R>,
-    /// The same lane by lane, where there are several trees, which may touch differently in every lane.
+    /// Solver of single lanes, for models with several trees, which may touch differently in every lane.
     in_turn: Option<Box<LaneSolver<R>>>,
     /// Acceleration: where the solver starts, then the solution, nv.
     pub acceleration: Vec<R>,
@@ -30,8 +30,10 @@ pub struct SoftSystem<R: Real> {
 }
 
 impl<R: Real> SoftSystem<R> {
-    /// Workspace for a compiled model, a number of `slots` of contacts and of `contacts` in them, whose rows have at most so many degrees
-    /// of freedom; none without softness.
+    /// Workspace for a compiled model; none without softness.
+    ///
+    /// `slots` is the capacity of contact slots, `contacts` that of contacts in them, and `support` the largest number of degrees of
+    /// freedom of a row.
     pub fn new(compiled: &ModelStructure<R::Scalar>, slots: usize, contacts: usize, support: usize) -> Option<Box<Self>> {
         let softness = compiled.softness.as_ref()?;
         let zeros = || vec![R::zero(); compiled.nv];

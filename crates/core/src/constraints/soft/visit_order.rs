@@ -5,7 +5,7 @@ use std::ops::Range;
 use stepper_real::Real;
 use stepper_solve::soft::ContactVisit;
 
-/// Where a pair of geoms comes: the lower body, the other, the geoms.
+/// Sort key of a pair of geoms: the lower body, the other body, the geoms.
 pub(super) type Key = [u32; 4];
 
 /// The order of contacts, and the workspace that finds it.

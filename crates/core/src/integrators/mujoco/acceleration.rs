@@ -85,7 +85,7 @@ fn free_acceleration<R: Real>(compiled: &LaneModel<R>, h: R, s: &mut Workspace<R
     probe.span(Span::Acceleration, || move_freely(compiled, h, s));
 }
 
-/// The same for a discrete step: all of it that springs, dampers, servos and drag do is at the step's end.
+/// Free acceleration of a discrete step, with springs, dampers, servos and drag evaluated at the end of the step.
 fn free_acceleration_at_end<R: Real>(compiled: &LaneModel<R>, h: R, s: &mut Workspace<R>, probe: impl Probe) {
     probe.count(Counter::Evaluations, || 1.0);
     let explicit = Implicit::<R>::none().weights;

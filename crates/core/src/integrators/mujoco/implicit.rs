@@ -12,12 +12,14 @@ use crate::model::JointKind;
 use crate::options::Integrator;
 use crate::stages::s01_actuate::servo_damping;
 
-/// v+ = v + h (M + h D)^-1 M a. D is with Euler's rule the damping of the joints, with the others also that of tendons, actuators and the
-/// medium. Besides, implicitfast has the derivative of the gyroscopic force of a body alone on a free joint, in a system of its own, and
-/// implicit the derivative of all Coriolis forces.
+/// Integrates the velocity: v+ = v + h (M + h D)^-1 M a.
 ///
-/// D has the sparsity of MuJoCo's: of tendons and actuators the products of dofs on one branch, and with implicitfast nothing between the
-/// dofs of a simple body, since MuJoCo's mass matrix has no entries there.
+/// With Euler's rule D is the damping of the joints. The other rules add the damping of tendons, actuators and the medium. ImplicitFast
+/// also adds the derivative of the gyroscopic force of a single body on a free joint, in a separate system. Implicit adds the derivative of
+/// all Coriolis forces.
+///
+/// D has the sparsity of MuJoCo's matrix. Tendons and actuators contribute the products of dofs on one branch. ImplicitFast has no entries
+/// between the dofs of a simple body, because MuJoCo's mass matrix has none.
 pub(super) fn integrate_velocity<R: Real>(compiled: &LaneModel<R>, h: R, integrator: Integrator, s: &mut Workspace<R>) {
     let all = integrator != Integrator::Euler;
     let Some(system) = &mut s.problem.soft else { return };

@@ -1,11 +1,13 @@
-//! MuJoCo's integrators, for its contact law: constraint forces follow from accelerations at the state before the step (or at the stages of
-//! the Runge-Kutta method), and velocities and positions advance as `engine_forward.c` does.
+//! MuJoCo's integrators, for its contact law.
 //!
-//! * Euler (`mj_Euler`): v+ = v + h (M + h B)^-1 M a with the acceleration a of the constrained motion and the damping B of the joints,
-//!   then q+ = q (+) h v+.
-//! * implicitfast (`mj_implicit`): the same with the damping of tendons, actuators and the medium, too; implicit, with the derivative of
-//!   Coriolis forces besides.
-//! * discrete: springs, dampers, servos and the rows of constraints at the end of the step, in one problem.
+//! Constraint forces follow from accelerations at the state before the step, or at the stages of the Runge-Kutta method. Velocities and
+//! positions advance as in `engine_forward.c`.
+//!
+//! * Euler (`mj_Euler`): v+ = v + h (M + h B)^-1 M a, then q+ = q (+) h v+. The acceleration a is that of the constrained motion, B the
+//!   damping of the joints.
+//! * implicitfast (`mj_implicit`): Euler's rule with the damping of tendons, actuators and the medium.
+//! * implicit: implicitfast with the derivative of Coriolis forces.
+//! * discrete: springs, dampers, servos and constraint rows at the end of the step, in one problem.
 //! * Runge-Kutta of order 4 (`mj_RungeKutta`): constraints are solved at each of the four stages.
 
 mod acceleration;

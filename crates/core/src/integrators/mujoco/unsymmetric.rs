@@ -11,7 +11,7 @@ use crate::dynamics::kinematics::Kinematics;
 pub(crate) struct Unsymmetric<R: Real> {
     entries: Vec<R>,
     newton_euler: NewtonEuler<R>,
-    /// A velocity to ask about, and the bias force there.
+    /// Velocity at which the derivative evaluates the bias force, and the bias force there.
     velocity: Vec<R>,
     bias: Vec<R>,
     /// Bias force at rest less that at the velocity.

@@ -50,7 +50,7 @@ impl<S: Scalar> Imperfect<S> {
             let steps = steps.min(line - 1);
             self.line_at() + dim * if steps > cursor { cursor + line - steps } else { cursor - steps }
         };
-        // Place by place: lanes that differ at all, by jitter or numbers of their own, ask for a few.
+        // One element at a time: lanes that differ, by jitter or per-environment numbers, read few samples.
         let mut asked = [S::default(); MAX_LANES];
         whole.store(&mut asked);
         let mut left = R::Mask::splat(true).bits();

@@ -1,11 +1,11 @@
-//! Who draws random numbers for what.
+//! Streams of random numbers: the purpose and the environment of each draw.
 
 use stepper_real::Real;
 
 use crate::math::lanes::MAX_LANES;
 use crate::math::random::{Word, normals, philox4x32_10, uniform};
 
-/// What the numbers of a draw are for: part of their counter.
+/// Purpose of a random number: part of the counter.
 #[derive(Clone, Copy)]
 pub(super) enum Purpose {
     /// Drift, noise, jitter and dropout of a step.
@@ -14,7 +14,7 @@ pub(super) enum Purpose {
     Mixing,
 }
 
-/// Who draws: part of the counter and the key, one per lane.
+/// Keys of the environments that draw: part of the counter and the key, one per lane.
 #[derive(Clone, Copy, Debug)]
 pub struct Keys {
     /// Low and high half of the seed.

@@ -17,14 +17,14 @@ pub struct Work<R: Real> {
     drawn: Vec<R>,
 }
 
-/// What survives a step, lane-interleaved, and what the sensors say.
+/// Memory of the sensors, lane-interleaved, and their readings.
 #[derive(Debug)]
 pub struct Slots<'a, S> {
     /// Numbers of the transfer functions.
     pub numbers: &'a mut [S],
-    /// Where each delay line was written last.
+    /// Position of the last sample in each delay line.
     pub cursors: &'a mut [u32],
-    /// What each sensor clipped and lost, counted.
+    /// Number of readings that each sensor clipped and dropped.
     pub faults: &'a mut [u32],
     /// Readings.
     pub observation: &'a mut [S],
@@ -287,7 +287,7 @@ impl<S: Scalar> Imperfect<S> {
     }
 }
 
-/// A unit vector or quaternion turned by a rotation vector; the quaternion in its own frame.
+/// Unit vector or quaternion turned by a rotation vector; for a quaternion in the turned frame.
 #[inline(always)]
 fn turn<R: Real>(truth: &[R], error: V3<R>) -> [R; 4] {
     let twist = quat_exp(error);

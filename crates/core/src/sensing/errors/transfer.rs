@@ -1,4 +1,4 @@
-//! What is said of a sensor: numbers with their checks.
+//! Parameters of a sensor, with their checks.
 
 use serde::{Deserialize, Serialize};
 
@@ -18,7 +18,7 @@ pub struct Transfer {
     pub misalignment_std: Vec<f64>,
     /// Bias of every channel, the same in every episode.
     pub bias: Vec<f64>,
-    /// Standard deviation of what is drawn at reset beside it.
+    /// Standard deviation of the random bias that is drawn at reset and added.
     pub bias_std: Vec<f64>,
     /// Growth of the drift, per sqrt(s).
     pub drift_std: Vec<f64>,

@@ -18,9 +18,9 @@ pub enum Error {
     Option {
         /// Name of the setting, as the field is called.
         name: &'static str,
-        /// Its value.
+        /// Value of the option.
         found: String,
-        /// Its range, in words.
+        /// Range of the option, in words.
         must: &'static str,
     },
     /// Integrator of the model's source that does not exist here.
@@ -105,7 +105,7 @@ pub enum Error {
     NoForm {
         /// The geom's name, or its index as "#3".
         geom: String,
-        /// Its shape's name.
+        /// Name of the shape.
         shape: &'static str,
     },
     /// A number that is not finite.
@@ -125,7 +125,7 @@ pub enum Error {
         place: String,
         /// Environment.
         env: usize,
-        /// Its value.
+        /// Value of the number.
         value: f64,
     },
     /// A parameter that 32 bits cannot hold, in a simulation of that precision.
@@ -133,7 +133,7 @@ pub enum Error {
     ParameterTooLarge {
         /// The parameter.
         parameter: Parameter,
-        /// Its value.
+        /// Value of the number.
         value: f64,
     },
     /// A quaternion of zeros, or one whose length overflows.
@@ -150,7 +150,7 @@ pub enum Error {
         address: usize,
         /// The quaternion.
         found: [f64; 4],
-        /// Its length.
+        /// Norm of the quaternion.
         norm: f64,
     },
     /// Positions of mocap bodies without orientations, or the reverse.
@@ -232,7 +232,7 @@ pub(crate) fn check_length(name: &'static str, found: usize, must: usize) -> Res
     if found == must { Ok(()) } else { Err(Error::Length { name, found, must, detail: String::new() }) }
 }
 
-/// Why a state of the same model and precision cannot be taken over.
+/// Mismatch between a saved state and a simulation of the same model and precision.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 #[non_exhaustive]
 pub enum StateMisfit {

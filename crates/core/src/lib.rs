@@ -61,8 +61,8 @@
 //!
 //! More examples are in `examples/`: a batch with contacts and poses, states, and per-environment parameters.
 //!
-//! Models come from [`Model::builder`], from a [`model::Description`] that is filled in and finished, or from files: [`Model::load`] reads
-//! what the Python package saved, which reads MJCF and URDF. [`Options::from_model`] has the settings of such a file. A finished
+//! Models come from [`Model::builder`], from a [`model::Description`] that is filled in and finished, or from files. [`Model::load`] reads
+//! the files of the Python package, which imports MJCF and URDF. [`Options::from_model`] returns the settings of such a file. A finished
 //! model is valid and cannot be edited. Elements have indices, which [`Model::joint`](model::Description::joint) and the like find by name.
 //!
 //! # Errors and panics
@@ -73,22 +73,20 @@
 //!
 //! A control that is not finite is no error: it would end the steps of all other environments too. See [`StepInputs::ctrl`].
 //!
-//! Methods that return no `Result` and take an environment panic when it does not exist, as an index beyond a slice does; each says so. Any
-//! other panic is a defect.
+//! Methods that return no `Result` and take an environment panic when it does not exist, as an index beyond a slice does. Their pages list
+//! it. Any other panic is a defect.
 //!
 //! # Features
 //!
-//! - `avx2` and `avx512` (on by default) compile the step for these CPU levels, beside the baseline (SSE2, or NEON). The fastest that the
-//!   machine has runs, with the same bits. `default-features = false` compiles the baseline alone, which builds faster.
+//! - `avx2` and `avx512` (on by default) compile the step for these CPU levels, in addition to the baseline (SSE2, or NEON). The engine
+//!   runs the fastest level of the machine, with the same bits. `default-features = false` compiles the baseline alone, which builds faster.
 //! - `nalgebra` (off by default) adds its types to the interface: fields of the state as vectors and matrices, body poses as isometries,
-//!   contact forces in world axes; builders take its vectors, points, rotations and isometries. The crate computes with nalgebra in any
-//!   case; the feature makes it a part of the interface, and exports it so that a user has the same version.
+//!   contact forces in world axes. Builders take its vectors, points, rotations and isometries. The feature also exports nalgebra, so that
+//!   a user has the same version.
+//! - `internals` (off by default) adds the module `internals` for the benches and tests of this workspace. It changes without notice.
 //!
-//! serde, postcard and sha2 are not optional: models and states are bytes with a checksum, and every state carries the digest of its model,
-//! without which a state of another model could not be refused.
-//!
-//! - `internals` (off by default) adds the module `internals`, and what else the benches and tests of this workspace ask of it. It changes
-//!   without notice. The step that it takes apart is ten `stages`, which `step::step` reads aloud.
+//! serde, postcard and sha2 are not optional. Models and states are bytes with a checksum, and every state has the digest of its model, so
+//! that a state of another model is refused.
 
 //! # Build times and debug builds
 //!
@@ -142,12 +140,12 @@ pub use stages::s10_record::Status;
 pub use step_derivative::{DerivativeQuery, DerivativeRows, StatePart};
 pub use stepper_real::{Level, LevelError};
 
-/// What [`Simulation::rollout`] writes down, and where to.
+/// Recorded quantities of [`Simulation::rollout`], and their output arrays.
 pub mod rollout {
     pub use crate::batch::rollout::{Numbers, Quantity, Recording};
 }
 
-/// What benches and tests of this workspace take apart; it changes without notice.
+/// Interface for benches and tests of this workspace; it changes without notice.
 #[cfg(feature = "internals")]
 #[doc(hidden)]
 pub mod internals {

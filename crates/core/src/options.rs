@@ -279,27 +279,27 @@ impl Options {
 pub struct StepSettings {
     /// Time step, s.
     pub timestep: f64,
-    /// See [`Options::contact`].
+    /// Contact law, see [`Options::contact`].
     pub contact: ContactLaw,
-    /// See [`Options::integrator`].
+    /// Integrator, see [`Options::integrator`].
     pub integrator: Integrator,
-    /// See [`Options::solver`].
+    /// Solver, see [`Options::solver`].
     pub solver: Solver,
-    /// See [`Options::iterations`].
+    /// Largest number of iterations, see [`Options::iterations`].
     pub iterations: u32,
     /// Residual at which the solver stops, m/s.
     pub tolerance: f64,
-    /// See [`Options::stabilization`].
+    /// Stabilisation method, see [`Options::stabilization`].
     pub stabilization: Stabilization,
-    /// See [`Options::baumgarte`].
+    /// Fraction of an overlap that a step removes, see [`Options::baumgarte`].
     pub baumgarte: f64,
-    /// See [`Options::slop`], m or rad.
+    /// Overlap that stabilisation leaves, m or rad, see [`Options::slop`].
     pub slop: f64,
-    /// See [`Options::max_correction_speed`], m/s.
+    /// Largest speed of a correction, m/s, see [`Options::max_correction_speed`].
     pub max_correction_speed: f64,
-    /// See [`Options::restitution_threshold`], m/s.
+    /// Speed below which contacts do not bounce, m/s, see [`Options::restitution_threshold`].
     pub restitution_threshold: f64,
-    /// See [`Options::max_contacts`].
+    /// Contact capacity of an environment, see [`Options::max_contacts`].
     pub max_contacts: Option<u32>,
     /// Whether a step fills its buffers with NaN first: in debug builds, and in tests that enable it.
     pub poison: bool,

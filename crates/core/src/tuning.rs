@@ -253,9 +253,10 @@ pub(crate) const MAX_NEW_CONTACTS: usize = 24;
 /// are then certain, and the error of the response is of this order.
 pub(crate) const SOLVED_RESIDUAL: f64 = 1e-9;
 
-/// Weight of an error of the expected velocity in the test that a step is a solution, per rad or m of motion in the step, at most 1.
+/// Weight of an error of the expected velocity in the test that a step is a solution.
 ///
-/// Inertial forces are quadratic in velocities, so that errors of slow motion have little effect.
+/// It is per rad or m of motion in the step, at most 1. Inertial forces are quadratic in velocities, so that errors of slow motion have
+/// little effect.
 pub(crate) const EXPECTED_VELOCITY_WEIGHT: f64 = 1e2;
 
 /// Relative distance from the bounds of a correction below which its derivative is undefined.

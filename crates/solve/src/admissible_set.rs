@@ -168,7 +168,7 @@ pub(crate) enum Piece {
     Sliding,
     /// The lower bound of an interval.
     Lower,
-    /// Its upper bound.
+    /// Upper bound of the row.
     Upper,
 }
 

@@ -11,8 +11,8 @@ pub(crate) mod sliding;
 
 /// Declares a struct with a field for each kind of constraint, in the order in which sweeps visit them. Other fields come first.
 ///
-/// The field of a kind is its `set`, a reference to its `rows`, an owned list of `own_rows`, its `impulses`, a list of `numbers`, a
-/// `count`, or a list of `saved` constraints.
+/// The field of a kind is its `set`, a reference to its `rows`, an owned list of `own_rows`, or its `impulses`. It can also be a list of
+/// `numbers`, a `count`, or a list of `saved` constraints.
 macro_rules! by_kind {
     ($(#[$meta:meta])* $vis:vis struct $name:ident[$($generics:tt)*] { $($fields:tt)* } each $what:ident) => {
         $crate::constraints::by_kind! {

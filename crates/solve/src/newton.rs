@@ -62,8 +62,8 @@ pub struct Newton {
 
 /// Effort of the last call in all its lanes and islands together.
 ///
-/// With a limit of n steps there are at most n steps and n rounds per island, or [`EXACT_RATIO`] n with steps of the exact law. This bounds
-/// the cost of a lane for its neighbours.
+/// With a limit of n steps there are at most n steps and n rounds per island. With steps of the exact law there are at most [`EXACT_RATIO`]
+/// n. This bounds the cost of a lane for its neighbours.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Work {
     /// Number of islands searched.

@@ -6,8 +6,8 @@
 //! G / (G + R) of its target d, and its scaled motion is at most d / (2 sqrt(R)). Of contradicting targets the remaining error is least in
 //! the mean square. Compliance counts from the reference impulses, so that loads that already act cause no error.
 //!
-//! Farkas' lemma proves that targets are infeasible. The proof is impulses z >= 0 of the rows with `-z . u > sum_d |J^T z|_d c_d`, where u
-//! is the unmet target velocity of the rows at the present motion. No change of the velocities within the bounds c meets the targets then
+//! Farkas' lemma proves that targets are infeasible. Let u be the unmet target velocity of the rows at the present motion. The proof is
+//! impulses z >= 0 of the rows with `-z . u > sum_d |J^T z|_d c_d`. No change of the velocities within the bounds c meets the targets then
 //! (weak duality).
 
 use crate::capacity::Capacity;

@@ -55,7 +55,7 @@ struct ActuatorPipeline {
     delay: Option<(usize, f64)>,
     /// Address of its numbers in the memory: delay line, lagged effort and what it goes to, integral, phase, held sample.
     memory: usize,
-    /// Which delay line it is.
+    /// Index of the delay line.
     cursor: usize,
     /// Address of its place in the table.
     table: usize,

@@ -69,7 +69,7 @@ impl<R: Real> ActuatorForces<R> {
         )
     }
 
-    /// Its rate.
+    /// Rate of the length of a site actuator.
     pub fn rate(&self, compiled: &LaneModel<R>, actuator: usize, v: &[R]) -> R {
         R::vectorize(
             #[inline(always)]

@@ -54,8 +54,8 @@ pub enum DerivedQuantity {
     BodyCom,
     /// Inertias of the bodies about the centre of mass of their tree, world axes: (nbody, 10). The world has none.
     ///
-    /// The numbers are xx, yy, zz, xy, xz, yz in kg m^2, the mass times the position of the body's centre of mass in kg m, and the mass in
-    /// kg.
+    /// Six numbers are xx, yy, zz, xy, xz, yz in kg m^2. Three are the mass times the position of the body's centre of mass in kg m. The
+    /// last is the mass in kg.
     BodyInertia,
     /// Angular (rad/s) and linear velocities (m/s) of the bodies, the latter of what is at the centre of mass of their tree: (nbody, 6).
     BodyMotion,

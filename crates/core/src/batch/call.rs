@@ -51,7 +51,7 @@ pub struct Call<'a, S: Scalar> {
     pub pipelines: Option<&'a ActuatorPipelines<S>>,
 }
 
-/// Which readings are asked for.
+/// Query for readings of some environments.
 #[derive(Debug)]
 pub struct Query<'a> {
     /// True readings of ideal sensors.

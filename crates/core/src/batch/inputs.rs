@@ -20,7 +20,7 @@ pub struct StepInputs<'a> {
     pub mocap_quat: &'a [f64],
     /// Equalities that act, (num_envs, neq), 0 for one that does not: in this call.
     pub eq_active: &'a [f64],
-    /// Which environments step, (num_envs): the others stay as they are, to the bit. Nobody reads what is said of them.
+    /// Mask of the environments that step, (num_envs). The others stay as they are, to the bit, and their inputs are not read.
     pub mask: &'a [bool],
 }
 

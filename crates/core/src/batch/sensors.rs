@@ -90,7 +90,7 @@ impl<R: Real, P: Probe> Reader<'_, R, P> {
 
     /// Reads the sensors at the state of the group.
     ///
-    /// If no step was made since the state was set, sensors of accelerations and forces read a trial step from this state, whose result is
+    /// Without a step since the state was set, sensors of accelerations and forces read a trial step from this state, whose result is
     /// discarded.
     fn evaluate(&self, group: &Group<R::Scalar>, s: &mut Workspace<R>) {
         let needs = self.call.compiled.sensing.needs;

@@ -95,7 +95,7 @@ pub trait LaneScalar: Scalar + Serialize + DeserializeOwned {
 /// Position of a group among the environments, and its output arrays.
 #[derive(Debug)]
 pub struct GroupPosition<'a, 'b, S> {
-    /// Its first environment.
+    /// First environment of the group.
     pub first: usize,
     /// The first environment of the share.
     pub share_first: usize,

@@ -28,7 +28,7 @@ pub struct CompiledActuator<S> {
     pub activation: Activation,
     /// Whether gain or bias depend on length or velocity.
     pub needs_motion: bool,
-    /// Its place among the servos.
+    /// Index among the servos.
     pub servo: Option<usize>,
     /// Part of the actuator's dynamics that acts within a step.
     pub dynamics: Option<CompiledActuatorDynamics<S>>,
@@ -62,14 +62,14 @@ pub struct CompiledWrench<S> {
     pub dofs: Vec<(usize, S)>,
     /// Offset of its arms among those of all wrenches. Its length has the index of the wrench.
     pub arms: usize,
-    /// Its place among the wrenches.
+    /// Index among the wrenches.
     pub index: usize,
 }
 
 /// Part of an actuator's dynamics that acts within a step: bounds and force laws that differ between environments.
 #[derive(Clone, Copy, Debug)]
 pub struct CompiledActuatorDynamics<S> {
-    /// Its place among those trains.
+    /// Index among those trains.
     pub index: usize,
     /// Whether it is a servo whose law is continuous.
     pub servo: bool,

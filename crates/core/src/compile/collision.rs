@@ -16,7 +16,7 @@ use crate::model::{ContactSpring, Filter, Geom, GeomPair, HeightField, Kernel, M
 /// A geom that takes part in collision.
 #[derive(Clone, Debug)]
 pub struct CompiledGeom<S> {
-    /// Its index in the model.
+    /// Index of the geom in the model.
     pub index: usize,
     /// The frame that it is fixed to.
     pub frame: usize,
@@ -24,7 +24,7 @@ pub struct CompiledGeom<S> {
     pub is_plane: bool,
     /// Whether all that touches it is at one distance from a point of it, the nearest of its axis: a sphere or a capsule.
     pub is_round: bool,
-    /// Its orientation in the frame.
+    /// Orientation of the geom in the frame.
     pub mat: [S; 9],
     /// Whether any pair reads more of its orientation than its z axis.
     pub full_orientation: bool,
@@ -70,7 +70,7 @@ impl<S> CompiledPair<S> {
 /// Geoms that all may collide with each other, too many for a list of pairs. Detection finds their pairs in every step.
 #[derive(Clone, Debug)]
 pub struct DynamicPairs<S> {
-    /// Its geoms, ascending.
+    /// Geoms of the group, ascending.
     pub members: Vec<Member>,
     /// Radius of the largest ball about one of them, margin included, m.
     pub widest: f64,
@@ -88,9 +88,9 @@ pub struct DynamicPairs<S> {
 pub struct Member {
     /// Index into the compiled model's geoms.
     pub geom: usize,
-    /// Its index in the model.
+    /// Index of the geom in the model.
     model_geom: usize,
-    /// Its share of the margin of a pair, m.
+    /// Part of a pair's margin that this geom contributes, m.
     pub margin: f64,
 }
 
@@ -347,7 +347,7 @@ fn solid(model: &Model, shape: &Shape) -> Solid {
     })
 }
 
-/// Why an asset is there.
+/// Reason why an asset exists.
 const CHECKED: &str = "a finished model has the form of every geom that can touch others";
 
 /// Radius of a ball about the geom's origin that holds it.

@@ -84,7 +84,7 @@ pub struct ModelStructure<S: Scalar> {
     pub has_contact_springs: bool,
     /// Geoms whose pairs are too many to list.
     pub dynamic_pairs: Option<DynamicPairs<S>>,
-    /// Which links nothing holds; empty if all are held.
+    /// Whether each link floats freely; empty if none does.
     pub floating: Vec<bool>,
     /// Whether any pair can have torsional or rolling friction.
     pub has_rolling_friction: bool,

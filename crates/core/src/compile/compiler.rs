@@ -113,7 +113,7 @@ impl<S: Scalar> CompiledModel<S> {
         (0..links.len()).filter_map(spinner).collect()
     }
 
-    /// Which of `links` links are alone on a free joint; empty if none is.
+    /// Whether each of `links` links is alone on a free joint; empty if none is.
     fn floating(spinners: &[CompiledSpinner<S>], links: usize) -> Vec<bool> {
         let mut floating = vec![];
         for spinner in spinners.iter().filter(|s| s.kind == JointKind::Free) {

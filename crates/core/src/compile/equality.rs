@@ -14,12 +14,12 @@ use crate::model::{Equality, EqualityKind, Model};
 pub struct Combination<S> {
     /// Address in q, degree of freedom, coefficient.
     pub terms: Vec<(usize, usize, S)>,
-    /// Its value at `qpos0`.
+    /// Value of the combination at `qpos0`.
     pub reference: S,
 }
 
 impl<S: Scalar> Combination<S> {
-    /// Its value at a configuration.
+    /// Value of the combination at a configuration.
     #[inline(always)]
     pub fn value<R: Real<Scalar = S>>(&self, q: &[R]) -> R {
         let mut x = R::zero();
@@ -29,7 +29,7 @@ impl<S: Scalar> Combination<S> {
         x
     }
 
-    /// Its rate at a velocity.
+    /// Rate of the combination at a velocity.
     #[inline(always)]
     pub fn rate<R: Real<Scalar = S>>(&self, v: &[R]) -> R {
         let mut x = R::zero();
@@ -117,7 +117,7 @@ impl<S> CompiledEquality<S> {
 /// Equalities whose rows are made together: on the same support, and orthogonal if they are hard.
 #[derive(Clone, Debug)]
 pub struct EqualityBlock<S> {
-    /// Its equalities.
+    /// Equalities of the block.
     pub equalities: Vec<CompiledEquality<S>>,
     /// Degrees of freedom that any of them moves, with their ancestors, ascending.
     pub support: Vec<u32>,
@@ -136,7 +136,7 @@ pub struct EqualityBlock<S> {
 pub struct CompiledTendon<S> {
     /// The model's tendon.
     pub index: usize,
-    /// Its length.
+    /// Length of the tendon.
     pub length: Combination<S>,
     /// Degrees of freedom that it moves, with their ancestors, ascending.
     pub support: Vec<u32>,

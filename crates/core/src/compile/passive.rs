@@ -13,11 +13,11 @@ use crate::model::{Body, Ellipsoid, Medium, Model, Object};
 /// A body or geom that the medium acts on.
 #[derive(Clone, Debug)]
 pub struct CompiledFluid<S> {
-    /// Its link.
+    /// Link of the body.
     pub link: usize,
     /// The body or geom of the model.
     pub object: Object,
-    /// Its axes in the link's frame.
+    /// Axes of the body in the link's frame.
     pub mat: [S; 9],
     /// Shape of the body for the medium.
     pub shape: FluidShape<S>,

@@ -83,7 +83,7 @@ pub struct CompiledSensor<S> {
 pub struct SensorFrame<S> {
     /// The compiled model's frame.
     pub frame: usize,
-    /// Its number among all places, for its position in the frame.
+    /// Index among all places, for its position in the frame.
     pub index: usize,
     /// Orientation in it.
     pub mat: [S; 9],
@@ -98,7 +98,7 @@ pub struct Solid<S> {
     pub place: SensorFrame<S>,
     /// Shape of the zone.
     pub form: Form,
-    /// Its number among all shapes, for its size.
+    /// Index among all shapes, for its size.
     pub index: usize,
 }
 
@@ -143,11 +143,11 @@ pub enum TargetForm {
 /// Body with its descendants, by frame.
 #[derive(Clone, Debug)]
 pub struct Subtree {
-    /// Its number among all subtrees, for its mass.
+    /// Index among all subtrees, for its mass.
     pub index: usize,
-    /// Its masses.
+    /// Masses of the subtree.
     pub parts: Vec<Part>,
-    /// Which bodies of the model it has.
+    /// Whether the subtree contains each body of the model.
     pub bodies: Vec<bool>,
 }
 
@@ -156,14 +156,14 @@ pub struct Subtree {
 pub struct Part {
     /// The compiled model's frame.
     pub frame: usize,
-    /// Its row of [`Params::inertial`](crate::compile::Params::inertial).
+    /// Row of [`Params::inertial`](crate::compile::Params::inertial).
     pub index: usize,
 }
 
 /// One side of the contacts of a contact sensor.
 #[derive(Clone, Debug)]
 pub enum Side<S> {
-    /// Which geoms of the model.
+    /// Whether each geom of the model is in the set.
     Geoms(Vec<bool>),
     /// Whatever touches in this volume.
     Zone(Solid<S>),
@@ -172,9 +172,9 @@ pub enum Side<S> {
 /// Reading of a sensor, in terms of the compiled model; subtrees by their number.
 #[derive(Clone, Debug)]
 pub enum Read<S> {
-    /// That many entries of q.
+    /// Entries of q.
     Position(usize),
-    /// That many entries of v.
+    /// Entries of v.
     Velocity(usize),
     /// sum of coefficient q
     Length(Vec<(usize, S)>),
@@ -186,11 +186,11 @@ pub enum Read<S> {
     JointForce(usize),
     /// Length of an actuator on a site.
     ActuatorLength(usize),
-    /// Its rate.
+    /// Rate of the length of an actuator.
     ActuatorRate(usize),
     /// Overlap of a sum of coefficient q with the nearer end of its range.
     LimitPos(Vec<(usize, S)>, Bounds<S>),
-    /// Its rate: the same in v besides.
+    /// Rate of a limit: the same in v.
     LimitVel([Vec<(usize, S)>; 2], Bounds<S>),
     /// Impulse of a limit, by its index in the compiled model.
     LimitForce(usize),
@@ -222,7 +222,7 @@ pub enum Read<S> {
     Contact([Side<S>; 2], Vec<ContactField>, ContactReduction, usize),
     /// Centre of mass.
     Com(usize),
-    /// Its velocity.
+    /// Velocity of a centre of mass.
     ComVelocity(usize),
     /// Angular momentum about it.
     AngularMomentum(usize),

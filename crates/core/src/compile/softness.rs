@@ -46,7 +46,7 @@ pub struct SoftContactLaw<S> {
     pub friction_damping: S,
     /// Rows: 1, 3, 4 or 6.
     pub condim: u8,
-    /// See [`Pair::anisotropy`](crate::model::Pair::anisotropy).
+    /// Anisotropy of friction, see [`Pair::anisotropy`](crate::model::Pair::anisotropy).
     pub anisotropy: [S; 2],
     /// Regularisation R of the normal force of a spring, 1/kg, which the edges of a pyramid share; 0 where the contact has the law of its
     /// solref and solimp.
@@ -66,9 +66,9 @@ pub struct CompiledSoftness<S> {
     pub pairs: Vec<SoftContactLaw<S>>,
     /// Laws of limits, dry friction and limits of ball joints, as the compiled model lists them.
     pub limits: Vec<SoftLaw<S>>,
-    /// See `limits`.
+    /// Laws of dry friction, see `limits`.
     pub frictions: Vec<SoftLaw<S>>,
-    /// See `limits`.
+    /// Laws of the limits of ball joints, see `limits`.
     pub ball_limits: Vec<SoftLaw<S>>,
     /// Laws of limits and of dry friction of the compiled tendons.
     pub tendons: Vec<[SoftLaw<S>; 2]>,

@@ -9,7 +9,7 @@ use crate::model::JointKind;
 pub struct Link<S> {
     /// The frame that it hangs from.
     pub parent: usize,
-    /// Its kinematic tree.
+    /// Kinematic tree of the link.
     pub tree: usize,
     /// Whether it is the root of its tree.
     pub is_root: bool,
@@ -19,9 +19,9 @@ pub struct Link<S> {
     pub mat: Option<[S; 9]>,
     /// Orientation as a quaternion.
     pub quat: [S; 4],
-    /// Its joints.
+    /// Joints of the link.
     pub joints: std::ops::Range<usize>,
-    /// Its degrees of freedom.
+    /// Degrees of freedom of the link.
     pub dofs: std::ops::Range<usize>,
 }
 
@@ -40,7 +40,7 @@ pub struct CompiledJoint<S> {
     pub centred: bool,
     /// Axis in the link's frame.
     pub axis: [S; 3],
-    /// Which axis of the frame it is, if any, with its sign.
+    /// Axis of the frame that the joint's axis coincides with, if any, and whether its sign is the same.
     pub principal: Option<(usize, bool)>,
     /// Position at which the joint changes nothing.
     pub reference: S,
@@ -55,7 +55,7 @@ pub struct CompiledJoint<S> {
 pub struct Dof {
     /// The link that it moves.
     pub link: usize,
-    /// Its kinematic tree.
+    /// Kinematic tree of the degree of freedom.
     pub tree: usize,
     /// Start of its chain, and of its row in the mass matrix.
     pub chain: usize,
@@ -70,7 +70,7 @@ pub struct Dof {
 /// A descendant of a dof.
 #[derive(Clone, Copy, Debug)]
 pub struct Descendant {
-    /// Which.
+    /// Index of the degree of freedom.
     pub dof: u32,
     /// Entry of the mass matrix with the ancestor, as an index in the chain. The ancestor's ancestors follow, as in its row.
     pub entry: u32,
@@ -92,7 +92,7 @@ pub struct CompiledSpinner<S> {
 /// A body that the user poses.
 #[derive(Clone, Debug)]
 pub struct CompiledMocap<S> {
-    /// Its frame.
+    /// Frame of the body.
     pub frame: usize,
     /// Pose at reset.
     pub pos: [S; 3],
@@ -107,9 +107,9 @@ pub struct CompiledBody<S> {
     pub parent: usize,
     /// The frame that it is fixed to.
     pub frame: usize,
-    /// Its origin in that frame, m.
+    /// Origin of the body in that frame, m.
     pub pos: [S; 3],
-    /// Its orientation in that frame.
+    /// Orientation of the body in that frame.
     pub mat: [S; 9],
     /// Orientation as a quaternion.
     pub quat: [S; 4],

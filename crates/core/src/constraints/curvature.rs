@@ -30,7 +30,7 @@ struct Field<R> {
     turn: V3<R>,
     /// m/s
     velocity: V3<R>,
-    /// Its rate at a place that stays, m/s^2.
+    /// Rate of the velocity field at a fixed place, m/s^2.
     rate: V3<R>,
 }
 

@@ -459,7 +459,7 @@ impl<R: Real> Assembler<'_, R> {
 /// Law of a scalar row: right-hand side, compliance, lanes, bounds of its impulse.
 #[derive(Clone, Copy)]
 pub(crate) struct RowLaw<R: Real> {
-    /// Its velocity before any impulse with its bias: of the step, and when positions are solved apart.
+    /// Velocity with its bias before any impulse, of the velocity solve and of the position solve.
     pub(crate) g: [R; 2],
     pub(crate) compliance: R,
     pub(crate) active: R::Mask,

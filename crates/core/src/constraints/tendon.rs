@@ -75,8 +75,9 @@ impl<R: Real> Assembler<'_, R> {
         self.add_row(input.mass, tendon.owner, limit_law(free, [velocity, position], active));
     }
 
-    /// Lanes in which a limit at distance `phi` can be reached within the step at the free velocity `free`, and its biases in the velocity
-    /// solve and in the position solve.
+    /// Lanes in which a limit at distance `phi` can be reached within the step at the free velocity `free`.
+    ///
+    /// Also returns its biases in the velocity solve and in the position solve.
     #[inline(always)]
     fn reach(&mut self, input: RowInput<'_, R>, phi: R, free: R) -> Option<(R::Mask, R, R)> {
         let h = input.assembly.h;

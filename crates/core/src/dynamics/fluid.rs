@@ -174,9 +174,9 @@ struct Projection<R> {
     speed: R,
     /// Unit vector of the velocity.
     along: V3<R>,
-    /// Its area, m^2.
+    /// Projected area, m^2.
     area: R,
-    /// Its normal over the cosine of the angle between it and the velocity, times the area of it.
+    /// Normal of the projected area times the area, over the cosine of the angle between normal and velocity.
     normal: V3<R>,
 }
 

@@ -2,7 +2,7 @@
 
 use stepper_real::{Mask, Real};
 
-/// Which shares of damping and stiffness go into the mass matrix.
+/// Shares of damping and stiffness in the mass matrix.
 #[derive(Clone, Copy, Debug)]
 pub struct ImplicitWeights<R> {
     /// Time by which damping is multiplied, s.

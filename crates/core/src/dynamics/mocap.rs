@@ -18,7 +18,7 @@ pub struct MocapTrajectory<R> {
     quat: [R; 4],
     /// Pose at the end of the call, with which the next call begins.
     end: [R; 7],
-    /// Its velocity (angular, linear), world axes.
+    /// Velocity of the body (angular, linear), world axes.
     motion: V6<R>,
 }
 

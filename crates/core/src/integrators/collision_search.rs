@@ -67,7 +67,7 @@ impl<R: Real> CollisionSearch<R> {
         }
     }
 
-    /// Fills with NaN what a step computes before it reads it.
+    /// Fills with NaN the buffers that a step computes before it reads them.
     pub(crate) fn poison(&mut self) {
         self.v_predicted.fill(R::of(f64::NAN));
     }

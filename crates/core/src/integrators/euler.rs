@@ -8,7 +8,7 @@ use stepper_real::Real;
 use crate::dynamics::implicit_weights::ImplicitWeights;
 use crate::integrators::scheme::Scheme;
 
-/// Steps of `h` seconds.
+/// Scheme of Euler's rule for a time step of `h` seconds.
 pub(crate) fn scheme<R: Real>(h: R) -> Scheme<R> {
     let none = R::zero();
     let weights = ImplicitWeights { damping: h, stiffness: none, step: none };

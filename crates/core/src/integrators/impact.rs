@@ -21,8 +21,9 @@ use crate::tuning::{MAX_RESOLVED_ROTATION, MIN_IMPACT_RATIO, MIN_VELOCITY_ERROR,
 
 /// Moves the evaluation point of each lane to the time of its first impact. Returns the lanes that moved and must be evaluated again.
 ///
-/// A point within PLACEMENT_TOLERANCE of the impact stays. `v_free` is the free velocity. On the first pass, a contact that overlaps beyond
-/// the slop while its surfaces separate must have passed through its surface before: its lane moves to the beginning of the step.
+/// An evaluation point within PLACEMENT_TOLERANCE of the impact stays. `v_free` is the free velocity. A contact that overlaps beyond the
+/// slop while its surfaces separate must have passed through its surface before. On the first pass its lane moves to the beginning of the
+/// step.
 pub(crate) fn first_impacts<R: Real>(input: StepInput<'_, R>, evaluation: &mut Evaluation<R>, v_free: &[R], first: bool) -> R::Mask {
     let StepInput { compiled, options, state, alive, .. } = input;
     let Evaluation { scheme, kinematics, contacts, impacts: Impacts { lanes, velocities }, .. } = evaluation;
@@ -182,8 +183,10 @@ fn lanes_with_impacts<R: Real>(
     )
 }
 
-/// Computes the free velocity with inertial forces at the velocity before the step and at `v_next`: half each, or until the impact and
-/// after it. The forces of stage 1 stay, because what depends on the velocity in them is implicit.
+/// Computes the free velocity with inertial forces at the velocity before the step and at `v_next`.
+///
+/// Each acts for half of the step, or until the impact and after it. The forces of stage 1 do not change, because their velocity-dependent
+/// terms are implicit.
 fn compute_inertial_forces<R: Real>(place: Place<'_, R>, free: &mut FreeMotion<R>, problem: &ConstraintProblem<R>, v_next: &[R]) {
     let Place { input: StepInput { compiled, state, .. }, evaluation: Evaluation { scheme, kinematics, impacts, .. } } = place;
     let half = scheme.h * R::of(0.5);
@@ -208,10 +211,10 @@ fn compute_inertial_forces<R: Real>(place: Place<'_, R>, free: &mut FreeMotion<R
     }
 }
 
-/// Replaces the free velocity of the lanes `lanes`, and changes the target velocities with it.
+/// Replaces the free velocity of the lanes `lanes`, and shifts the target velocities by the change.
 ///
-/// The rows of impacts depend on the velocity before the impact. On the `first` call it becomes that with inertial forces at the velocity
-/// before the step; later calls leave it as it is.
+/// The rows of impacts depend on the velocity before the impact. The `first` call computes it with inertial forces at the velocity before
+/// the step. Later calls keep it.
 fn update_free_velocity<R: Real>(
     place: Place<'_, R>,
     free: &mut FreeMotion<R>,

@@ -8,7 +8,7 @@ use stepper_real::Real;
 use crate::dynamics::implicit_weights::ImplicitWeights;
 use crate::integrators::scheme::Scheme;
 
-/// Steps of `h` seconds.
+/// Scheme of the midpoint rule for a time step of `h` seconds.
 pub(crate) fn scheme<R: Real>(h: R) -> Scheme<R> {
     let half = h * R::of(0.5);
     let weights = ImplicitWeights { damping: half, stiffness: half * half, step: h };

@@ -1,4 +1,5 @@
-//! Schemes of integration over shared stages: where a step is taken, its solution, impacts, and what a step is too long for.
+//! Integration schemes over shared stages: evaluation point, assembly, solution, impacts, and guards of steps that are too long for the
+//! motion.
 
 pub(crate) mod acceptance;
 pub(crate) mod assemble;
@@ -33,7 +34,7 @@ use stepper_real::Real;
 use crate::options::{Integrator, StepSettings};
 use scheme::Scheme;
 
-/// The scheme that the options name.
+/// Scheme of the integrator in the options.
 pub(crate) fn scheme<R: Real>(options: &StepSettings) -> Scheme<R> {
     let h = R::of(options.timestep);
     match options.integrator {

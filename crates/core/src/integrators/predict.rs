@@ -46,8 +46,9 @@ pub(crate) fn reconsider_servos<R: Real>(
     }
 }
 
-/// Compares the servos at their bounds with those at the bounds by an estimate of the impulses. Lanes that differ expect the impulses of
-/// the estimate from then on. Returns whether any lane differs.
+/// Compares the servos at their bounds with those that an estimate of the impulses puts there. Returns whether any lane differs.
+///
+/// Lanes that differ use the impulses of the estimate as expected impulses.
 fn servos_disagree<R: Real>(
     place: Place<'_, R>,
     free: &mut FreeMotion<R>,
@@ -155,8 +156,9 @@ pub(crate) fn compute_smooth_velocity<R: Real>(
     shift_targets(compiled, &free.smooth.mass, problem, &mut free.scratch.free_change, None, everywhere);
 }
 
-/// Removes the `change` by impulses from the prediction in lanes in which it makes the motion faster than the step resolves. Forces of such
-/// a motion would add energy to it.
+/// Removes the `change` by impulses from the prediction in lanes in which it makes the motion faster than the step resolves.
+///
+/// Forces of such a motion would add energy to it.
 fn ignore_large_impacts<R: Real>(scheme: &Scheme<R>, v_free: &[R], change: &mut [R]) {
     R::vectorize(
         #[inline(always)]
@@ -182,7 +184,7 @@ fn leave_out_inertial_forces<R: Real>(place: Place<'_, R>, free: &mut FreeMotion
     let Place { input: StepInput { compiled, state, .. }, evaluation: Evaluation { scheme, kinematics, .. } } = place;
     let FreeMotion { smooth, actuator_forces, applied, v, v_expected, unresolved, scratch, .. } = free;
     let Scratch { v_mean: zero_velocity, v_forces, v_free_corrected, free_change, .. } = scratch;
-    // The other lanes' forces stay those of their mean velocity, to the bit: further solutions read them.
+    // The forces of the other lanes stay those of their mean velocity, to the bit, because further solutions read them.
     R::vectorize(
         #[inline(always)]
         || {

@@ -6,16 +6,16 @@ use crate::actuation::forces::ImplicitServos;
 use crate::compile::LaneModel;
 use crate::dynamics::implicit_weights::ImplicitWeights;
 
-/// A scheme of integration, for one time step.
+/// Integration scheme for one time step.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Scheme<R> {
     /// Time step, s.
     pub(crate) h: R,
-    /// From the configuration before the step to that at which everything is taken, s.
+    /// Time from the configuration before the step to the evaluation point, s.
     pub(crate) time_before: R,
-    /// From there to the configuration after the step, s.
+    /// Time from the evaluation point to the configuration after the step, s.
     pub(crate) time_after: R,
-    /// From there to where springs and servos are taken, s; what lies beyond is in the mass matrix.
+    /// Time from the evaluation point to that of springs and servos, s. The mass matrix has their change after that.
     pub(crate) time_ahead: R,
     /// Shares of damping and stiffness in the mass matrix.
     pub(crate) weights: ImplicitWeights<R>,
@@ -23,9 +23,9 @@ pub(crate) struct Scheme<R> {
     pub(crate) velocity_weight: R,
     /// Whether forces and rows are evaluated in the middle of the step, with impacts at their times.
     pub(crate) in_the_middle: bool,
-    /// Whether springs and servos are taken ahead of the rest.
+    /// Whether springs and servos are evaluated later than the other forces.
     pub(crate) looks_ahead: bool,
-    /// Whether springs and servos are implicit, and velocity-dependent forces are taken again at the velocity to be expected.
+    /// Whether springs and servos are implicit, and velocity-dependent forces are recomputed at the expected velocity.
     pub(crate) corrects: bool,
 }
 
@@ -56,7 +56,7 @@ impl<R: Real> Scheme<R> {
         ImplicitWeights { damping: if explicit { R::zero() } else { self.weights.damping }, ..self.weights }
     }
 
-    /// The configuration at which springs and servos are taken.
+    /// Configuration at which springs and servos are evaluated.
     pub(crate) fn springs_at<'a>(&self, here: &'a [R], ahead: &'a [R]) -> &'a [R] {
         if self.looks_ahead { ahead } else { here }
     }

@@ -19,9 +19,9 @@ use crate::tuning::{IMPACT_PASSES, ORDERED_PASSES};
 
 /// Solves for the velocity after the step until it agrees with the problem.
 ///
-/// A solution agrees if it closes no gap of a deferred contact and has, after an impact, the velocity at which inertial forces were
-/// evaluated. Otherwise the contacts that collide become active, or the free velocity is computed again, and the lanes are solved again.
-/// The last pass gives the velocity after an impact.
+/// A solution must close no gap of a deferred contact. After an impact its velocity must be that at which inertial forces were evaluated.
+/// Otherwise colliding contacts become active, or the free velocity is recomputed, and the lanes are solved again. The last pass gives the
+/// velocity after an impact.
 #[inline(always)]
 pub(crate) fn solve_velocities<R: Real>(
     place: Place<'_, R>,
@@ -61,7 +61,7 @@ pub(crate) fn solve_velocities<R: Real>(
     outcome
 }
 
-/// Bounds the velocity: where Baumgarte's bias is large, and where the motion is too fast for the step or its energy is ambiguous.
+/// Bounds the velocity in lanes with a large Baumgarte bias, with a motion that is too fast for the step, or with an ambiguous energy.
 #[inline(always)]
 pub(crate) fn bound_velocities<R: Real>(
     place: Place<'_, R>,

@@ -16,7 +16,7 @@ use crate::math::spatial::*;
 use crate::options::StepSettings;
 use crate::stages::s02_smooth::Smooth;
 
-/// State of a group of lanes: with the scalar impulses of the constraints, all that a step hands to the next.
+/// State of a group of lanes. With the scalar impulses of the constraints it is all that a step passes to the next.
 #[derive(Clone, Debug)]
 pub(crate) struct State<R: Real> {
     /// Configuration, nq.
@@ -111,7 +111,7 @@ impl<R: Real> Evaluation<R> {
         [q, q_ahead, act].into_iter().for_each(|buffer| buffer.fill(R::of(f64::NAN)));
     }
 
-    /// Chooses the tangents of the contacts, with the impulses of the same contacts in `last`, which is overwritten.
+    /// Chooses the tangents of the contacts, and copies the impulses of the same contacts in `last`. Overwrites `last`.
     #[inline(always)]
     pub(crate) fn match_contacts(&mut self, compiled: &LaneModel<R>, last: &mut Contacts<R>) {
         self.contacts.close_rounded_gaps(norm(compiled.params.gravity()) * self.scheme.h * self.scheme.h);
@@ -161,7 +161,7 @@ pub(crate) struct Scratch<R: Real> {
     pub(crate) v_forces: Vec<R>,
     /// Free velocity with recomputed forces.
     pub(crate) v_free_corrected: Vec<R>,
-    /// Difference of that from the free velocity before.
+    /// Difference between the corrected and the previous free velocity.
     pub(crate) free_change: Vec<R>,
     /// Free velocity in the middle of an impact.
     pub(crate) v_half: Vec<R>,

@@ -22,7 +22,7 @@ use crate::sensing::{SensorWorkspace, errors};
 /// Workspace of the sensors.
 #[derive(Clone, Debug)]
 pub(crate) struct Sensors<R: Real> {
-    /// Readings, and what sensors share.
+    /// Readings, and intermediate results that sensors share.
     pub(crate) workspace: SensorWorkspace<R>,
     /// Forces of the actuators at the state that is read.
     pub(crate) actuator_forces: ActuatorForces<R>,
@@ -41,7 +41,7 @@ pub struct Workspace<R: Real> {
     pub(crate) user_controls: Vec<R>,
     /// Lanes that are environments.
     pub(crate) alive: R::Mask,
-    /// Whether the state is that of the group that is worked on, so that it need not be loaded again.
+    /// Whether the workspace already holds the state of the group that is stepped.
     pub(crate) current: bool,
     pub(crate) evaluation: Evaluation<R>,
     pub(crate) free_motion: FreeMotion<R>,
@@ -103,8 +103,10 @@ impl<R: Real> Workspace<R> {
         self.evaluation.poses.update_static_poses(compiled);
     }
 
-    /// Fills with NaN the vectors that a step computes before it reads them: a number left by the step before would pass for one of this
-    /// step (as Drake's `icf_data.h` does). Kinematics, contacts, mass matrix, actuator forces and constraint rows are not filled.
+    /// Fills with NaN the vectors that a step computes before it reads them, so that numbers of the last step are not mistaken for those of
+    /// this step (as in Drake's `icf_data.h`).
+    ///
+    /// Kinematics, contacts, mass matrix, actuator forces and constraint rows are not filled.
     pub(crate) fn poison(&mut self) {
         self.evaluation.poison();
         self.free_motion.poison();

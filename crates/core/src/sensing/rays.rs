@@ -178,7 +178,7 @@ pub(crate) struct Placed<'a, R: Real> {
 }
 
 impl<'a, R: Real> Placed<'a, R> {
-    /// At the poses of `kinematics`.
+    /// Ray target at the poses of `kinematics`.
     #[inline(always)]
     pub(crate) fn new(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, target: &'a Target<R::Scalar>) -> Self {
         Self { centre: position(compiled, kinematics, &target.place), mat: orientation(kinematics, &target.place), form: &target.form }

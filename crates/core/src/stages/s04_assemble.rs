@@ -71,7 +71,7 @@ pub(crate) fn assemble<R: Real>(input: RowInput<'_, R>, contacts: &Contacts<R>, 
 }
 
 impl<R: Real> Assembler<'_, R> {
-    /// Removes the rows of the step before.
+    /// Removes the rows of the last step.
     #[inline(always)]
     fn clear(&mut self, input: RowInput<'_, R>) {
         let (compiled, assembly, none) = (input.compiled, input.assembly, R::Mask::splat(false));

@@ -1,4 +1,4 @@
-//! Stage 5: the constraint problem becomes impulses, with the residual that certifies them.
+//! Stage 5: solves the constraint problem for impulses, with the residual that certifies them.
 
 use stepper_real::{Mask, Real, Scalar};
 use stepper_solve::{Outcome, Settings, System, residual};
@@ -118,7 +118,7 @@ pub struct Estimate<R: Real> {
     /// Predicted lanes in which a few Gauss-Seidel iterations from zero are accurate enough. The other predicted lanes are solved to the
     /// tolerance.
     rough: R::Mask,
-    /// Change by a sweep at which the others are solved, m/s.
+    /// Largest change of a contact velocity per sweep at which the other lanes stop, m/s.
     tolerance: R,
 }
 
@@ -153,7 +153,7 @@ impl<R: Real> Estimate<R> {
         self.repeat(options, lanes, problem, velocity);
     }
 
-    /// Estimates the impulses in the lanes `lanes` again, once more rows are active.
+    /// Repeats the estimate of the impulses in the lanes `lanes`, after more rows have become active.
     #[inline(always)]
     pub fn repeat(&self, options: &StepSettings, lanes: R::Mask, problem: &ConstraintProblem<R>, velocity: &mut VelocitySolution<R>) {
         let (rows, impulses) = (&problem.rows, &mut velocity.impulses);
@@ -181,7 +181,7 @@ impl<R: Real> Estimate<R> {
     }
 }
 
-/// Lanes that an estimate is made of at the velocity `v`: the others keep the impulses of the step before.
+/// Lanes whose impulses are estimated at the velocity `v`. The others keep the impulses of the last step.
 pub(crate) fn is_estimated<R: Real>(v: &[R], h: R) -> R::Mask {
     R::vectorize(
         #[inline(always)]
@@ -204,8 +204,10 @@ pub(crate) fn fastest<R: Real>(v: &[R]) -> R {
     fastest
 }
 
-/// Residual at which each lane stops, m/s; never below what rounding leaves of velocities of order one. In 32 bits that is more than the
-/// default tolerance, at which heavy boxes creep into light ones below them: lanes with `patches` go on.
+/// Residual at which each lane stops, m/s, at least the rounding error of velocities of order one.
+///
+/// In 32 bits that is more than the default tolerance, at which heavy boxes creep into light ones below them. Lanes with contact groups
+/// therefore solve further.
 fn tolerance<R: Real>(options: &StepSettings, v: &[R], groups: R::Mask) -> R {
     R::vectorize(
         #[inline(always)]

@@ -30,9 +30,9 @@ use crate::tuning::{
 /// Bounds of the motion of a correction.
 #[derive(Clone, Copy, Debug)]
 struct Bounds<R> {
-    /// m/s
+    /// Speed of a shift, m/s.
     shift: R,
-    /// rad/s
+    /// Speed of a turn, rad/s.
     turn: R,
 }
 
@@ -43,7 +43,7 @@ impl<R: Real> Bounds<R> {
         Self { shift, turn: (shift * R::of(1.0 / CORRECTION_ARM)).min(R::of(MAX_CORRECTION_ROTATION) / h) }
     }
 
-    /// Changes of velocities beyond which Baumgarte's bias is held for their cause, whatever the time step.
+    /// Bounds of the velocity change beyond which Baumgarte's bias counts as its cause, for any time step.
     #[inline(always)]
     fn absurd(options: &StepSettings) -> Self {
         let shift = R::of((BAUMGARTE_LIMIT * MAX_SPEED_RATIO * options.max_correction_speed).max(1e-9));
@@ -178,8 +178,8 @@ pub fn limit_baumgarte<R: Real>(
     infeasible
 }
 
-/// Solves the position rows, and writes to `position.correction` the bounded velocity that added to `velocity.v` removes position errors.
-/// Returns the lanes that are proven infeasible.
+/// Solves the position rows, and writes to `position.correction` the bounded velocity that removes position errors if it is added to
+/// `velocity.v`. Returns the lanes that are proven infeasible.
 fn correct<R: Real>(
     compiled: &LaneModel<R>,
     options: &StepSettings,
@@ -277,7 +277,7 @@ fn find_motion<R: Real>(compiled: &LaneModel<R>, mass: &MassMatrix<R>, impulses:
     }
 }
 
-/// The largest part that a motion is of its bounds.
+/// Largest ratio of a motion to its bounds.
 #[inline(always)]
 fn excess<R: Real>(compiled: &ModelStructure<R::Scalar>, v: &[R], bounds: Bounds<R>) -> R {
     let mut most = R::zero();
@@ -297,8 +297,10 @@ fn excess_of<R: Real>(kind: JointKind, v: &[R], bounds: Bounds<R>) -> R {
     }
 }
 
-/// Slows the motion `v` down, in the lanes `lanes`, where an island of bodies that rows join exceeds its bounds: all of the island alike,
-/// so that loops stay closed. Impulses with a snapshot are blended with it in the same ratio.
+/// Slows the motion `v` down, in the lanes `lanes`, if an island (bodies that rows join) exceeds its bounds.
+///
+/// The whole island slows down by the same factor, so that loops stay closed. Impulses with a snapshot are blended with it in the same
+/// ratio.
 #[cold]
 fn bound_islands<R: Real>(
     compiled: &ModelStructure<R::Scalar>,
@@ -354,14 +356,15 @@ fn prove_infeasible<R: Real>(
                     most += momentum[joint.v + k].abs() * bounds.of(joint.kind, k);
                 }
             }
-            // A contact that nothing can move along its normal is a witness by itself.
+            // A contact that is immovable along its normal is a witness by itself.
             let held = system.immovable_target().gt(R::of(MIN_UNMET_TARGET));
             lanes.and(held.or(lack.gt(most)))
         },
     )
 }
 
-/// Mobility of the bodies of every contact if nothing held them, 1/kg: what damping is at least relative to. 0 for scalar rows.
+/// Computes the mobility of the bodies of every contact without other constraints, 1/kg: the lower bound of the mobility that scales its
+/// damping. 0 for scalar rows.
 #[inline(always)]
 fn find_floors<R: Real>(compiled: &LaneModel<R>, input: &PositionInput<'_, R>, floors: &mut Vec<R>) {
     let ConstraintProblem { rows, slots, rolling_slots, .. } = input.problem;

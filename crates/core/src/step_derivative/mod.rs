@@ -90,7 +90,7 @@ pub struct DerivativeRows<'a> {
     pub sound: &'a mut [u8],
     /// Residual of the step, m/s.
     pub residual: &'a mut [f64],
-    /// Its flags.
+    /// Flags of the environments.
     pub status: &'a mut [u32],
     /// State after it: nq, nv and na numbers.
     pub state: [&'a mut [f64]; 3],

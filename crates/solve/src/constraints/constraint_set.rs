@@ -230,7 +230,7 @@ impl SavedConstraint {
 /// Operations of one kind of constraint on all constraints of that kind.
 ///
 /// `self` has the parts that all solves share, `rows` those of one solve. Results over all kinds (a sum, a maximum) pass from one kind to
-/// the next, so that the order of the arithmetic is that of the rows.
+/// the next. The order of the arithmetic is therefore that of the rows.
 pub trait ConstraintSet<R: Real>: Sized {
     /// Rows of one constraint.
     type Row: Row;

@@ -228,8 +228,9 @@ impl<R: Real> ScalarRows<R> {
         }
     }
 
-    /// Sets the mobility that scales the damping of the row pushed last, for example that of the other rows of a block with a nearly
-    /// immovable row.
+    /// Sets the mobility that scales the damping of the row pushed last.
+    ///
+    /// A block with a nearly immovable row uses the mobility of its other rows.
     #[inline(always)]
     pub fn set_mobility(&mut self, mobility: R) {
         if let Some(row) = self.rows.items.last_mut() {

@@ -17,9 +17,9 @@ pub(super) struct Block {
     tiles: Range<usize>,
     /// Places of its entries in [`Island::y`], one row after the other, tile by tile.
     pub(super) y: Range<usize>,
-    /// Its rows, as places in [`Island::g`] and [`Island::lambda`].
+    /// Range of its rows in [`Island::g`] and [`Island::lambda`].
     pub(super) rows: Range<usize>,
-    /// Which of the constraint's rows they are, as bits: those that do nothing (kinds of friction that a contact lacks) are left out.
+    /// Rows of the constraint in this block, as bits. Rows without effect (kinds of friction that a contact lacks) are left out.
     kept: u32,
     /// Trace of its block of G, before elimination of equality rows.
     pub(super) trace: f64,

@@ -21,7 +21,7 @@ pub(super) struct LaneBlock {
     pub(super) source: usize,
     support: Range<usize>,
     y: usize,
-    /// Its rows, as places in [`Lane::g`] and [`Lane::lambda`].
+    /// Range of its rows in [`Lane::g`] and [`Lane::lambda`].
     pub(super) rows: Range<usize>,
     /// Compliance R >= 0 on the diagonal of G, the same for all of its rows.
     pub(super) compliance: f64,

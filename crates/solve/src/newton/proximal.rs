@@ -24,12 +24,11 @@ const MOST_KAPPA: f64 = 1e12;
 /// Least kappa, however tight the tolerance.
 const LEAST_KAPPA: f64 = 1e2;
 
-/// Ratio kappa of the first steps of [`ProximalPoint::solve_exact`], in islands of at most [`SMALL`] coordinates and in larger ones, of the
-/// shortest, and of the longest.
+/// Ratio kappa of the first steps of [`ProximalPoint::solve_exact`], in islands of at most [`SMALL`] coordinates and in larger ones.
 ///
 /// Measured on 53 problems of a wall hit by a ball and of a heap of thirty boxes, which sweeps and convex steps had not solved. A first
-/// kappa of 10 or 1000, growth by 4, or 10 instead of [`MOST_STEPS`] take within 15 % as many Newton steps, and also solve all. In small
-/// islands, of 280 problems, 300 or 3000 take up to 20 % more.
+/// kappa of 10 or 1000, growth by 4, or 10 instead of [`MOST_STEPS`] take within 15 % as many Newton steps. They also solve all problems.
+/// In small islands, of 280 problems, 300 or 3000 take up to 20 % more.
 const FIRST_EXACT_KAPPA: [f64; 2] = [1e3, 1e2];
 const LEAST_EXACT_KAPPA: f64 = 0.3;
 const MOST_EXACT_KAPPA: f64 = 1e6;
@@ -49,7 +48,7 @@ const PATIENCE: u32 = 3;
 /// once.
 pub(super) const SMALL: usize = 64;
 
-/// Which law Newton's steps are of.
+/// Law that Newton's steps solve.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Terms {
     /// De Saxce's terms are held, which leaves convex problems, and renewed.
@@ -70,7 +69,7 @@ pub(super) struct Criteria {
     pub(super) steps: u32,
     /// Whether, of many possible impulses, those of least norm are sought, instead of those near the start.
     pub(super) least_norm: bool,
-    /// Which law the steps are of.
+    /// Law that the steps solve.
     pub(super) terms: Terms,
 }
 

@@ -36,7 +36,7 @@ type Rows = [f64; MAX_ROWS];
 /// Number of kinds of constraints.
 const KINDS: usize = 3;
 
-/// Why a derivative ends: the mode of a constraint that changes.
+/// Mode of a constraint that changes, at which a derivative ends.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Switch {
     /// A contact begins or ceases to push.
@@ -88,7 +88,7 @@ struct LaneResponse {
     velocity: Vec<f64>,
     /// Rows that are not open.
     active: Vec<usize>,
-    /// Their impulses by their velocities, row by row, each filled up to whole tiles.
+    /// Derivative of the impulses with respect to the velocities, row by row, each filled up to whole tiles.
     matrix: Vec<f64>,
     /// Changes of their impulses that the rows leave open, one after the other: they move nothing.
     open: Vec<f64>,
@@ -102,7 +102,7 @@ struct LaneResponse {
 struct Block {
     set: AdmissibleSet,
     piece: Piece,
-    /// See [`AdmissibleSet::margin`].
+    /// Margin of the impulses, see [`AdmissibleSet::margin`].
     margin: f64,
     kind: usize,
     source: usize,

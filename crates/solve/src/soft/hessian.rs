@@ -26,7 +26,7 @@ pub(super) struct Hessian<R: Real> {
     runs: Vec<Vec<Range<usize>>>,
     /// Whether a row has the columns of the row before it, that row's own, and no others: the joints of a body, or of a limb.
     follows: Vec<bool>,
-    /// See [`Hessian::work`].
+    /// Multiplications of a factorisation, see [`Hessian::work`].
     work: usize,
     /// A vector in the order of the rows.
     ordered: Vec<R>,

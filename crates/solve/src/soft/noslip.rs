@@ -36,7 +36,7 @@ pub struct SlipCapacity {
     pub contacts: usize,
     /// Degrees of freedom of all trees that a row or a contact joins, in all lanes together.
     pub support: usize,
-    /// See `contacts`.
+    /// Whether there are contacts with rolling friction, see `contacts`.
     pub rolls: bool,
 }
 
@@ -45,7 +45,7 @@ pub struct SlipCapacity {
 pub struct ContactVisit<M> {
     /// Whether it is one of those with six rows.
     pub rolling: bool,
-    /// Its index among those of its kind.
+    /// Index among the items of its kind.
     pub index: usize,
     /// Lanes in which it is visited.
     pub lanes: M,

@@ -200,7 +200,7 @@ fn without_friction_everything_is_solved_in_any_order() {
     swept_too.at_least(0.998, "solved by sweeps too");
 }
 
-/// Of many possible impulses `share` selects the least, from a cold start as from the result of sweeps, in any order of the contacts.
+/// Impulses of least norm that `share` selects, from a cold start as from the result of sweeps, in any order of the contacts.
 #[test]
 fn shared_loads_depend_on_neither_start_nor_order() {
     let solved = Share::default();

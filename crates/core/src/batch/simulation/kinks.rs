@@ -44,7 +44,7 @@ pub struct PerturbedCopies<'a> {
     pub one_sided: &'a [bool],
     /// Places in qpos and qvel of the joints whose limits are read.
     pub limited: &'a [[usize; 2]],
-    /// Their ranges, (num_envs, joints, 2) or (joints, 2) for all.
+    /// Ranges of these joints, (num_envs, joints, 2) or (joints, 2) for all.
     pub ranges: &'a [f64],
     /// Positions of these joints at which the step evaluated their limits, (num_envs, joints).
     pub taken: &'a [f64],

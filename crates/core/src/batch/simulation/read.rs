@@ -17,7 +17,7 @@ use crate::stages::s10_record::Status;
 pub struct Contact {
     /// The two geoms, as indices in the model.
     pub geoms: [usize; 2],
-    /// Their bodies.
+    /// Bodies of the two geoms.
     pub bodies: [usize; 2],
     /// Position, m.
     pub pos: [f64; 3],

@@ -1,4 +1,4 @@
-//! The acceleration with constraints at one state: stages 1 to 5.
+//! Constrained acceleration at one state: stages 1 to 5.
 
 use stepper_real::{Mask, Real};
 use stepper_solve::Outcome;
@@ -20,8 +20,9 @@ use crate::stages::s01_actuate::actuate;
 use crate::stages::s03_detect::detect;
 use crate::tuning::LOOK_AHEAD;
 
-/// Stages 1 to 5 at the state in `s.state`: the acceleration with constraints, left in the soft system. It starts from the impulse of the
-/// last step, or from the acceleration before.
+/// Computes the constrained acceleration at the state in `s.state` (stages 1 to 5) into the soft system.
+///
+/// The solve starts from the impulse of the last step, or from the previous acceleration.
 pub(super) fn accelerate<R: Real>(
     compiled: &LaneModel<R>,
     options: &StepSettings,
@@ -34,7 +35,7 @@ pub(super) fn accelerate<R: Real>(
     probe.span(Span::Solve, || solve(compiled, options, h, s, from_impulse))
 }
 
-/// Stages 1 to 4 at the state in `s.state`, as far as it is another than the last time.
+/// Stages 1 to 4 at the state in `s.state`, as far as it has changed since the last call.
 pub(super) fn prepare<R: Real>(
     compiled: &LaneModel<R>,
     options: &StepSettings,
@@ -59,13 +60,13 @@ pub(super) fn prepare<R: Real>(
         let ahead = if s.evaluation.solved_overlaps.is_some() { R::of(LOOK_AHEAD) } else { R::zero() };
         find_contacts(compiled, ahead, s, probe);
     }
-    // What actuator dynamics lose bounds rows of dry friction.
+    // Friction losses of actuator dynamics bound rows of dry friction.
     if recomputed != Recomputed::Forces || compiled.lossy {
         probe.span(Span::Assemble, || assemble(compiled, options, h, s));
     }
 }
 
-/// Stages 1 and 2: forces and the acceleration that they make, everything explicit.
+/// Stages 1 and 2: explicit forces, and the free acceleration.
 fn free_acceleration<R: Real>(compiled: &LaneModel<R>, h: R, s: &mut Workspace<R>, recomputed: Recomputed, probe: impl Probe) {
     probe.count(Counter::Evaluations, || 1.0);
     let kinematics = &s.evaluation.kinematics;
@@ -76,7 +77,7 @@ fn free_acceleration<R: Real>(compiled: &LaneModel<R>, h: R, s: &mut Workspace<R
     if let Some(system) = &mut s.problem.soft {
         match recomputed {
             Recomputed::Configuration => system.mass.copy_from_slice(&motion.smooth.mass.entries),
-            // Stage 6 adds to the entries what it takes implicitly.
+            // Stage 6 adds implicit terms to the entries.
             Recomputed::Velocity | Recomputed::Forces => motion.smooth.mass.entries.copy_from_slice(&system.mass),
         }
     }
@@ -95,7 +96,7 @@ fn free_acceleration_at_end<R: Real>(compiled: &LaneModel<R>, h: R, s: &mut Work
     probe.span(Span::Acceleration, || move_freely(compiled, h, s));
 }
 
-/// Stage 1: all forces at the state, explicitly.
+/// Stage 1: all forces at the state, explicit.
 fn find_forces<R: Real>(compiled: &LaneModel<R>, s: &mut Workspace<R>) {
     let (motion, kinematics) = (&mut s.free_motion, &s.evaluation.kinematics);
     motion.actuator_forces.release();
@@ -109,14 +110,14 @@ fn find_forces<R: Real>(compiled: &LaneModel<R>, s: &mut Workspace<R>) {
     add_tendon_springs(compiled, &s.state.q, &s.state.v, &mut motion.applied);
 }
 
-/// Stage 2: the acceleration that the forces make with the factored matrix, and the velocity after the step with it.
+/// Stage 2: free acceleration by the factored matrix, and the free velocity after the step.
 fn move_freely<R: Real>(compiled: &LaneModel<R>, h: R, s: &mut Workspace<R>) {
     let motion = &mut s.free_motion;
     motion.accelerate(compiled, &s.evaluation.kinematics, &s.state.v, &s.state.v);
     advance(&s.state.v, &motion.smooth.acc, h, &mut motion.v);
 }
 
-/// Springs and dampers of fixed tendons, taken explicitly.
+/// Adds the explicit forces of springs and dampers of fixed tendons.
 fn add_tendon_springs<R: Real>(compiled: &LaneModel<R>, q: &[R], v: &[R], forces: &mut [R]) {
     R::vectorize(
         #[inline(always)]
@@ -143,7 +144,7 @@ fn find_contacts<R: Real>(compiled: &LaneModel<R>, ahead: R, s: &mut Workspace<R
     probe.count(Counter::Contacts, || s.evaluation.contacts.count[..R::LANES].iter().sum::<usize>() as f64);
 }
 
-/// Stage 4.
+/// Stage 4: assembles the soft rows.
 fn assemble<R: Real>(compiled: &LaneModel<R>, options: &StepSettings, h: R, s: &mut Workspace<R>) {
     let Some(softness) = &compiled.softness else { return };
     let assembly = AssemblyInput {
@@ -165,7 +166,7 @@ fn assemble<R: Real>(compiled: &LaneModel<R>, options: &StepSettings, h: R, s: &
     assembler.assemble_soft(input, &mut s.evaluation.contacts);
 }
 
-/// Stage 5. The residual is the velocity that what is left of the imbalance of forces makes in a step.
+/// Stage 5: solves the soft problem. The residual is the velocity that the remaining imbalance of forces causes in a step.
 fn solve<R: Real>(compiled: &LaneModel<R>, options: &StepSettings, h: R, s: &mut Workspace<R>, from_impulse: bool) -> Outcome<R> {
     let constrained = s.problem.constrained;
     let mut outcome = Outcome { residual: R::zero(), sweeps: R::zero(), newton_steps: R::zero() };

@@ -1,12 +1,11 @@
-//! Stages 1, 2 and 6 of `discrete`: springs, dampers, servos and the drag of the medium at the end of the step, in the matrix in which
-//! constraints are solved.
+//! Stages 1, 2 and 6 of `discrete`: springs, dampers, servos and drag at the end of the step, in the matrix of the constraint solve.
 //!
 //! ```text
 //! (M + h D + h^2 K) a = f(q, v) - h K v + J^T f_c,    v+ = v + h a,    q+ = q (+) h v+
 //! ```
 //!
-//! with damping D and stiffness K as far as they take energy out and keep the motion from leaving where it is: joints, tendons, actuators,
-//! drag (MuJoCo's documentation, computation chapter, "Integrators"). A body alone on a free joint that nothing touches has, besides, the
+//! D is the damping and K the stiffness of joints, tendons, actuators and drag, as far as they dissipate energy or restore the
+//! configuration (MuJoCo's documentation, computation chapter, "Integrators"). A single body on a free joint without contacts also has the
 //! derivative of its gyroscopic force.
 
 use stepper_real::{Mask, Real};
@@ -20,8 +19,8 @@ use crate::integrators::workspace::Workspace;
 use crate::model::JointKind;
 use crate::stages::s01_actuate::servo_slopes;
 
-/// The matrix of the step from the assembled mass matrix, and the forces -h K v, which are added to those that are applied. Forces of
-/// actuators must be known.
+/// Computes the effective matrix of the step from the mass matrix, and adds the forces -h K v to the applied forces. Actuator forces must
+/// be computed before.
 pub(super) fn assemble_effective_mass<R: Real>(compiled: &LaneModel<R>, h: R, s: &mut Workspace<R>) {
     let Some(effective) = &mut s.mujoco.effective else { unreachable!("made with the workspace for this integrator") };
     let (motion, v) = (&mut s.free_motion, &s.state.v);
@@ -88,7 +87,7 @@ pub(super) fn integrate_velocity<R: Real>(compiled: &LaneModel<R>, h: R, s: &mut
             R::vectorize(
                 #[inline(always)]
                 || {
-                    // The forces that made the acceleration without constraints.
+                    // Forces of the acceleration without constraints.
                     for i in 0..6 {
                         let mut sum = R::zero();
                         for j in 0..6 {

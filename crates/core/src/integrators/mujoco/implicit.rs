@@ -1,4 +1,4 @@
-//! Stage 6 of Euler's rule and of implicitfast: what is implicit in the velocities.
+//! Stage 6 of Euler's rule and of implicitfast, with its implicit terms.
 
 use stepper_real::{Mask, Real};
 
@@ -94,7 +94,7 @@ pub(super) fn integrate_velocity<R: Real>(compiled: &LaneModel<R>, h: R, integra
     advance(v, work, h, &mut s.velocity.v);
 }
 
-/// Adds h times the damping of fixed tendons to the entries of the mass matrix, as far as the matrix has these entries.
+/// Adds h times the damping of fixed tendons to those entries that the mass matrix has.
 #[inline(always)]
 fn add_tendon_damping<R: Real>(compiled: &LaneModel<R>, h: R, entries: &mut [R]) {
     for tendon in &compiled.tendons {
@@ -111,8 +111,10 @@ fn add_tendon_damping<R: Real>(compiled: &LaneModel<R>, h: R, entries: &mut [R])
     }
 }
 
-/// Solves the six equations of a body that is alone on a free joint, with the derivative of its gyroscopic force: unsymmetric, so that the
-/// factors of the tree cannot hold it (`mjd_freeMhat`). `entries` are those of M, and those of M + h D.
+/// Solves the six equations of a single body on a free joint, with the derivative of its gyroscopic force.
+///
+/// The matrix is unsymmetric, so that the factors of the tree cannot hold it (`mjd_freeMhat`). `entries` are those of M, and those of M + h
+/// D.
 #[inline(always)]
 pub(super) fn solve_alone<R: Real>(compiled: &LaneModel<R>, entries: [&[R]; 2], mat: &M3<R>, v: &[R], h: R, first: usize, x: &mut [R]) {
     let mut a = [[R::zero(); 6]; 6];
@@ -145,7 +147,7 @@ pub(super) fn solve_alone<R: Real>(compiled: &LaneModel<R>, entries: [&[R]; 2], 
             a[3 + i][3 + c] += h * angular[i];
         }
     }
-    // Gauss's elimination; the symmetric part is positive definite, so that no pivot is needed.
+    // Gaussian elimination. The symmetric part is positive definite, so that no pivot is needed.
     let mut b = [x[first], x[first + 1], x[first + 2], x[first + 3], x[first + 4], x[first + 5]];
     for k in 0..6 {
         let inverse = R::one() / a[k][k];

@@ -33,7 +33,7 @@ use crate::probe::{Counter, NoProbe, Probe, Span};
 use crate::stages::s01_actuate::advance_activation;
 use crate::stages::s07_integrate_position::integrate_position;
 
-/// Stages 1 to 7 by MuJoCo's law. Leaves the next state in `s.next`.
+/// Stages 1 to 7 with MuJoCo's contact law. Writes the next state to `velocity.v`, `position.q` and `position.act`.
 pub(crate) fn solve_step<R: Real>(
     compiled: &LaneModel<R>,
     options: &StepSettings,
@@ -58,7 +58,7 @@ pub(crate) fn solve_step<R: Real>(
     StepOutcome { solver, impulses_act: true, ambiguous: none, limited: none, infeasible: none, tunnelled }
 }
 
-/// Stages 6 and 7 by the acceleration.
+/// Stages 6 and 7 with the constrained acceleration.
 fn advance<R: Real>(compiled: &LaneModel<R>, integrator: Integrator, h: R, s: &mut Workspace<R>, probe: impl Probe) {
     probe.span(Span::IntegrateVelocity, || match integrator {
         Integrator::Discrete => discrete::integrate_velocity(compiled, h, s),
@@ -70,7 +70,7 @@ fn advance<R: Real>(compiled: &LaneModel<R>, integrator: Integrator, h: R, s: &m
     });
 }
 
-/// Stages 1 to 7 near a step that was solved, whose acceleration is `solution`: stage 5 follows from it to first order.
+/// Stages 1 to 7 close to a solved step with the acceleration `solution`. Stage 5 follows it to first order.
 pub(crate) fn respond_step<R: Real>(
     compiled: &LaneModel<R>,
     options: &StepSettings,

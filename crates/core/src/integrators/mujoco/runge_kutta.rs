@@ -17,7 +17,7 @@ use crate::options::StepSettings;
 use crate::probe::Probe;
 use crate::stages::s01_actuate::{activation_rate, clamp_activation};
 
-/// Stages of the Runge-Kutta method: where each is taken, as a part of the step from its beginning, and its weight.
+/// Stages of the Runge-Kutta method: the time of each, as a fraction of the step, and its weight.
 const STAGES: [[f64; 2]; 4] = [[0.0, 1.0 / 6.0], [0.5, 1.0 / 3.0], [0.5, 1.0 / 3.0], [1.0, 1.0 / 6.0]];
 
 /// Stages 1 to 7 of the classical Runge-Kutta method of order 4.
@@ -86,8 +86,8 @@ pub(super) fn runge_kutta<R: Real>(
     outcome.unwrap_or(Outcome { residual: R::zero(), sweeps: R::zero(), newton_steps: R::zero() })
 }
 
-/// Rates of the displacement at a stage: `rates` has those of the last, which led there in `time` seconds, and then those at the velocity
-/// `v`.
+/// Computes the displacement rates at a stage, with the velocity `v`. `rates` holds those of the previous stage, which led to this one in
+/// `time` seconds.
 fn find_rates<R: Real>(compiled: &LaneModel<R>, time: R, v: &[R], rates: &mut [R]) {
     R::vectorize(
         #[inline(always)]
@@ -111,7 +111,7 @@ fn find_rates<R: Real>(compiled: &LaneModel<R>, time: R, v: &[R], rates: &mut [R
     )
 }
 
-/// Makes the state in `s.state` that of the next stage: so long from the beginning, by the rates of the last.
+/// Moves `s.state` to the next stage, `time` seconds after the beginning, with the rates of the last stage.
 fn move_stage<R: Real>(compiled: &LaneModel<R>, time: R, stages: &RungeKuttaStages<R>, s: &mut Workspace<R>) {
     let [q, v, act] = &stages.start;
     let acceleration = s.problem.soft.as_ref().map_or(&s.free_motion.smooth.acc, |system| &system.acceleration);

@@ -139,7 +139,7 @@ impl<S: Scalar> Imperfect<S> {
         }
     }
 
-    /// Which lanes are due for a sample.
+    /// Lanes that are due for a sample.
     #[inline(always)]
     fn due<R: Real<Scalar = S>>(&self, table: &Numbers<'_, S>, lanes: R::Mask, start: bool, h: f64, memory: &mut [S]) -> R::Mask {
         if !self.sampled {

@@ -11,17 +11,17 @@ use crate::compile::CompiledModel;
 use crate::options::StepSettings;
 use crate::sensing::errors::Errors;
 
-/// Controls of a call, one after the other, and the steps that each is held; `step` has one control.
+/// Controls of a call, one after the other, and the number of steps with each; `step` has one control.
 #[derive(Clone, Copy, Debug)]
 pub struct Schedule {
     /// Number of controls.
     pub controls: usize,
-    /// Steps to make with each.
+    /// Number of steps with each control.
     pub nstep: usize,
 }
 
 impl Schedule {
-    /// Steps of all controls together.
+    /// Number of steps of all controls together.
     pub fn steps(self) -> usize {
         self.controls.saturating_mul(self.nstep)
     }
@@ -30,9 +30,9 @@ impl Schedule {
 /// Arguments of one call of `step` or `rollout` for all environments.
 #[derive(Clone, Copy, Debug)]
 pub struct Call<'a, S: Scalar> {
-    /// The compiled model.
+    /// Compiled model.
     pub compiled: &'a CompiledModel<S>,
-    /// Settings.
+    /// Settings of a step.
     pub settings: &'a StepSettings,
     /// Number of environments.
     pub num_envs: usize,
@@ -41,7 +41,7 @@ pub struct Call<'a, S: Scalar> {
     /// Inputs of the user, environment-major. Controls are (controls, num_envs, nu), or (controls, nu) for all environments. An empty slice
     /// means zero controls, zero forces, or the mocap poses of the model.
     pub inputs: StepInputs<'a>,
-    /// The steps of the call that are made now.
+    /// Steps of the call that this part makes.
     pub part: Part,
     /// Error models of the sensors; none where all sensors are ideal.
     pub sensor_errors: Option<&'a Errors<S>>,
@@ -60,16 +60,16 @@ pub struct Query<'a> {
     pub out: &'a mut [f64],
 }
 
-/// Some steps of a call, which follow one another. The parts of a call make the bits of the whole.
+/// Consecutive steps of a call. The parts of a call give the same bits as the whole.
 #[derive(Clone, Copy, Debug)]
 pub struct Part {
-    /// The first of them, counted over all controls.
+    /// First step, counted over all controls.
     pub from: usize,
-    /// The first after them.
+    /// End of the range: the first step after it.
     pub to: usize,
-    /// Time of the call before them, s.
+    /// Time of the call before these steps, s.
     pub elapsed: f64,
-    /// Whether no other part follows.
+    /// Whether this is the last part.
     pub ends: bool,
 }
 
@@ -79,7 +79,7 @@ impl Part {
         Self { from: 0, to: steps, elapsed: 0.0, ends: true }
     }
 
-    /// The controls that have steps of it, all of them where a control has no step.
+    /// Range of controls with steps in this part; all controls if a control has no steps.
     pub(super) fn controls(&self, schedule: Schedule) -> Range<usize> {
         match schedule.nstep {
             0 => 0..schedule.controls,
@@ -88,7 +88,7 @@ impl Part {
         }
     }
 
-    /// The steps of it that a control has, as places among the control's own.
+    /// Range of the steps of a control in this part, counted from the control's first step.
     pub(super) fn steps_of(&self, control: usize, schedule: Schedule) -> Range<usize> {
         let before = control * schedule.nstep;
         self.from.saturating_sub(before)..(self.to - before).min(schedule.nstep)

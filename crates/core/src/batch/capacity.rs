@@ -19,7 +19,7 @@ pub(super) fn bytes_per_env<S: LaneScalar>(compiled: &CompiledModel<S>, max_cont
     group.bytes().div_ceil(S::SAVED)
 }
 
-/// Memory that is asked for besides what environments keep, bytes each: indices, and what a list of many parts costs.
+/// Memory per environment in addition to its state, bytes: indices and the overhead of lists.
 const BESIDES: usize = 64;
 
 /// Whether there is enough memory for `num_envs` environments of `bytes_per_env` bytes each.
@@ -60,7 +60,7 @@ pub(super) fn contact_capacity<S: LaneScalar>(model: &Model, compiled: &Compiled
     capacity.max(2 * contacts_at_start(model, compiled, settings, capacity, level)).min(compiled.contact_points)
 }
 
-/// The most contacts that a step finds from the reset state or a keyframe; there may be more than `capacity`.
+/// Largest number of contacts in a step from the reset state or a keyframe; it may exceed `capacity`.
 fn contacts_at_start<S: LaneScalar>(
     model: &Model,
     compiled: &CompiledModel<S>,
@@ -98,7 +98,7 @@ fn contacts_at_start<S: LaneScalar>(
             if group.status[0] & Status::CONTACTS_FULL.bits() == 0 || capacity == compiled.contact_points {
                 break;
             }
-            // There is capacity for all that are found, also for those that others make redundant afterwards.
+            // The capacity includes contacts that the reduction of redundant contacts removes later.
             most = most.max(capacity);
             capacity = (2 * capacity).min(compiled.contact_points);
             worker = make(capacity);

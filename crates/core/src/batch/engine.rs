@@ -7,8 +7,7 @@ use crate::batch::saving::Saving;
 use crate::batch::stepping::BatchCalls;
 use crate::batch::worker::LaneScalar;
 
-/// A batch, whatever its precision: steps, rays, what is given to all environments, one environment's state, and
-/// states as bytes.
+/// Batch of environments of any precision: steps, rays, configuration, the state of one environment, and states as bytes.
 pub trait Engine: BatchCalls + Configuration + Environments + RayCalls + Saving + Send + Sync {
     /// Copy of the batch, with separate workers and threads.
     fn boxed_clone(&self) -> Box<dyn Engine>;

@@ -10,7 +10,7 @@ use stepper_real::Scalar;
 use crate::compile::{LaneModel, Params};
 use crate::model::{Model, ModelError, Variants};
 
-/// Numbers of a compiled model, by their place in its parameters, that one environment has other than the model.
+/// Numbers of one environment that differ from the compiled model, by their place in its parameters.
 pub type Differences = Vec<(u32, f64)>;
 
 /// Per-environment fields of the model, by name, (num_envs, numbers of the field) each.
@@ -19,26 +19,27 @@ pub struct Randomization {
     fields: BTreeMap<&'static str, Vec<f64>>,
 }
 
-/// One field for some environments: its name, and rows for all environments, of which theirs are read; `None` for the model's own numbers.
+/// Assignment of one field: its name, and rows for all environments, of which those of the chosen environments are read. `None` restores
+/// the model's numbers.
 pub type Assignment<'a> = (&'static str, Option<&'a [f64]>);
 
 impl Randomization {
-    /// The fields, (num_envs, numbers of the field) each.
+    /// Fields, (num_envs, numbers of the field) each.
     pub fn fields(&self) -> impl Iterator<Item = (&'static str, &[f64])> {
         self.fields.iter().map(|(&name, values)| (name, &values[..]))
     }
 
-    /// Whether all environments have the model's own numbers.
+    /// Whether all environments have the model's numbers.
     pub fn is_empty(&self) -> bool {
         self.fields.is_empty()
     }
 
-    /// Memory that it holds, bytes.
+    /// Memory of the fields, bytes.
     pub fn bytes(&self) -> usize {
         self.fields.values().map(|values| size_of_val(&values[..])).sum()
     }
 
-    /// Whether nothing is left of it when these fields are assigned to `all` environments or to some.
+    /// Whether this assignment, to `all` environments or to some, removes the last per-environment field.
     pub fn ends_with(&self, assigned: &[Assignment<'_>], all: bool) -> bool {
         let taken_back = |name: &&str| all && assigned.iter().any(|(assigned, _)| assigned == name);
         assigned.iter().all(|(_, values)| values.is_none()) && self.fields.keys().all(taken_back)
@@ -73,7 +74,7 @@ impl Randomization {
         envs.iter().map(differences).collect()
     }
 
-    /// Takes the fields over.
+    /// Stores the assigned fields.
     pub fn assign(&mut self, model: &Model, num_envs: usize, assigned: &[Assignment<'_>], envs: &[usize]) {
         for &(name, values) in assigned {
             if values.is_none() && envs.len() == num_envs {
@@ -114,7 +115,7 @@ pub struct ParameterOverrides<S> {
 }
 
 impl<S: Scalar> ParameterOverrides<S> {
-    /// Gives environments what they have other than the model, and nothing else. Groups have `lanes` lanes.
+    /// Sets the differences of environments from the model, and removes all earlier ones. Groups have `lanes` lanes.
     pub fn assign(&mut self, shared: &Params<S>, groups: usize, lanes: usize, envs: &[usize], differences: &[Differences]) {
         self.make_room(shared, groups, lanes, differences);
         if self.places.is_empty() {
@@ -130,7 +131,7 @@ impl<S: Scalar> ParameterOverrides<S> {
         }
     }
 
-    /// Adds places that are new.
+    /// Adds the places that are new.
     fn make_room(&mut self, shared: &Params<S>, groups: usize, lanes: usize, differences: &[Differences]) {
         let mut places: Vec<u32> = differences.iter().flatten().map(|d| d.0).chain(self.places.iter().copied()).collect();
         places.sort_unstable();
@@ -150,7 +151,7 @@ impl<S: Scalar> ParameterOverrides<S> {
         self.numbers = (0..groups).map(moved).collect();
     }
 
-    /// Memory that it holds, bytes.
+    /// Memory of the overrides, bytes.
     pub fn bytes(&self) -> usize {
         size_of_val(&self.places[..]) + self.numbers.iter().map(|n| size_of_val(&n[..])).sum::<usize>()
     }

@@ -13,7 +13,7 @@ use crate::sensing::errors::Errors;
 
 /// States as bytes.
 pub trait Saving {
-    /// All that survives a step, as bytes: `ctrl`, (num_envs, nu), are the controls in force. Of one environment, or of all.
+    /// Saves all that survives a step as bytes, of one environment or of all. `ctrl`, (num_envs, nu), are the controls in force.
     fn save(&self, env: Option<usize>, ctrl: &[f64]) -> Vec<u8>;
     /// Restores a state that [`Saving::save`] wrote in the environments `envs`, and returns its controls in force.
     ///
@@ -24,7 +24,7 @@ pub trait Saving {
     fn restore(&mut self, bytes: &[u8], envs: &[usize]) -> Result<Vec<f64>, StateMisfit>;
 }
 
-/// All that survives a step, in groups of one width whatever steps them: 4 `f64` or 8 `f32`, or one environment alone.
+/// All that survives a step, in groups of one width for every level: 4 `f64` or 8 `f32`, or one environment alone.
 #[derive(Serialize, Deserialize)]
 struct SavedGroups<S> {
     num_envs: usize,
@@ -71,7 +71,7 @@ impl<S: LaneScalar> Saving for Batch<S> {
 }
 
 impl<S: LaneScalar> Batch<S> {
-    /// Refuses a state that is none of this batch's.
+    /// Checks that a state fits this batch.
     fn check_saved(&self, saved: &SavedGroups<S>) -> Result<(), StateMisfit> {
         if saved.num_envs != self.num_envs && saved.num_envs != 1 {
             return Err(StateMisfit::NumEnvs { found: saved.num_envs, must: self.num_envs });
@@ -116,11 +116,13 @@ impl<S: LaneScalar> Batch<S> {
         [sensors, self.pipelines.iter().flat_map(ActuatorPipelines::delay_lines).collect()]
     }
 
-    /// Takes over environments one by one. Delay lines turn to where those of this batch are, and what comes from one environment for all
-    /// draws each environment's own random numbers.
+    /// Restores environments one by one.
+    ///
+    /// Delay lines are rotated to the position of this batch. If one environment is restored to several, each draws different random
+    /// numbers.
     fn restore_some(&mut self, saved: &SavedGroups<S>, envs: &[usize]) {
         let lines = self.delay_lines();
-        // All environments step together: the lines of all are at one place.
+        // All environments step together, so that all delay lines are at one position.
         let places = [self.groups[0].sensing.cursors.clone(), self.groups[0].actuation.cursors.clone()];
         let turn = |mut part: Group<S>| {
             let memories =
@@ -200,7 +202,7 @@ mod tests {
         for given in [older, state.clone()] {
             sim.restore_state(&given).unwrap();
             assert_eq!(sim.save_state(), state);
-            // That of one environment given to all of them is the same again.
+            // The state of one environment, restored to all of them.
             let one = sim.save_state_of(1);
             sim.restore_state(&one).unwrap();
             assert_eq!(sim.save_state(), state);

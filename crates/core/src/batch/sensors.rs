@@ -1,4 +1,4 @@
-//! A worker's sensors: their first observation, readings of a whole group at once, and what they read of the last step.
+//! Sensors of a worker: first observations, readings of a whole group, and their inputs from the last step.
 
 use stepper_real::{Mask, Real, Scalar};
 
@@ -126,8 +126,7 @@ impl<R: Real, P: Probe> Reader<'_, R, P> {
         }
     }
 
-    /// Takes up what is kept of the last step, as far as somebody `needs` it. Lanes whose state was set since make a step, which is not
-    /// kept.
+    /// Loads the stored results of the last step that `needs` lists. Lanes whose state was set since make a trial step.
     fn recall_last_step(&self, group: &Group<R::Scalar>, s: &mut Workspace<R>, needs: Needs) {
         load_or_zero(&group.sensing.acceleration, &mut s.sensors.acceleration);
         let fresh = if needs.step { group.sensing.fresh & group.alive } else { 0 };
@@ -148,7 +147,7 @@ impl<R: Real, P: Probe> Reader<'_, R, P> {
         }
     }
 
-    /// Makes a step in the lanes `fresh` for what sensors read of it, and takes its state and time back.
+    /// Makes a trial step in the lanes `fresh` for the sensors, and restores their state and time.
     fn make_step_to_read(&self, group: &Group<R::Scalar>, s: &mut Workspace<R>, fresh: u32) {
         let elapsed = s.state.elapsed;
         s.alive = R::Mask::from_bits(fresh);
@@ -163,7 +162,7 @@ impl<R: Real, P: Probe> Reader<'_, R, P> {
     }
 }
 
-/// Remembers what sensors read of the last step.
+/// Stores the results of the last step that sensors read.
 pub(super) fn remember<R: Real>(group: &mut Group<R::Scalar>, s: &Workspace<R>) {
     let memory = &mut group.sensing;
     memory.fresh = 0;
@@ -202,7 +201,7 @@ fn load_or_zero<R: Real>(from: &[R::Scalar], out: &mut [R]) {
     )
 }
 
-/// The contacts of one lane as they are in the state.
+/// Contacts of one lane, as the state has them.
 fn place_contacts<R: Real>(group: &Group<R::Scalar>, lane: usize, out: &mut Contacts<R>) {
     out.count[lane] = group.contact_count[lane] as usize;
     for (k, contact) in group.contacts(lane).enumerate() {

@@ -1,20 +1,20 @@
-//! Equalities that act: which of the model's, in which environments.
+//! Active equalities of the model in each environment.
 
 use stepper_real::{Mask, Real};
 
 use crate::compile::{CompiledEquality, ModelStructure};
 
-/// Lanes in which each equality acts.
+/// Lanes in which each equality is active.
 #[derive(Clone, Debug)]
 pub(crate) struct ActiveEqualities<R: Real> {
-    /// By equality of the model.
+    /// Lanes, by equality of the model.
     lanes: Vec<R::Mask>,
-    /// Whether any equality of a block acts in any lane, by block of the compiled model.
+    /// Whether any equality of a block is active in any lane, by block of the compiled model.
     blocks: Vec<bool>,
 }
 
 impl<R: Real> ActiveEqualities<R> {
-    /// The model's own in every lane.
+    /// Default activity of the model in every lane.
     pub(crate) fn new(compiled: &ModelStructure<R::Scalar>) -> Self {
         let equalities = compiled.equalities.iter().map(|block| block.equalities.len()).sum();
         let none = R::Mask::splat(false);
@@ -41,13 +41,13 @@ impl<R: Real> ActiveEqualities<R> {
         }
     }
 
-    /// Lanes in which an equality acts.
+    /// Lanes in which an equality is active.
     #[inline(always)]
     pub(crate) fn lanes(&self, equality: &CompiledEquality<R::Scalar>) -> R::Mask {
         self.lanes[equality.index]
     }
 
-    /// Whether a block has rows, since an equality of it acts in some lane.
+    /// Whether a block has rows, because one of its equalities is active in some lane.
     #[inline(always)]
     pub(crate) fn has_rows(&self, block: usize) -> bool {
         self.blocks[block]

@@ -10,14 +10,16 @@ use crate::constraints::elimination::SquaredLengths;
 use crate::constraints::equality::RowInput;
 use crate::math::spatial::*;
 
-/// Least mobility along a contact's normal, as a fraction of that of all moving mass as one body. Below it the lever arm with which a hinge
-/// moves along the normal is rounding: less than 1e-7 of its length in 64 bits, 3e-5 in 32.
+/// Least mobility along a contact's normal, as a fraction of that of all moving mass as one body.
+///
+/// Below it the lever arm with which a hinge moves along the normal is rounding error: less than 1e-7 of its length in 64 bits, 3e-5 in 32.
 pub(crate) fn least_mobility<R: Real>() -> f64 {
     1e-14_f64.max((256.0 * <R::Scalar as Scalar>::EPSILON.to_f64()).powi(2))
 }
 
-/// Least lever arm of a degree of freedom along a contact's normal, as a part of the arms that it is the difference of. Holding a body by
-/// less takes 1e5 times the force that turns it, or rounding decides.
+/// Least lever arm of a degree of freedom along a contact's normal, as a fraction of the two arms whose difference it is.
+///
+/// With a smaller lever arm, holding a body takes 1e5 times the force that turns it, or the result is rounding error.
 fn least_lever<R: Real>() -> f64 {
     f64::max(1e-5, 1e3 * <R::Scalar as Scalar>::EPSILON.to_f64())
 }
@@ -26,7 +28,7 @@ fn least_lever<R: Real>() -> f64 {
 pub(crate) struct SlidingRows<R: Real> {
     /// Target velocity of each row in the velocity solve and in the position solve, m/s.
     pub(crate) targets: [[R; 2]; 3],
-    /// Squared lengths of the rows, where equalities are taken out of them.
+    /// Squared lengths of the rows, if equalities are eliminated from them.
     pub(crate) lengths: Option<SquaredLengths<R, 3>>,
     /// Lanes in which the contact can push, now or once it is activated.
     pub(crate) active: R::Mask,
@@ -37,7 +39,7 @@ pub(crate) struct SlidingRows<R: Real> {
 }
 
 impl<R: Real> Assembler<'_, R> {
-    /// Adds slot `k` in the lanes `lanes`, in which it has sliding friction at the most; `support` is gathered.
+    /// Adds slot `k` in the lanes `lanes`, whose contacts have sliding friction or none. `support` is gathered before.
     #[inline(always)]
     pub(crate) fn add_contact(&mut self, input: RowInput<'_, R>, contacts: &Contacts<R>, k: usize, lanes: u32) {
         let (slot, mass) = (&contacts.data[k], input.mass);
@@ -114,7 +116,7 @@ impl<R: Real> Assembler<'_, R> {
         )
     }
 
-    /// The rows of slot `k` in the lanes `lanes` along its normal and its tangents; `support` is gathered.
+    /// Builds the rows of slot `k` in the lanes `lanes` along its normal and its tangents. `support` is gathered before.
     #[inline(always)]
     pub(crate) fn sliding_rows(&mut self, input: RowInput<'_, R>, contacts: &Contacts<R>, k: usize, lanes: u32) -> SlidingRows<R> {
         let RowInput { compiled, options, mass, assembly, .. } = input;
@@ -128,7 +130,7 @@ impl<R: Real> Assembler<'_, R> {
         let solved = assembly.solved_overlaps.map(|solved| solved.distance(contacts, k));
         let (mut bias, mut position) = self.biases(options, assembly.gap(slot.point.distance), solved, assembly.h, rigid);
         if let Some(row) = &springs {
-            // Its position is the spring's, and nothing corrects it.
+            // The spring determines the position, and no correction is added.
             [bias, position] = [bias, position].map(|x| R::select(row.lanes, row.bias, x));
         }
         let (bias, mut active) = self.bounce(compiled, options, slot, assembly, active, [free[0], before[0]], bias);

@@ -11,8 +11,8 @@ use crate::constraints::equality::{RowInput, RowLaw, SpringRow, spring_law};
 use crate::constraints::row_builder::RowBuilder;
 
 /// Normal row of a contact with soft surfaces.
-pub(crate) struct GivingRow<R: Real> {
-    /// Lanes in which it does.
+pub(crate) struct CompliantRow<R: Real> {
+    /// Lanes in which the contact is soft.
     pub(crate) lanes: R::Mask,
     /// Bias that is added to the free velocity, m/s.
     pub(crate) bias: R,
@@ -30,9 +30,9 @@ impl<R: Real> RowBuilder<R> {
         k: usize,
         lanes: u32,
         [free, before]: [R; 2],
-    ) -> GivingRow<R> {
+    ) -> CompliantRow<R> {
         let RowInput { compiled, assembly, .. } = input;
-        let mut row = GivingRow { lanes: R::Mask::splat(false), bias: R::zero(), compliance: R::zero() };
+        let mut row = CompliantRow { lanes: R::Mask::splat(false), bias: R::zero(), compliance: R::zero() };
         let error = contacts.data[k].point.distance;
         let (apart, gram) = (error.ge(R::zero()), self.gram(input.mass, 0));
         for (pair, lanes) in contacts.pairs(k, lanes) {

@@ -23,12 +23,12 @@ use crate::constraints::equality::RowInput;
 use crate::math::spatial::*;
 use crate::tuning::MAX_CURVED_OVERLAP;
 
-/// A body's velocity field at a contact.
+/// Velocity field of a body at a contact.
 #[derive(Clone, Copy)]
 struct Field<R> {
-    /// rad/s
+    /// Angular velocity, rad/s.
     turn: V3<R>,
-    /// m/s
+    /// Velocity at the contact, m/s.
     velocity: V3<R>,
     /// Rate of the velocity field at a fixed place, m/s^2.
     rate: V3<R>,
@@ -76,7 +76,7 @@ impl<R: Real> Assembler<'_, R> {
     }
 }
 
-/// kappa of slot `k` in the lanes `lanes`, m/s^2.
+/// Term kappa of slot `k` in the lanes `lanes`, m/s^2.
 #[inline(always)]
 fn rate<R: Real>(input: RowInput<'_, R>, contacts: &Contacts<R>, k: usize, lanes: u32) -> V3<R> {
     let RowInput { compiled, kinematics, .. } = input;
@@ -89,7 +89,7 @@ fn rate<R: Real>(input: RowInput<'_, R>, contacts: &Contacts<R>, k: usize, lanes
         let [first, second] = geoms;
         let (a, b) = (field(input, compiled.geoms[first].frame, point.pos), field(input, compiled.geoms[second].frame, point.pos));
         let (from_a, from_b) = (compiled.params.geom_size(first)[0] + half, compiled.params.geom_size(second)[0] + half);
-        // Centres, where there are any, move with their bodies.
+        // Centres of spheres and capsule ends move with their bodies.
         let centre_a = sub(a.velocity, scale(cross(a.turn, n), from_a));
         let centre_b = add_scaled(b.velocity, cross(b.turn, n), from_b);
         let place = match [compiled.geoms[first].is_round, compiled.geoms[second].is_round] {
@@ -110,7 +110,7 @@ fn rate<R: Real>(input: RowInput<'_, R>, contacts: &Contacts<R>, k: usize, lanes
     out
 }
 
-/// The velocity field of a frame at the point `p`.
+/// Velocity field of a frame at the point `p`.
 #[inline(always)]
 fn field<R: Real>(input: RowInput<'_, R>, frame: usize, p: V3<R>) -> Field<R> {
     let RowInput { compiled, kinematics, assembly, .. } = input;
@@ -124,7 +124,7 @@ fn field<R: Real>(input: RowInput<'_, R>, frame: usize, p: V3<R>) -> Field<R> {
         None => {
             let (velocity, change) = (&assembly.motion.velocity[frame - 1], &assembly.motion.acceleration[frame - 1]);
             let arm = sub(p, kinematics.origin[compiled.links[frame - 1].tree]);
-            // The recursion takes gravity as an upward acceleration of the world.
+            // The recursion includes gravity as an upward acceleration of the world.
             let rate = add(velocity_at(change, arm), compiled.params.gravity());
             Field { turn: angular(velocity), velocity: velocity_at(velocity, arm), rate }
         }

@@ -51,7 +51,7 @@ impl<R: Real> RowBuilder<R> {
         }
     }
 
-    /// Searches the blocks of eliminated equalities: most scenes have none, so that this code is not inlined.
+    /// Searches the blocks of eliminated equalities. Most scenes have none, so that this code is not inlined.
     #[inline(never)]
     fn search_blocks(&mut self, problem: &ConstraintProblem<R>, compiled: &LaneModel<R>) {
         let mut start = 0;
@@ -246,7 +246,7 @@ impl<R: Real> RowBuilder<R> {
         )
     }
 
-    /// Adds to the scales of the first component of `column` the scales of what the last elimination subtracted.
+    /// Adds the scales of the last elimination's subtractions to those of the first component of `column`.
     #[inline(always)]
     pub(crate) fn add_removed_scales(&mut self, rows: &Problem<R>, mass: &MassMatrix<R>) {
         let Self { coupled, projections, scales, .. } = self;
@@ -354,8 +354,10 @@ impl<R: Real> RowBuilder<R> {
     }
 }
 
-/// Ratio of the squared length of a row after elimination to that before, below which the row is projected twice. In 32 bits one projection
-/// leaves an error of 1e-6 along the equalities there. That error moves a light body relative to the heavy one it is coupled to.
+/// Ratio of the squared length of a row after elimination to that before, below which the row is projected twice.
+///
+/// In 32 bits one projection leaves an error of 1e-6 along the equalities there. That error moves a light body relative to the heavy one to
+/// which it is coupled.
 fn reprojection_threshold<R: Real>() -> f64 {
     if <R::Scalar as Scalar>::IS_SINGLE { 1e-2 } else { MIN_REMAINING_LENGTH }
 }
@@ -363,9 +365,9 @@ fn reprojection_threshold<R: Real>() -> f64 {
 /// Squared lengths of rows in the metric of G, 1/kg.
 #[derive(Clone, Copy)]
 pub(crate) struct SquaredLengths<R, const N: usize> {
-    /// Before the elimination.
+    /// Squared lengths before the elimination.
     pub(crate) before: [R; N],
-    /// After the elimination.
+    /// Squared lengths after the elimination.
     pub(crate) after: [R; N],
 }
 

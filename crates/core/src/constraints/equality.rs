@@ -24,14 +24,14 @@ use crate::math::spatial::*;
 use crate::options::{Stabilization, StepSettings};
 use crate::tuning::{CORRECTION_ARM, DAMPING, NEGLIGIBLE_ERROR};
 
-/// Three rows, or one in the first component.
+/// Jacobian of three rows, or of one in the first component.
 pub(crate) struct EqualityJacobian<R: Real> {
     pub(crate) error: V3<R>,
-    /// J' v
+    /// Velocity-dependent acceleration J' v of the rows.
     pub(crate) kappa: V3<R>,
-    /// Squared length of what each row's entries are differences of.
+    /// Squared length of the terms whose differences are the entries of each row.
     size: R,
-    /// Mobility of the bodies if nothing held them, for rows of points, 1/kg.
+    /// Mobility of the bodies without other constraints, for rows of points, 1/kg.
     bodies: R,
 }
 
@@ -46,14 +46,14 @@ pub(crate) struct RowInput<'a, R: Real> {
 }
 
 impl<R: Real> RowBuilder<R> {
-    /// Makes `support` what an equality moves itself.
+    /// Sets `support` to the degrees of freedom that an equality moves.
     #[inline(always)]
     pub(crate) fn use_own_support(&mut self, equality: &CompiledEquality<R::Scalar>) {
         self.support.clear();
         self.support.extend_from_slice(&equality.support);
     }
 
-    /// Makes `support` that of all rows of a block, with zeros in `column` where an equality moves nothing itself.
+    /// Sets `support` to that of all rows of a block, with zeros in `column` where the equality has no entries.
     #[inline(always)]
     fn use_block_support(&mut self, block: &EqualityBlock<R::Scalar>, equality: &CompiledEquality<R::Scalar>) {
         let mut own = equality.support.iter().peekable();
@@ -67,7 +67,7 @@ impl<R: Real> RowBuilder<R> {
         self.support.extend_from_slice(&block.support);
     }
 
-    /// Two points meet: error p0 - p1 (MuJoCo's `mjEQ_CONNECT`). Leaves J in `column`.
+    /// Jacobian of two points that meet, with the error p0 - p1 (MuJoCo's `mjEQ_CONNECT`), written to `column`.
     #[inline(always)]
     pub(crate) fn connect_points(
         &mut self,
@@ -101,8 +101,10 @@ impl<R: Real> RowBuilder<R> {
         EqualityJacobian { error: sub(points[0], points[1]), kappa, size, bodies }
     }
 
-    /// Two orientations agree: error is the rotation vector from the second to the first in world axes, times the weight. (MuJoCo's
-    /// `mjEQ_WELD` takes the sine of half its length; the manifold is the same.) Leaves J in `column`.
+    /// Jacobian of two orientations that agree, written to `column`.
+    ///
+    /// The error is the rotation vector from the second to the first in world axes, times the weight. MuJoCo's `mjEQ_WELD` uses the sine of
+    /// half its length; the manifold is the same.
     #[inline(always)]
     fn align(&mut self, input: RowInput<'_, R>, frames: [usize; 2], mats: &[[R::Scalar; 9]; 2], weight: R) -> EqualityJacobian<R> {
         let RowInput { compiled, kinematics, .. } = input;
@@ -129,7 +131,7 @@ impl<R: Real> RowBuilder<R> {
         EqualityJacobian { error: scale(turn, weight), kappa: scale(kappa, weight), size: size * weight * weight, bodies: R::zero() }
     }
 
-    /// x - ref = polynomial(y - ref) (MuJoCo's `mjEQ_JOINT` and `mjEQ_TENDON`). Leaves J in `column`.
+    /// Jacobian of x - ref = polynomial(y - ref) (MuJoCo's `mjEQ_JOINT` and `mjEQ_TENDON`), written to `column`.
     #[inline(always)]
     pub(crate) fn couple_joints(
         &mut self,
@@ -159,7 +161,7 @@ impl<R: Real> RowBuilder<R> {
         EqualityJacobian { error: [error, R::zero(), R::zero()], kappa: [kappa, R::zero(), R::zero()], size, bodies: R::zero() }
     }
 
-    /// Adds a combination's Jacobian, times `factor`, to the first row; returns the squared length of what it adds.
+    /// Adds a combination's Jacobian, times `factor`, to the first row. Returns the squared length of the added terms.
     #[inline(always)]
     pub(crate) fn add_terms(&mut self, input: RowInput<'_, R>, combination: &Combination<R::Scalar>, factor: R) -> R {
         let mut size = R::zero();
@@ -179,7 +181,7 @@ impl<R: Real> RowBuilder<R> {
         }
     }
 
-    /// Adds the squares of what half a solve has subtracted from the first `N` components of `column` on `support` to the scales.
+    /// Adds the squares of the terms that the half solve subtracted from the first `N` components of `column` on `support` to the scales.
     #[inline(always)]
     pub(crate) fn add_fill_scales<const N: usize>(&mut self, compiled: &LaneModel<R>, mass: &MassMatrix<R>) {
         let Self { support, column, scales, .. } = self;
@@ -216,8 +218,8 @@ impl<R: Real> Assembler<'_, R> {
                         block.equalities.iter().for_each(|equality| self.velocity.scalar_impulse[equality.impulses()].fill(R::zero()));
                         continue;
                     }
-                    // Rows that nearly depend on one another need scales of their entries, which cost as much as the rows: a block
-                    // gets them from the first time on that it needs them. Its rows are the same with them and without.
+                    // Nearly dependent rows need scales of their entries, which cost as much as the rows. A block computes them from the
+                    // first step on in which it needs them. Its rows are the same with and without scales.
                     while !self.add_block(input, block, self.builder.needs_scales[k]) {
                         self.builder.needs_scales[k] = true;
                     }
@@ -226,7 +228,7 @@ impl<R: Real> Assembler<'_, R> {
         )
     }
 
-    /// Adds the rows of a block. Returns false, and adds none, if it cannot tell without scales of entries which of them are dependent.
+    /// Adds the rows of a block. Returns false, and adds none, if the test for dependent rows needs scales of entries.
     #[inline(always)]
     fn add_block(&mut self, input: RowInput<'_, R>, block: &EqualityBlock<R::Scalar>, with_scales: bool) -> bool {
         let start = self.problem.rows.scalars.len();
@@ -256,7 +258,7 @@ impl<R: Real> Assembler<'_, R> {
             &mut self.builder.targets,
             #[inline(always)]
             |row, [_, _, correction]| {
-                // Baumgarte's bias is what it is: see `limit_baumgarte` of stage 8.
+                // Baumgarte's bias stays undamped: see `limit_baumgarte` of stage 8.
                 *correction = row.damp_correction(damping, *correction);
             },
         );
@@ -324,7 +326,7 @@ impl<R: Real> Assembler<'_, R> {
         }
     }
 
-    /// Turns the first `N` components of `column` on `support` into rows of an equality on the support of its block.
+    /// Appends the first `N` components of `column` on `support` as rows of an equality on the support of its block.
     #[inline(always)]
     fn push_rows<const N: usize>(
         &mut self,
@@ -400,7 +402,7 @@ impl<R: Real> Assembler<'_, R> {
         }
     }
 
-    /// The bias, minus the velocity that takes a part of the error away: +rate * error, with a bounded speed.
+    /// Bias of an equality, minus the velocity that removes a fraction of the error: +rate * error, with a bounded speed.
     #[inline(always)]
     fn correct(&mut self, input: RowInput<'_, R>, rows: &EqualityJacobian<R>, h: R, alive: R::Mask) -> V3<R> {
         let options = input.options;
@@ -456,24 +458,24 @@ impl<R: Real> Assembler<'_, R> {
     }
 }
 
-/// Law of a scalar row: right-hand side, compliance, lanes, bounds of its impulse.
+/// Scalar row: right-hand side, compliance, lanes, and bounds of its impulse.
 #[derive(Clone, Copy)]
 pub(crate) struct RowLaw<R: Real> {
     /// Velocity with its bias before any impulse, of the velocity solve and of the position solve.
     pub(crate) g: [R; 2],
     pub(crate) compliance: R,
     pub(crate) active: R::Mask,
-    /// Least and greatest impulse.
+    /// Least and largest impulse.
     pub(crate) bounds: [R; 2],
 }
 
-/// No bounds of an impulse.
+/// Infinite bounds of an impulse.
 #[inline(always)]
 fn free_bounds<R: Real>() -> [R; 2] {
     [R::of(f64::NEG_INFINITY), R::of(f64::INFINITY)]
 }
 
-/// The law of a limit that is left at the velocity `free`, with its biases in the velocities and when positions are solved apart.
+/// Scalar row of a limit with the free velocity `free`, and its biases in the velocity solve and in the position solve.
 #[inline(always)]
 pub(crate) fn limit_law<R: Real>(free: R, [velocity, position]: [R; 2], active: R::Mask) -> RowLaw<R> {
     RowLaw { g: [free + velocity, free + position], compliance: R::zero(), active, bounds: [R::zero(), R::of(f64::INFINITY)] }
@@ -529,7 +531,7 @@ pub(crate) fn moves<S: Scalar>(compiled: &ModelStructure<S>, frame: usize, dof: 
     compiled.moved_dofs[frame][dof / 64] >> (dof % 64) & 1 == 1
 }
 
-/// Acceleration of the point `p` of a frame if no joint accelerates; zero for the world and what the user poses.
+/// Acceleration of the point `p` of a frame if no joint accelerates; zero for the world and for mocap bodies.
 #[inline(always)]
 fn acceleration<R: Real>(input: RowInput<'_, R>, frame: usize, p: V3<R>) -> V3<R> {
     let RowInput { compiled, kinematics, assembly, .. } = input;
@@ -539,7 +541,7 @@ fn acceleration<R: Real>(input: RowInput<'_, R>, frame: usize, p: V3<R>) -> V3<R
     let l = frame - 1;
     let (velocity, change) = (&assembly.motion.velocity[l], &assembly.motion.acceleration[l]);
     let arm = sub(p, kinematics.origin[compiled.links[l].tree]);
-    // The recursion takes gravity as an upward acceleration of the world.
+    // The recursion includes gravity as an upward acceleration of the world.
     let change = spatial(angular(change), add(linear(change), compiled.params.gravity()));
     add(velocity_at(&change, arm), cross(angular(velocity), velocity_at(velocity, arm)))
 }

@@ -16,10 +16,10 @@ use stepper_real::{Mask, Real};
 use crate::options::StepSettings;
 use crate::tuning::END_TOLERANCE;
 
-/// The flight of a contact through a step.
+/// Flight of a contact through a step.
 #[derive(Clone, Copy, Debug)]
 pub struct Flight<R> {
-    /// Gap where the step is taken, m.
+    /// Gap at the evaluation point, m.
     pub gap: R,
     /// Normal velocity before the step, m/s; negative where the gap closes.
     pub before: R,
@@ -36,9 +36,9 @@ pub struct Flight<R> {
 pub struct ImpactPrediction<R: Real> {
     /// Lanes in which the contact collides fast enough to bounce.
     pub collides: R::Mask,
-    /// Lanes in which it touches and parts: an impact elsewhere may drive it together, and is shared.
+    /// Lanes in which the contact touches and separates. An impact elsewhere may close it, and is shared.
     pub parts: R::Mask,
-    /// Lanes in which it touches or is about to, and does not bounce.
+    /// Lanes in which the contact touches or is about to, and does not bounce.
     pub rests: R::Mask,
     /// Time of the bounce after the beginning of the step, s.
     pub time: R,
@@ -59,7 +59,7 @@ impl<R: Real> Flight<R> {
         let square = before * before - two * change * start;
         let speed = square.max(zero).sqrt();
         let (falls, sinks) = (before.lt(zero), change.lt(zero));
-        // Either form of the root where its denominator is no difference.
+        // Of the two forms of the root, the one whose denominator is not a difference.
         let late = R::select(falls, two * start / R::select(falls, speed - before, one), (before + speed) / R::select(sinks, -change, one));
         let overlaps = falls.and(start.le(zero));
         // A collision at the very end of the step must survive rounding when the contact is evaluated there again.
@@ -91,7 +91,7 @@ mod tests {
 
     #[test]
     fn a_fall_collides_when_it_has_come_down() {
-        // From the height H at the beginning of the step, at the speed v: H - v t - g t^2 / 2 = 0.
+        // A fall from the height H at the beginning of the step, at the speed v: H - v t - g t^2 / 2 = 0.
         let (v, t) = (1.0, 0.004);
         let height = v * t + 9.81 * t * t / 2.0;
         let found = predict(height - v * 0.005, -v, -v - 9.81 * 0.01, 0.5);
@@ -100,7 +100,7 @@ mod tests {
 
     #[test]
     fn a_throw_collides_when_it_has_come_back() {
-        // Up from the surface at v, it is back after 2 v / g; that it was there at the beginning is no impact.
+        // A throw from the surface at the speed v is back after 2 v / g. The contact at the beginning is no impact.
         let v = 9.81 * 0.008 / 2.0;
         let found = predict(v * 0.005, v, v - 9.81 * 0.01, 1.0);
         assert!(found.rests.any(), "its flight is shorter than a step");

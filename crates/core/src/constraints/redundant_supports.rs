@@ -34,13 +34,13 @@ pub(crate) struct ContactGroups<R> {
     of_contact: Vec<usize>,
     /// Contacts of the cluster whose loads are being shared.
     points: Vec<Point>,
-    /// Rows of the normal impulses: one for each coordinate that they move, with an entry for each point.
+    /// Rows of the normal impulses: one for each coordinate with an entry, over the points.
     rows: Vec<f64>,
     /// Sum of the scaled impulses in each coordinate.
     sums: Vec<f64>,
     /// Coordinate of each row.
     coordinates: Vec<u32>,
-    /// Whether each row is done.
+    /// Whether each row is already orthonormal.
     done: Vec<bool>,
     /// Contact group that each coordinate belongs to.
     owners: Vec<usize>,
@@ -61,8 +61,8 @@ struct ContactGroup {
 }
 
 impl ContactGroup {
-    /// Indices of its contacts in the problem, but for those with six rows and those that nothing can move: other lanes may have such a
-    /// contact in the same slot.
+    /// Indices of the group's contacts in the problem, without those with six rows and immovable ones. Other lanes may have such a contact
+    /// in the same slot.
     fn contacts<'a, R: Real>(
         &self,
         slots: &'a [usize],
@@ -83,16 +83,16 @@ struct Point {
     contact: usize,
     /// Velocity along normal and tangents, m/s.
     velocity: [f64; 3],
-    /// Normal impulse before, N s.
+    /// Normal impulse before the redistribution, N s.
     before: f64,
-    /// Normal impulse when it is shared, N s.
+    /// Normal impulse after the redistribution, N s.
     shared: f64,
-    /// Whether it may be loaded.
+    /// Whether the point may carry load.
     free: bool,
 }
 
 impl<R: Real> ContactGroups<R> {
-    /// Workspace for a number of contacts per environment.
+    /// Workspace for `max_contacts` contacts per environment.
     pub(crate) fn new(max_contacts: usize) -> Self {
         let n = max_contacts;
         Self {
@@ -203,8 +203,9 @@ impl<R: Real> ContactGroups<R> {
         R::Mask::from_bits(slipping)
     }
 
-    /// Shares the loads of the lanes `lanes`, whose slips are found. Returns the lanes in which that changed any share; w of the others may
-    /// have changed by rounding.
+    /// Shares the loads of the lanes `lanes` after [`ContactGroups::find_slips`]. Returns the lanes in which a share changed.
+    ///
+    /// w of the other lanes may change by rounding.
     pub(crate) fn share(&mut self, assembled: &ConstraintProblem<R>, iterate: &mut Iterate<R>, lanes: R::Mask) -> R::Mask {
         let (mut start, mut shared) = (0, 0);
         while start < self.groups.len() {
@@ -280,7 +281,8 @@ impl<R: Real> ContactGroups<R> {
         }
     }
 
-    /// Finds the normal impulses of least norm that move all coordinates alike, none negative; false where there are none, or none changes.
+    /// Finds the nonnegative normal impulses of least norm with the same effect on all coordinates. Returns false if there are none, or
+    /// none changes.
     fn distribute(&mut self, lane: usize, problem: &Problem<R>) -> bool {
         let (total, most) = self.points.iter().fold((0.0, 0.0_f64), |(sum, most), p| (sum + p.before, most.max(p.before)));
         for _ in 0..self.points.len() {
@@ -299,7 +301,7 @@ impl<R: Real> ContactGroups<R> {
         false
     }
 
-    /// Makes a row of unit length for each coordinate that the free points move, and what the impulses make of it.
+    /// Computes a row of unit length for each coordinate with an entry of a free point, and the sum of its impulses.
     fn make_rows(&mut self, lane: usize, problem: &Problem<R>) {
         let Self { points, rows, sums, coordinates, .. } = self;
         coordinates.clear();
@@ -332,8 +334,10 @@ impl<R: Real> ContactGroups<R> {
         }
     }
 
-    /// Impulses of least norm of the free points that make the sums of all rows, left in `shared`: rows are made orthonormal one by one
-    /// (modified Gram-Schmidt), and their sums with them. False where the free points cannot make the sums.
+    /// Computes the impulses of least norm of the free points with the same sums in all rows, into `shared`.
+    ///
+    /// The rows become orthonormal one by one (modified Gram-Schmidt), and their sums with them. Returns false if the free points cannot
+    /// give the sums.
     fn least_norm(&mut self, total: f64) -> bool {
         let Self { points, rows, sums, done, .. } = self;
         let (n, m) = (points.len(), sums.len());
@@ -359,7 +363,7 @@ impl<R: Real> ContactGroups<R> {
         (0..m).all(|r| done[r] || sums[r].abs() <= 10.0 * dependent * total)
     }
 
-    /// Takes over the normal impulses, and friction to match.
+    /// Writes the normal impulses to `iterate`, with friction to match.
     fn scatter(&self, lane: usize, problem: &Problem<R>, iterate: &mut Iterate<R>) {
         for p in &self.points {
             let lambda = &mut iterate.contacts[p.contact];
@@ -379,12 +383,12 @@ impl<R: Real> ContactGroups<R> {
     }
 }
 
-/// 0 in 64 bits, 1 in 32.
+/// Index of the precision: 0 in 64 bits, 1 in 32.
 fn precision<R: Real>() -> usize {
     usize::from(R::Scalar::IS_SINGLE)
 }
 
-/// Speed of a contact across its normal, m/s.
+/// Slip speed of a contact, m/s.
 fn slip(velocity: [f64; 3]) -> f64 {
     velocity[1].hypot(velocity[2])
 }

@@ -1,4 +1,4 @@
-//! Contacts that bounce.
+//! Contacts that bounce: restitution by Newton's law.
 //!
 //! Euler's rule applies Newton's law to the free velocity, which is the recursion of textbooks. The midpoint rule applies it at the time t
 //! of the impact (see [`crate::constraints::impact_time`]). With the velocities v- of the free motion at that time, the rows are
@@ -27,7 +27,7 @@ use crate::dynamics::inertia::MassMatrix;
 use crate::math::spatial::*;
 use crate::options::StepSettings;
 
-/// Velocities of a contact's rows: g of the step, and when positions are solved apart.
+/// Targets of a contact's rows: g of the velocity solve and of the position solve, m/s.
 type Targets<R> = [[R; 2]; 3];
 
 impl<R: Real> RowBuilder<R> {
@@ -66,7 +66,7 @@ impl<R: Real> Assembler<'_, R> {
             return (bias, active);
         }
         let (h, phi, threshold) = (assembly.h, slot.point.distance, R::of(options.restitution_threshold));
-        // What a slow contact and gravity close within the step.
+        // Gaps that a slow contact and gravity close within the step.
         let near = phi.le(h * (threshold + h * norm(compiled.params.gravity())) + R::of(options.slop));
         let rests = before.abs().le(threshold).and(near);
         let closed = phi.le(R::of(options.slop)).or((phi + h * free).lt(R::zero()));
@@ -139,7 +139,7 @@ impl<R: Real> Assembler<'_, R> {
 }
 
 impl<R: Real> ConstraintProblem<R> {
-    /// Takes back, of a `change` (scaled) of the velocity after the step, what came after the impacts.
+    /// Subtracts the part after the impacts from a scaled `change` of the velocity after the step.
     #[inline(always)]
     pub(crate) fn undo_change_after_impacts(&mut self, change: &[R], lanes: R::Mask) {
         let Self { rows, impacts, .. } = self;
@@ -152,8 +152,9 @@ impl<R: Real> ConstraintProblem<R> {
         );
     }
 
-    /// Adds a change of the velocity before the impacts, given as that of the velocity after the step if they were not; `change` is used
-    /// up.
+    /// Adds a change of the velocity before the impacts to the targets.
+    ///
+    /// `change` is the change of the velocity after the step that it would cause without impacts. Overwrites `change`.
     pub fn shift_before_impacts(&mut self, compiled: &LaneModel<R>, mass: &MassMatrix<R>, change: &mut [R], lanes: R::Mask) {
         if self.impacts.is_empty() {
             return;
@@ -188,8 +189,8 @@ impl<R: Real> ConstraintProblem<R> {
 impl<R: Real> PositionSolution<R> {
     /// Removes impacts from the position solve in the lanes `lanes`: their impulses, and the contacts that did not overlap before.
     ///
-    /// A contact that overlapped is pushed out if it does not separate fast enough. `impulses` are those of the velocity solution. Writes
-    /// to `carried` the velocity that moves the positions within a step as far as the impulses do beyond the velocity after the step.
+    /// A contact that overlapped is pushed out if it does not separate fast enough. `impulses` are those of the velocity solution.
+    /// `carried` receives a velocity: over a step it gives the displacement by the impulses beyond that of the velocity after the step.
     /// `time_before` is the evaluation time of the step of `h` seconds.
     pub(crate) fn remove_impacts(
         &mut self,
@@ -255,20 +256,21 @@ impl<R: Real> PositionSolution<R> {
     }
 }
 
-/// Weight of a change of the velocity after the step that the rows of an impact take back: what came after it. Of 1 + e (or 1 for friction)
-/// and the fraction of the step before the impact.
+/// Weight of the part of a velocity change that acts after an impact, which the rows of the impact subtract.
+///
+/// `normal_factor` is 1 + e (or 1 for friction), and `time_fraction` the fraction of the step before the impact.
 #[inline(always)]
 fn after_impact<R: Real>(normal_factor: R, time_fraction: R) -> R {
     normal_factor * time_fraction - R::one()
 }
 
-/// Weight of a change before the impact, given as that of the velocity after the step.
+/// Weight of a velocity change before the impact, given as the change of the velocity after the step.
 #[inline(always)]
 fn before_impact<R: Real>(normal_factor: R, time_fraction: R) -> R {
     normal_factor * time_fraction
 }
 
-/// Calls `shift` with the contacts that bounce in the lanes `lanes`, those lanes, and the weights of the normal row and of friction.
+/// Calls `shift` for the contacts that bounce in the lanes `lanes`, with these lanes and the weights of the normal row and of friction.
 #[inline(always)]
 fn shift_impacts<R: Real>(
     impacts: &[Impact<R>],

@@ -1,4 +1,4 @@
-//! Workspace in which stage 4 builds one row after the other: its Jacobian, half a solve of it, and the elimination of equalities.
+//! Workspace in which stage 4 builds one row after the other: its Jacobian, its half solve, and the elimination of equalities.
 
 use std::ops::Range;
 
@@ -34,7 +34,7 @@ pub(crate) struct RowBuilder<R: Real> {
     pub(crate) projections: Vec<V3<R>>,
     /// Squared scales of the entries of a column.
     pub(crate) scales: Vec<V3<R>>,
-    /// Squared scales of what the elimination of equalities removes from each entry of a column.
+    /// Squared scales of the terms that the elimination of equalities removes from each entry of a column.
     pub(crate) removed_scales: Vec<V3<R>>,
     /// Squared scales of the target velocities of hard equality rows, (m/s)^2, in the order of these rows.
     pub(crate) velocity_scales: Vec<R>,

@@ -9,8 +9,7 @@ use crate::dynamics::inertia::MassMatrix;
 use crate::math::spatial::*;
 
 impl<R: Real> Assembler<'_, R> {
-    /// Pushes the impulse that a scalar row of the lanes `active` starts from. The others forget theirs, whether the row is made again or
-    /// not.
+    /// Pushes the initial impulse of a scalar row in the lanes `active`. The other lanes discard their warm start.
     #[inline(always)]
     pub(crate) fn warm_start(&mut self, owner: usize, active: R::Mask) {
         let kept = R::select(active, self.velocity.scalar_impulse[owner], R::zero());

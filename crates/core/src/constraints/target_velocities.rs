@@ -10,8 +10,9 @@ use crate::options::{Stabilization, StepSettings};
 use crate::tuning::LIMIT_RETURN;
 
 impl<R: Real> Assembler<'_, R> {
-    /// The biases of a contact's normal row at distance `phi` (see the module): of the velocity solve and of the position solve. Where a
-    /// step is differentiated, `solved` is the distance in its solution.
+    /// Biases of a contact's normal row at distance `phi` (see the module), in the velocity solve and in the position solve.
+    ///
+    /// While a step is differentiated, `solved` is the distance in its solution.
     #[inline(always)]
     pub(crate) fn biases(&mut self, options: &StepSettings, phi: R, solved: Option<R>, h: R, active: R::Mask) -> (R, R) {
         self.biases_up_to(options, options.max_correction_speed, phi, solved, h, active)

@@ -19,7 +19,7 @@ pub struct VelocitySolution<R: Real> {
     pub v: Vec<R>,
     /// Impulses of all scalar constraints: limits, dry friction, then equalities and tendons. They start the next step's solve.
     pub scalar_impulse: Vec<R>,
-    /// Contact groups whose loads statics does not determine. Their contacts share the load evenly.
+    /// Contact groups with redundant supports. Their contacts share the load evenly.
     pub(crate) groups: ContactGroups<R>,
     /// Saved impulses, for lanes that may restore them.
     pub(crate) shared: Snapshot<R>,

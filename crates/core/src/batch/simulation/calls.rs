@@ -1,4 +1,4 @@
-//! Calls for all environments of a simulation: steps, rollouts, readings of sensors, and what they are given.
+//! Calls for all environments of a simulation: steps, rollouts, sensor readings, and their inputs.
 
 use crate::batch::call::Schedule;
 use crate::batch::inputs::{AppliedInput, StepInputs};
@@ -8,7 +8,7 @@ use crate::batch::stepping::Watch;
 use crate::error::check_length;
 
 impl Simulation {
-    /// Controls in force, (num_envs, nu): those of the last step, of the keyframe that was started from, or zero after a reset.
+    /// Controls in force, (num_envs, nu): those of the last step or of the initial keyframe, or zero after a reset.
     pub fn ctrl(&self) -> &[f64] {
         &self.ctrl
     }
@@ -46,13 +46,14 @@ impl Simulation {
         Ok(())
     }
 
-    /// Applies forces, poses of mocap bodies or which equalities act, (num_envs, ...): every call reads them from now on. A reset of an
-    /// environment takes its part back. Positions of mocap bodies can be given without orientations, and the reverse; no numbers at all
-    /// take back what was applied.
+    /// Sets applied forces, poses of mocap bodies or the activity of equalities, (num_envs, ...), for all calls from now on.
+    ///
+    /// The reset of an environment clears its part. Positions of mocap bodies may be given without orientations, and the reverse. An empty
+    /// array clears the input.
     ///
     /// # Errors
-    /// [`Error::Length`] when there are more or fewer numbers; [`Error::Model`] for an equality that closes a loop in which a force sensor
-    /// is.
+    /// [`Error::Length`] when there are more or fewer numbers; [`Error::Model`] for an equality that closes a loop with a force sensor in
+    /// it.
     pub fn apply(&mut self, input: AppliedInput, values: &[f64]) -> Result<(), Error> {
         if !values.is_empty() {
             let row: usize = input.shape(&self.model).iter().product();
@@ -103,8 +104,9 @@ impl Simulation {
         self.engine.make_steps(&inputs, Schedule { controls: 1, nstep }, None, watch)
     }
 
-    /// Makes `nstep` steps with each of `controls` controls, (controls, num_envs, nu) or (controls, nu), and writes down what follows each:
-    /// the same bits as that many calls of [`Simulation::step`], in one. Flags are kept over all steps.
+    /// Makes `nstep` steps with each of `controls` controls, (controls, num_envs, nu) or (controls, nu), and records the state after each.
+    ///
+    /// The bits are the same as those of separate calls of [`Simulation::step`]. Flags accumulate over all steps.
     ///
     /// # Errors
     /// Those of [`Simulation::step`], and [`Error::ArrayPrecision`] for an array of the recording in the wrong precision.
@@ -158,10 +160,10 @@ impl Simulation {
         Ok(steps)
     }
 
-    /// Readings of all sensors of all environments, (num_envs, nsensordata): those of ideal ones, or those of the last step after the
-    /// transfer functions, which are the same however often they are read.
+    /// Reads all sensors of all environments, (num_envs, nsensordata).
     ///
-    /// Of the inputs, controls are not read: they are those in force.
+    /// These are ideal readings if `truth`. Otherwise they are those of the last step after the transfer functions, the same at every call.
+    /// Controls of `inputs` are ignored: those in force count.
     ///
     /// # Errors
     /// Those of [`Simulation::step`], and [`Error::Length`] for `out`.

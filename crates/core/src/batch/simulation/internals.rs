@@ -36,7 +36,7 @@ impl Simulation {
         self.engine_mut().set_workers(makers);
     }
 
-    /// The settings in force.
+    /// Settings in force.
     #[doc(hidden)]
     pub fn settings(&self) -> &StepSettings {
         self.engine.settings()
@@ -48,7 +48,7 @@ impl Simulation {
         self.engine_mut().settings_mut().poison = true;
     }
 
-    /// The model as the step reads it, in f64.
+    /// Compiled model in f64.
     #[doc(hidden)]
     pub fn compiled(&self) -> &LaneModel<f64> {
         self.lane_model()

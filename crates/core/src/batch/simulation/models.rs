@@ -1,4 +1,4 @@
-//! Models of sensors and actuators that a simulation is given.
+//! Models of sensors and actuators of a simulation.
 
 use std::sync::OnceLock;
 

@@ -58,8 +58,7 @@ impl Simulation {
         Ok(())
     }
 
-    /// Gives all of the model's own numbers back to the environments `envs`, ascending, and those that [`Simulation::set_actuator_models`]
-    /// gave.
+    /// Restores the model's numbers and those of [`Simulation::set_actuator_models`] in the environments `envs`, ascending.
     ///
     /// # Errors
     /// [`Error::Environment`] or [`Error::Order`] for `envs`.
@@ -114,7 +113,7 @@ impl Simulation {
             return self.randomization.differences(&self.model, self.lane_model(), None, assigned, envs);
         };
         let actuator_models = |variant: &Model| {
-            // The dynamics have taken over the delays already.
+            // The dynamics include the delays already.
             let folded = ActuatorSpec::fold(&variant.without_actuator_delays(), specs, self.num_envs, self.timestep());
             folded.expect("actuator dynamics were checked with the model, and a variant has its structure").0
         };
@@ -144,7 +143,7 @@ impl Simulation {
         self.randomization.bytes() + self.engine.parameter_bytes() + self.actuator_models.as_ref().map_or(0, ActuatorModels::bytes)
     }
 
-    /// The compiled model of one environment, in f64.
+    /// Compiled model of one environment, in f64.
     pub(super) fn lane_model_of(&self, env: usize) -> Cow<'_, LaneModel<f64>> {
         let shared = self.lane_model();
         if self.randomization.is_empty() {

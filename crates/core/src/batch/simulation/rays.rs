@@ -65,11 +65,11 @@ impl Simulation {
     }
 }
 
-/// The directions of rays, each of unit length.
+/// Directions of rays, scaled to unit length.
 fn directions(rays: &RayCast<'_>) -> Result<Vec<f64>, Error> {
     let mut all = Vec::with_capacity(rays.directions.len());
     for (i, &d) in rays.directions.as_chunks::<3>().0.iter().enumerate() {
-        // Of the largest's size first, so that no square overflows or vanishes.
+        // Division by the largest component first, so that no square overflows or underflows.
         let most = d.iter().fold(0.0, |most: f64, x| most.max(x.abs()));
         let d = d.map(|x| x / most);
         let length = (d[0] * d[0] + d[1] * d[1] + d[2] * d[2]).sqrt();

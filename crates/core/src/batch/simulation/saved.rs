@@ -1,10 +1,10 @@
-//! States of a simulation, saved and restored.
+//! Saved states of a simulation.
 
 use crate::batch::saved_state::SavedState;
 use crate::batch::simulation::{Error, Simulation};
 
 impl Simulation {
-    /// All that survives a step, of all environments, the controls in force included. What the user applies is no part of it.
+    /// Saved state of all environments: all that survives a step, with the controls in force. Applied inputs are no part of it.
     pub fn save_state(&self) -> SavedState {
         self.sealed(self.engine.save(None, &self.ctrl))
     }
@@ -24,7 +24,7 @@ impl Simulation {
         SavedState::new(self.digest(), self.precision, payload)
     }
 
-    /// The digest of the model, which takes a while of meshes.
+    /// Digest of the model, which is slow for large meshes.
     fn digest(&self) -> [u8; 32] {
         *self.digest.get_or_init(|| self.model.digest())
     }

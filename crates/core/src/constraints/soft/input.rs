@@ -11,6 +11,6 @@ use crate::constraints::soft::effective_mass::EffectiveMass;
 pub struct SoftInput<'a, R: Real> {
     pub(crate) row: RowInput<'a, R>,
     pub(crate) softness: &'a CompiledSoftness<R::Scalar>,
-    /// Matrix of a discrete step, at whose end constraints are taken then.
+    /// Matrix of a discrete step, which evaluates constraints at its end.
     pub(crate) effective: Option<&'a EffectiveMass<R>>,
 }

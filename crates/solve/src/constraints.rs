@@ -1,6 +1,7 @@
-//! Kinds of constraints, and the one list of them. A kind is a file: a set of constraints with its rows, and its implementation of
-//! [`ConstraintSet`](constraint_set::ConstraintSet). What it adds to the rest of the crate is its line in `by_kind`, `each_kind` and
-//! `make_kinds`.
+//! Kinds of constraints, and the single list of them.
+//!
+//! A kind is a file: a set of constraints with its rows, and its implementation of [`ConstraintSet`](constraint_set::ConstraintSet). The
+//! rest of the crate refers to it only by its line in `by_kind`, `each_kind` and `make_kinds`.
 
 pub(crate) mod constraint_set;
 pub(crate) mod friction;
@@ -59,8 +60,9 @@ macro_rules! by_kind {
     };
 }
 
-/// Does the same for each kind of constraint, in the order in which sweeps visit them: `each_kind!([set: &problem] => set.clear())` binds
-/// `set` to `&problem.scalars`, then to the fields of the other kinds.
+/// Repeats an expression for each kind of constraint, in the order in which sweeps visit them.
+///
+/// `each_kind!([set: &problem] => set.clear())` binds `set` to `&problem.scalars`, then to the fields of the other kinds.
 macro_rules! each_kind {
     (@ $kind:ident $([$name:ident: $($place:tt)+])+ => $body:expr) => {{
         $(let $name = $($place)+.$kind;)+
@@ -73,7 +75,7 @@ macro_rules! each_kind {
     };
 }
 
-/// Makes a struct that [`by_kind`] declares: the `value` for each kind, with bindings as those of [`each_kind`].
+/// Constructs a struct that [`by_kind`] declares: the `value` for each kind, with bindings as those of [`each_kind`].
 macro_rules! make_kinds {
     ($name:ident { $($own:tt)* } $([$binding:ident: $($place:tt)+])+ => $value:expr) => {
         $name {

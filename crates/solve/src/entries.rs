@@ -6,11 +6,11 @@
 /// survive the call that allocates.
 #[derive(Clone, Debug)]
 pub(crate) struct Entries<T> {
-    /// Entries in use, and after them those that earlier steps left.
+    /// Entries in use, followed by those of earlier steps.
     items: Vec<T>,
     /// Number of entries in use.
     len: usize,
-    /// Value of entries that nobody has set.
+    /// Value of unset entries.
     blank: T,
 }
 
@@ -75,7 +75,7 @@ impl<T: Copy> Entries<T> {
         &mut self.items[start..start + n]
     }
 
-    /// Two rows of `n` entries each, of which the first lies before the second; the second is mutable.
+    /// Two rows of `n` entries each. The first lies before the second; the second is mutable.
     #[inline(always)]
     pub(crate) fn two_rows(&mut self, first: usize, second: usize, n: usize) -> (&[T], &mut [T]) {
         let (before, rest) = self.items.split_at_mut(second);

@@ -23,7 +23,7 @@ use crate::problem::{Problem, System};
 use crate::solver::Settings;
 use stepper_real::{Mask, Real, Scalar};
 
-/// The first bytes of every saved problem. The last is no valid UTF-8, so no text file begins so.
+/// First bytes of every saved problem. The last is no valid UTF-8, so that no text file begins like this.
 const MAGIC: [u8; 8] = *b"problem\xff";
 
 /// Version of the format of saved problems; changes whenever the payload does.
@@ -64,19 +64,19 @@ impl fmt::Display for FileError {
 
 impl std::error::Error for FileError {}
 
-/// Problem as it was saved, with the impulses that its solve starts from and the limits of that solve.
+/// Loaded problem, with the initial impulses and the limits of its solve.
 #[derive(Clone, Debug)]
 pub struct LoadedProblem<R: Real> {
-    /// The problem, the same in every lane.
+    /// Problem, the same in every lane.
     pub problem: Problem<R>,
-    /// Impulses at the start of the solve, with their w.
+    /// Initial impulses, with their w.
     pub iterate: Iterate<R>,
     /// Limits of the solve.
     pub settings: Settings<R>,
 }
 
 impl<R: Real> System<'_, R> {
-    /// One lane as bytes, with the impulses of `iterate` and the limits of its solve; see [`Problem::from_bytes`].
+    /// Problem of one lane as bytes, with the impulses of `iterate` and the limits of its solve; see [`Problem::from_bytes`].
     pub fn to_bytes(&self, iterate: &Iterate<R>, settings: &Settings<R>, lane: usize) -> Vec<u8> {
         let (dimension, redundant) = (self.problem.dimension(), self.problem.redundant.bits() >> lane & 1 == 1);
         let Settings { sweeps, newton_steps, tolerance, newton_threshold } = *settings;
@@ -90,10 +90,10 @@ impl<R: Real> System<'_, R> {
 }
 
 impl<R: Real> Problem<R> {
-    /// The problem that [`System::to_bytes`] wrote, in every lane: it solves with the same bits.
+    /// Reads a problem of [`System::to_bytes`] into every lane. It solves with the same bits.
     ///
     /// # Errors
-    /// When the bytes are no saved problem, of another format version, damaged, or hold rows that no problem has.
+    /// When the bytes are no saved problem, of another format version, damaged, or hold invalid rows.
     pub fn from_bytes(bytes: &[u8]) -> Result<LoadedProblem<R>, FileError> {
         parse(bytes).map_err(|what| FileError { place: "saved problem".into(), what })
     }
@@ -108,7 +108,7 @@ impl<R: Real> Problem<R> {
     }
 }
 
-/// The problem of sound bytes, or what is wrong with them and what to do.
+/// Parses a problem, or returns what is wrong with the bytes and what to do.
 fn parse<R: Real>(bytes: &[u8]) -> Result<LoadedProblem<R>, String> {
     const AGAIN: &str = "copy the file again, or save the problem again";
     if !bytes.starts_with(&MAGIC) {
@@ -132,7 +132,7 @@ fn parse<R: Real>(bytes: &[u8]) -> Result<LoadedProblem<R>, String> {
 }
 
 impl Payload {
-    /// The problem in every lane of `R`.
+    /// Problem in every lane of `R`.
     fn problem<R: Real>(&self) -> Result<LoadedProblem<R>, String> {
         let Self { dimension, redundant, sweeps, newton_steps, tolerance, newton_threshold, .. } = *self;
         if dimension > MOST_COORDINATES || !(tolerance >= 0.0 && newton_threshold >= tolerance) {

@@ -1,8 +1,8 @@
-//! Lane map: which lanes of a group are gathered into half the registers, and scattered back.
+//! Lane map: the lanes of a group that are gathered into half the registers, and scattered back.
 
 use stepper_real::{Mask, Real};
 
-/// Sources of gathered lanes: lane i of the half holds what lane `sources[i]` of the whole held.
+/// Sources of gathered lanes: lane i of the half has the numbers of lane `sources[i]` of the whole.
 #[derive(Clone, Copy, Debug)]
 pub struct LaneMap {
     /// Source of every lane of the half; beyond the count it is lane 0, whose copy nothing reads.
@@ -69,7 +69,7 @@ impl LaneMap {
         self.gather(R::select(m, R::one(), R::zero())).gt(R::Half::zero())
     }
 
-    /// Scatters one number into the lanes that it was gathered from.
+    /// Scatters one number to its source lanes.
     #[inline(always)]
     pub(crate) fn scatter<R: Real>(&self, from: R::Half, to: &mut R) {
         *to = to.replace_lanes(from, &self.places, R::Mask::from_bits(self.lanes));

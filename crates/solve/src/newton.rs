@@ -1,7 +1,7 @@
 //! Augmented-Lagrangian Newton: the robust solver, for the lanes that sweeps do not bring to the tolerance.
 //!
-//! It solves each island of each lane in scalar f64. The unknown is w, whose metric is the identity. With De Saxce's terms s_i = mu_i
-//! |v_t,i| constant, the problem is convex. The proximal method solves it by a few minimisations over w of
+//! It solves each island of each lane in scalar f64. The unknown is w, whose metric is the identity. The problem is convex if De Saxce's
+//! terms `s_i = mu_i |v_t,i|` are constant. The proximal method solves it by a few minimisations over w of
 //!
 //! ```text
 //! 1/2 |w|^2 + sum_i |P_K(lambda_i - rho_i (Y_i w + g_i + s_i))|^2 / (2 rho_i),      then lambda <- P_K(...)
@@ -40,12 +40,13 @@ pub use proximal::{EXACT_RATIO, Terms};
 pub use response::{Followed, Response, Switch};
 use stepper_real::{Mask, Real, Scalar};
 
-/// Number of Newton steps a pass from which on steps of the exact law follow in small islands, and in a last pass: half of the problems
-/// that they are for take 75 steps, six times this. With fewer they leave a smaller residual, but move what has not converged: a cube
-/// pinched with five a pass slips (scene 31).
+/// Least number of Newton steps per pass with which steps of the exact law follow in small islands, and in a last pass.
+///
+/// Half of the problems that need them take 75 steps, six times this. With fewer steps the residual is smaller, but unconverged contacts
+/// move: a cube pinched with five per pass slips (scene 31).
 pub(crate) const LEAST_EXACT: u32 = 13;
 
-/// Newton's method with its workspace, made once per thread; it grows with the largest problem that it has seen.
+/// Newton's method with its workspace, one per thread. The workspace grows with the largest problem so far.
 #[derive(Clone, Debug, Default)]
 pub struct Newton {
     lane: Lane,
@@ -68,7 +69,7 @@ pub struct Newton {
 pub struct Work {
     /// Number of islands searched.
     pub islands: u32,
-    /// Number of Newton steps: each factorises a matrix and looks at some 30 points along its direction at the most.
+    /// Number of Newton steps. Each factorises a matrix and evaluates at most some 30 points along its direction.
     pub steps: u32,
     /// Number of rounds of the outer loop: each evaluates the problem a few times.
     pub rounds: u32,
@@ -77,15 +78,15 @@ pub struct Work {
 /// Arguments of [`Newton::solve`].
 #[derive(Clone, Copy, Debug)]
 pub struct Search<R> {
-    /// Largest number of Newton steps of an island; of the exact law [`EXACT_RATIO`] times as many.
+    /// Largest number of Newton steps of an island; [`EXACT_RATIO`] times as many for the exact law.
     pub steps: u32,
-    /// Residual that is enough, m/s.
+    /// Residual at which the search stops, m/s.
     pub tolerance: R,
     /// Treatment of De Saxce's terms of Coulomb's law.
     pub terms: Terms,
 }
 
-/// [`Criteria`] for every lane.
+/// Criteria of every lane, see [`Criteria`].
 #[derive(Clone, Copy, Debug)]
 struct LaneCriteria<R> {
     steps: u32,
@@ -104,9 +105,10 @@ struct LaneOutcome {
 }
 
 impl Newton {
-    /// Improves the impulses of the lanes `lanes` whose `residual` is above the tolerance, each alone. Replaces their residuals
-    /// and adds the Newton steps to `taken`. No lane ends with a larger residual than it had. Of many possible impulses it takes those near
-    /// the start.
+    /// Improves the impulses of the lanes `lanes` whose `residual` is above the tolerance, each alone. Replaces their residuals and adds
+    /// the Newton steps to `taken`.
+    ///
+    /// No lane ends with a larger residual than before. Of many possible impulses the solver finds those near the start.
     pub fn solve<'a, R: Real>(
         &mut self,
         system: impl Into<System<'a, R>>,
@@ -191,7 +193,7 @@ impl Newton {
                 }
                 after = self.island.residual(&mut self.v);
             }
-            // An answer that is not a number is none.
+            // A NaN is no solution.
             let better = after < before || after <= criteria.tolerance;
             if better {
                 self.island.scatter(&mut self.lane, &self.members, &self.ordering.coordinates);
@@ -202,7 +204,7 @@ impl Newton {
         result
     }
 
-    /// Improves the island that is gathered; returns its Newton steps and rounds.
+    /// Improves the gathered island. Returns its Newton steps and rounds.
     fn solve_island<R: Real>(&mut self, criteria: Criteria) -> [u32; 2] {
         let Self { proximal, island, v, .. } = self;
         let [mut steps, mut rounds] = [0; 2];

@@ -42,7 +42,7 @@ impl<R: Real> PositionRows<R> {
         make_kinds!(System { problem, certified: true, } [own: &self] => own)
     }
 
-    /// Takes up a scaled change of the free velocity, as [`Problem::shift`] does.
+    /// Adds a scaled change of the free velocity to the targets, as [`Problem::shift`] does.
     #[inline(always)]
     pub fn shift(&mut self, problem: &Problem<R>, change: &[R], lanes: R::Mask) {
         each_kind!([own: &mut self] [set: &problem] => set.shift(own, change, lanes));
@@ -57,7 +57,7 @@ impl<R: Real> PositionRows<R> {
         }
     }
 
-    /// Takes contact `i`, counted over those of three rows and then of six, out of the lanes `lanes`.
+    /// Removes contact `i`, counted over those of three rows and then of six, in the lanes `lanes`.
     #[inline(always)]
     pub fn leave_out_contact(&mut self, i: usize, lanes: R::Mask) {
         let active = match i.checked_sub(self.contacts.items.len()) {
@@ -146,7 +146,7 @@ impl<R: Real> System<'_, R> {
     }
 }
 
-/// Takes the first `n` numbers of a list that has one for every constraint, by kind.
+/// Splits the first `n` numbers off a list with one for every constraint, by kind.
 #[inline(always)]
 fn take<'a, R>(list: &mut &'a [R], n: usize) -> &'a [R] {
     let (first, rest) = list.split_at(n);

@@ -1,4 +1,4 @@
-//! The constraint problem: what is fixed once its rows are made, and the system of rows that one solve reads.
+//! Constraint problem, which does not change after the assembly of its rows, and the system of rows that one solve reads.
 
 use crate::capacity::Capacity;
 use crate::constraints::constraint_set::{ConstraintSet, Rows};
@@ -13,10 +13,12 @@ by_kind! {
     #[derive(Clone, Debug)]
     pub struct Problem[R: Real] {
         dimension: usize,
-        /// Lanes that are solved for impulses of least norm first: their rows do not determine how a load is distributed, and no step
-        /// before has distributed it.
+        /// Lanes with redundant supports, which are solved for impulses of least norm first.
+        ///
+        /// Supports are redundant if statics does not determine how they share the load: a table with four legs, for example. The flag
+        /// marks lanes in which no earlier step has distributed the load.
         pub redundant: R::Mask,
-        /// Least mobility along the normal of a contact that can move, 1/kg, for the contacts that are pushed from now on.
+        /// Least mobility of a contact that can move along its normal, 1/kg, for the contacts pushed from now on.
         pub least_mobility: R,
     } each set
 }
@@ -29,7 +31,7 @@ by_kind! {
     pub struct System['a, R: Real] {
         /// Part that all solves share.
         pub(crate) problem: &'a Problem<R>,
-        /// Whether the solve ends with a residual that certifies it, of a w that is the sum over the impulses to the last bit. Else lanes
+        /// Whether the solve ends with a certified residual, for a w that is the sum over the impulses to the last bit. Otherwise lanes
         /// whose sweeps change little count as solved.
         pub(crate) certified: bool,
     } each rows
@@ -56,7 +58,7 @@ impl<R: Real> Problem<R> {
         Self::new(&capacity)
     }
 
-    /// An empty problem of this capacity.
+    /// Empty problem of this capacity.
     pub fn new(capacity: &Capacity) -> Self {
         let (dimension, redundant, least_mobility) = (capacity.dimension, R::Mask::splat(false), R::zero());
         make_kinds!(Self { dimension, redundant, least_mobility, } [count: capacity] => ConstraintSet::new(count, capacity))
@@ -75,7 +77,7 @@ impl<R: Real> Problem<R> {
         self.dimension
     }
 
-    /// Whether there is no row at all.
+    /// Whether the problem has no rows.
     #[inline(always)]
     pub fn is_empty(&self) -> bool {
         let mut empty = true;
@@ -166,13 +168,13 @@ impl<R: Real> System<'_, R> {
         Self { certified: false, ..self }
     }
 
-    /// Gathers some lanes into `out`, as far as sweeps need them.
+    /// Gathers the parts that sweeps need from some lanes into `out`.
     #[inline(always)]
     pub(crate) fn gather(&self, map: &LaneMap, out: &mut Problem<R::Half>) {
         each_kind!([set: &self.problem] [rows: self] [out: &mut out] => set.gather(rows, map, out));
     }
 
-    /// Calls `f` for every row or contact that exists in a lane with the coordinates that it touches there, ascending.
+    /// Calls `f` for every row or contact that exists in a lane, with the coordinates that it touches there, ascending.
     pub fn for_each_support(&self, lane: usize, mut f: impl FnMut(&mut dyn Iterator<Item = u32>)) {
         each_kind!([set: &self.problem] [rows: self] => set.for_each_support(rows, lane, &mut f));
     }

@@ -2,7 +2,7 @@
 
 use crate::capacity::Capacity;
 
-/// Solution that a second one starts from. The compliance of damped rows counts from its impulses, and the witness of infeasibility is
+/// Solution from which a second one starts. The compliance of damped rows counts from its impulses, and the witness of infeasibility is
 /// added to it.
 #[derive(Clone, Debug, Default)]
 pub struct Reference<R> {

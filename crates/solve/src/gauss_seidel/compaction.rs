@@ -9,7 +9,7 @@ use crate::lane_map::LaneMap;
 use crate::problem::System;
 use stepper_real::{Mask, Real};
 
-/// Sweeps in half the registers until the running lanes have paused, if they fit there; returns whether they did.
+/// Sweeps in half the registers until the running lanes have paused, if they fit there. Returns whether they did.
 #[inline(always)]
 pub(super) fn sweep_compacted<R: Real>(system: System<'_, R>, iterate: &mut Iterate<R>, progress: &mut Progress<R>) -> bool {
     if R::LANES == R::Half::LANES {

@@ -27,7 +27,7 @@ pub(super) struct Block {
     pub(super) rho: f64,
     /// Compliance R >= 0 on the diagonal of G, the same for all of its rows.
     pub(super) compliance: f64,
-    /// Step of the natural map by which the residual is measured: of a block without the first row's own compliance.
+    /// Step of the natural map for the residual: that of a block without the compliance of the first row.
     natural_step: f64,
     /// Fraction of an error in the first row that no compliance of the contact absorbs.
     rigid_fraction: f64,
@@ -50,7 +50,7 @@ pub(super) struct Island {
 }
 
 impl Island {
-    /// Gathers the blocks `members` of a lane, whose coordinates are `coordinates` in this order; `number` is its inverse.
+    /// Gathers the blocks `members` of a lane, whose coordinates are `coordinates` in this order. `number` is the inverse of the order.
     pub(super) fn gather(&mut self, lane: &Lane, members: &[usize], coordinates: &[u32], number: &[u32]) {
         self.blocks.clear();
         self.tiles.clear();
@@ -137,7 +137,7 @@ impl Island {
         self.y[block.y.clone()].chunks_exact(self.width(block))
     }
 
-    /// out = Y x, for all rows.
+    /// Computes out = Y x, for all rows.
     #[inline(always)]
     pub(super) fn multiply(&self, x: &[f64], out: &mut Vec<f64>) {
         out.clear();
@@ -149,7 +149,7 @@ impl Island {
         }
     }
 
-    /// out += sign Y^T x.
+    /// Adds out += sign Y^T x.
     #[inline(always)]
     pub(super) fn add_transposed(&self, x: &[f64], sign: f64, out: &mut [f64]) {
         for block in &self.blocks {
@@ -168,8 +168,7 @@ impl Island {
         self.w = w;
     }
 
-    /// Natural-map residual of the exact Coulomb problem, m/s, as [`crate::residual()`] has it; leaves the velocities Y w + R lambda + g in
-    /// `v`.
+    /// Natural-map residual of the exact Coulomb problem, m/s, as [`crate::residual()`]. Writes the velocities Y w + R lambda + g to `v`.
     pub(super) fn residual(&self, v: &mut Vec<f64>) -> f64 {
         self.multiply(&self.w, v);
         let mut worst = 0.0;
@@ -183,7 +182,7 @@ impl Island {
                 block.natural_step,
                 block.rigid_fraction,
             );
-            // A NaN stays.
+            // This form propagates a NaN.
             worst = if own <= worst { worst } else { own };
         }
         worst

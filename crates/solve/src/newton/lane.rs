@@ -1,6 +1,6 @@
 //! Rows of one lane, gathered from the lanes' problem, and its impulses scattered back.
 //!
-//! Exact zeros are dropped, so that a lane does not see what the other lanes touch.
+//! Exact zeros are dropped, so that a lane does not depend on the contacts of other lanes.
 
 use std::ops::Range;
 
@@ -55,7 +55,7 @@ pub(super) struct Lane {
 }
 
 impl Lane {
-    /// Gathers the rows of lane `lane` but for the eliminated ones, kind by kind.
+    /// Gathers the rows of lane `lane` without the eliminated ones, kind by kind.
     pub(super) fn gather<R: Real>(&mut self, system: System<'_, R>, iterate: &Iterate<R>, lane: usize) {
         self.blocks.clear();
         self.support.clear();
@@ -86,7 +86,7 @@ impl Lane {
         &self.support[block.support.clone()]
     }
 
-    /// Rows of a block that do anything, as bits: those with entries, and the first.
+    /// Rows of a block with an effect, as bits: those with entries, and the first.
     pub(super) fn busy_rows(&self, block: &LaneBlock) -> u32 {
         let (_, entries) = self.entries(block);
         let dim = block.rows.len();
@@ -126,7 +126,7 @@ impl Lane {
 }
 
 impl LaneReceiver for Lane {
-    /// Adds a block. One that cannot move is left out: its impulses do nothing.
+    /// Adds a block. An immovable block is left out, because its impulses have no effect.
     fn add<const N: usize>(&mut self, constraint: LaneConstraint<N>, support: &[u32], entries: impl Iterator<Item = [f64; N]>) {
         let LaneConstraint { set, source, g, lambda, compliance, normal_compliance, trace_ratio } = constraint;
         let (s0, y0, row) = (self.support.len(), self.y.len(), self.g.len());

@@ -16,19 +16,19 @@ use stepper_real::{Mask, Real, Scalar};
 pub struct Settings<R> {
     /// Largest number of sweeps in each pass; at least one is made.
     pub sweeps: u32,
-    /// Largest number of Newton steps in each pass, per island; of the exact law [`EXACT_RATIO`](crate::newton::EXACT_RATIO) times as many.
-    /// 0 leaves Newton's method out.
+    /// Largest number of Newton steps in each pass, per island; [`EXACT_RATIO`](crate::newton::EXACT_RATIO) times as many for the exact
+    /// law. 0 disables Newton's method.
     pub newton_steps: u32,
     /// Residual at which each lane is done, m/s.
     pub tolerance: R,
-    /// Residual above which a lane that sweeps have left goes on to Newton's method, m/s; at least the tolerance.
+    /// Residual above which a lane continues with Newton's method after the sweeps, m/s; at least the tolerance.
     pub newton_threshold: R,
 }
 
 /// Result of a solve, per lane.
 #[derive(Clone, Copy, Debug)]
 pub struct Outcome<R: Real> {
-    /// Residual of the impulses that were returned, m/s.
+    /// Residual of the returned impulses, m/s.
     pub residual: R,
     /// Number of sweeps.
     pub sweeps: R,
@@ -52,15 +52,17 @@ impl<R: Real> Outcome<R> {
 /// m with 1e-8, by 1e-7 m with 1e-9.
 const LEAST_NORM_GOAL: f64 = 1e-9;
 
-/// Speed of a loaded contact from which on it slips, m/s: then friction's torque depends on how the load is distributed.
+/// Speed above which a loaded contact counts as slipping, m/s. Its friction torque then depends on the distribution of the load.
 const SLIPS: f64 = 1e-6;
 
-/// Number of passes of sweeps and then Newton's method. Each leaves the other a start of another kind: sweeps find which contacts slip,
-/// Newton's method what they cannot move. De Saxce's terms are held in its steps, which masses of very different size need; in the first
-/// pass those are followed by steps of the exact law, and in the last all are of it.
+/// Number of passes of sweeps followed by Newton's method.
 ///
-/// Measured on 32 of safety-gymnasium's racecars and doggos under random control, 400 steps: one pass with terms held leaves 0.17 and 0.27
-/// % of the steps unsolved, two leave 0.16 and 0.06 %, three 0.11 and 0.06 %.
+/// Each gives the other a better start: sweeps find which contacts slip, and Newton's method solves problems with very different masses.
+/// Its steps use constant De Saxce's terms. In the first pass steps of the exact law follow, and in the last pass all steps are of the
+/// exact law.
+///
+/// Measured on 32 of safety-gymnasium's racecars and doggos under random control, 400 steps. One pass with constant terms leaves 0.17 and
+/// 0.27 % of the steps unsolved, two leave 0.16 and 0.06 %, three 0.11 and 0.06 %.
 pub const PASSES: usize = 4;
 
 /// Largest number of sweeps of the first pass in 64 bits, if Newton's method may follow. Lanes that need more keep the others of their
@@ -132,7 +134,7 @@ fn solve_system<R: Real>(
     left = left.and_not(redundant);
     let passes = match newton_steps {
         LEAST_EXACT.. => PASSES,
-        // What one pass leaves of a correction, the next step sees.
+        // The next step corrects the remaining error of a correction.
         _ if !system.certified => 1,
         _ => PASSES - 1,
     };

@@ -6,14 +6,14 @@ use crate::actuation::affine_force::{ActuatorDynamics, EffectiveInertia};
 use crate::compile::CompiledActuatorDynamics;
 use crate::dynamics::implicit_weights::ImplicitWeights;
 
-/// Dynamics of an actuator within a step.
+/// Region of an actuator's dynamics within a step.
 ///
-/// What it does is `f = clamp(clamp(law, limits), +-stall - drag v)`: piecewise affine in the motion, and where the law pulls back,
-/// decreasing. The step takes one piece implicitly. Which one is found like the roots of such functions: solve with the present piece, go
-/// to the one where that solution lies (semismooth Newton; Qi & Sun 1993).
+/// The force is `f = clamp(clamp(law, limits), +-stall - drag v)`: piecewise affine in the motion, and decreasing where the law restores.
+/// The step treats one piece implicitly. Semismooth Newton finds it: solve with the present piece, then go to the piece in which the
+/// solution lies (Qi & Sun 1993).
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Region<R: Real> {
-    /// Force and weight of the law itself.
+    /// Force and added inertia of the unbounded law.
     law: (R, R),
     /// Velocity before the step.
     before: R,
@@ -21,9 +21,9 @@ pub(super) struct Region<R: Real> {
     effective_inertia: EffectiveInertia<R>,
     /// Lanes at a limit of the effort.
     held: R::Mask,
-    /// Lanes at the motor's curve.
+    /// Lanes on the curve of the motor.
     curve: R::Mask,
-    /// Lanes in which that is the upper one.
+    /// Lanes at an upper bound.
     upper: R::Mask,
 }
 
@@ -36,7 +36,7 @@ impl<R: Real> Default for Region<R> {
 }
 
 impl<R: Real> Region<R> {
-    /// Takes up the law: its force and weight, the velocity before the step, and what it moves.
+    /// Stores the unbounded law (its force and added inertia), the velocity before the step, and the effective inertia.
     #[inline(always)]
     pub(super) fn take(&mut self, law: (R, R), before: R, effective_inertia: EffectiveInertia<R>) {
         (self.law, self.before, self.effective_inertia) = (law, before, effective_inertia);
@@ -52,7 +52,8 @@ impl<R: Real> Region<R> {
         (self.held, self.curve, self.upper) = (held.and(plain), curve.and(plain), upper.and(plain));
     }
 
-    /// Goes where the law, at a change of velocity `along` h, lies; `back` allows to leave a bound. Returns the lanes that moved.
+    /// Moves each lane to the piece in which the law lies at a change of velocity `along` h. `back` allows a lane to leave a bound. Returns
+    /// the lanes that moved.
     #[inline(always)]
     pub(super) fn place(
         &mut self,
@@ -82,7 +83,7 @@ impl<R: Real> Region<R> {
         self.held.or(self.curve)
     }
 
-    /// The force here, without what the mass matrix does, and what it does.
+    /// Explicit force on the present piece, and the inertia that its implicit part adds to the mass matrix.
     #[inline(always)]
     pub(super) fn force(&self, numbers: &ActuatorDynamics<R>, weights: ImplicitWeights<R>) -> (R, R) {
         let held = R::select(self.upper, numbers.limits[1], numbers.limits[0]);
@@ -128,7 +129,7 @@ pub(crate) fn exceeds<R: Real>(
     held.or(curve)
 }
 
-/// A force within the limits and under the curve of its dynamics.
+/// Force within the limits and under the curve of its dynamics.
 #[inline(always)]
 pub(crate) fn bounded<R: Real>(compiled: &CompiledActuatorDynamics<R::Scalar>, numbers: &ActuatorDynamics<R>, force: R, velocity: R) -> R {
     let [held, curve, upper] = modes(compiled, numbers, force, velocity);

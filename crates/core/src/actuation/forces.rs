@@ -52,7 +52,7 @@ pub struct Implicit<'a, R: Real> {
 }
 
 impl<R: Real> Implicit<'_, R> {
-    /// Nothing: the mass matrix itself.
+    /// No implicit terms: the mass matrix itself.
     pub fn none() -> Self {
         let weights = ImplicitWeights { damping: R::zero(), stiffness: R::zero(), step: R::zero() };
         Self { weights, servos: &[], arms: &[], drag_at: None }
@@ -64,7 +64,7 @@ impl<R: Real> Implicit<'_, R> {
 pub struct ImplicitServos<R> {
     /// Shares of damping and stiffness.
     pub weights: ImplicitWeights<R>,
-    /// Whether that holds for every servo, or for actuator dynamics alone.
+    /// Whether all servos are implicit, or those of actuator dynamics alone.
     pub all: bool,
 }
 
@@ -79,14 +79,14 @@ pub struct ForceState<'a, R: Real> {
     pub v_at: &'a [R],
     /// Activations.
     pub act: &'a [R],
-    /// Controls, as actuator dynamics hand them on.
+    /// Controls after the actuator dynamics.
     pub ctrl: &'a [R],
     /// Actuator dynamics that act within a step.
     pub actuator_dynamics: &'a [ActuatorDynamics<R>],
 }
 
 impl<'a, R: Real> ForceState<'a, R> {
-    /// A state as it is.
+    /// Evaluation point at a state.
     pub fn state(q: &'a [R], v: &'a [R], act: &'a [R], ctrl: &'a [R], actuator_dynamics: &'a [ActuatorDynamics<R>]) -> Self {
         Self { q, v, v_at: v, act, ctrl, actuator_dynamics }
     }
@@ -95,7 +95,7 @@ impl<'a, R: Real> ForceState<'a, R> {
 /// Forces of one group of lanes.
 #[derive(Clone, Debug)]
 pub struct ActuatorForces<R: Real> {
-    /// Generalized forces of actuators and springs, N or N m. Joint damping is not here: stage 2 takes it implicitly.
+    /// Generalized forces of actuators and springs, N or N m. Joint damping is not included: stage 2 evaluates it implicitly.
     pub tau: Vec<R>,
     /// Explicit forces of actuators alone, within the bounds of joints.
     pub joint: Vec<R>,
@@ -111,7 +111,7 @@ pub struct ActuatorForces<R: Real> {
     pub(crate) bounded: Vec<R::Mask>,
     /// Force of every actuator with implicit servos, in models with bounded servos.
     pub(crate) implicit_force: Vec<R>,
-    /// Force and weight of every servo where nothing bounds it, if any is bounded.
+    /// Force and added inertia of every servo without bounds, if any is bounded.
     pub(crate) unbounded: Vec<[R; 2]>,
     /// Lanes in which an explicit actuator force is outside its bounds.
     pub(crate) beyond: Vec<R::Mask>,
@@ -154,7 +154,7 @@ impl<R: Real> ActuatorForces<R> {
         }
     }
 
-    /// Forgets which servos are at their bounds.
+    /// Resets the servos at their bounds.
     #[inline(always)]
     pub fn release(&mut self) {
         // Without servos none is at a bound.
@@ -165,7 +165,7 @@ impl<R: Real> ActuatorForces<R> {
         self.fresh = true;
     }
 
-    /// Takes up what servos move, for the mass matrix's diagonal `inertia`.
+    /// Computes the effective inertias of servos from the mass matrix's diagonal `inertia`.
     pub fn compute_effective_inertia(&mut self, compiled: &LaneModel<R>, inertia: &[R]) {
         R::vectorize(
             #[inline(always)]
@@ -201,7 +201,7 @@ impl<R: Real> ActuatorForces<R> {
         self.effective_inertias[servo]
     }
 
-    /// Takes over the implicit force of a servo, in the lanes in which it is not at a bound.
+    /// Stores the implicit force of a servo, in the lanes in which it is not at a bound.
     #[inline(always)]
     pub(crate) fn set_servo(&mut self, actuator: usize, servo: usize, force: R, weight: R) {
         let held = self.saturated[servo];
@@ -209,7 +209,7 @@ impl<R: Real> ActuatorForces<R> {
         self.weight[servo] = R::select(held, R::zero(), weight);
     }
 
-    /// Takes over the law of an actuator's dynamics, where it is on its curve.
+    /// Stores the law of an actuator's dynamics, and finds its region.
     #[inline(always)]
     #[expect(clippy::too_many_arguments, reason = "one actuator, every part of it named at the call")]
     pub(crate) fn set_actuator_dynamics(
@@ -230,7 +230,7 @@ impl<R: Real> ActuatorForces<R> {
         self.follow(servo, actuator, compiled, numbers, weights);
     }
 
-    /// Takes over the force of an actuator's dynamics where it is on its curve.
+    /// Updates the force of an actuator's dynamics from its region.
     #[inline(always)]
     fn follow(
         &mut self,
@@ -244,7 +244,7 @@ impl<R: Real> ActuatorForces<R> {
         self.set_servo(actuator, servo, force, weight);
     }
 
-    /// Sum of the actuators' forces on every dof, within the bounds of joints.
+    /// Sums the actuators' forces on every dof, within the bounds of joints.
     #[inline(always)]
     pub(crate) fn gather(&mut self, compiled: &LaneModel<R>, implicit: bool) {
         self.fresh = false;
@@ -268,7 +268,7 @@ impl<R: Real> ActuatorForces<R> {
         }
     }
 
-    /// Lanes in which the effort of an actuator was cut to its bounds, or a sum on its joint that it is part of.
+    /// Lanes in which the effort of an actuator, or a sum on its joint, was cut to its bounds.
     #[inline(always)]
     pub(crate) fn is_cut(&self, compiled: &LaneModel<R>, actuator: usize) -> R::Mask {
         let (of_it, mut cut) = (&compiled.actuators[actuator], self.beyond[actuator]);
@@ -286,8 +286,9 @@ impl<R: Real> ActuatorForces<R> {
         cut
     }
 
-    /// Lanes in which the force of an actuator is at a bound or beyond, or that of the joint that it drives: MuJoCo takes no derivative of
-    /// such a force. What is explicit must have left the forces.
+    /// Lanes in which the force of an actuator, or of the joint that it drives, is at a bound or beyond.
+    ///
+    /// MuJoCo has no derivative of such a force. Explicit forces must have been computed before.
     #[inline(always)]
     pub(crate) fn is_at_bound(&self, compiled: &LaneModel<R>, actuator: usize) -> R::Mask {
         let of_it = &compiled.actuators[actuator];
@@ -301,11 +302,11 @@ impl<R: Real> ActuatorForces<R> {
         at
     }
 
-    /// Finds servos whose force at the end of the step would exceed its bounds, if the velocity changed by `dv`: they keep to the bound and
-    /// lose their stiffness. Returns the lanes in which there is a new one; `gather` must follow.
+    /// Finds servos whose force at the end of the step would exceed its bounds, if the velocity changed by `dv`. Returns the lanes with a
+    /// new one.
     ///
-    /// Actuator dynamics go where their curves have them, `pass` after pass; from the third on none comes back from a bound, so that it
-    /// ends.
+    /// These servos keep to the bound and lose their stiffness. `gather` must follow. Actuator dynamics move to the piece of their curve in
+    /// each `pass`. From the third pass on none returns from a bound, so that the search ends.
     pub fn saturate(
         &mut self,
         compiled: &LaneModel<R>,
@@ -365,7 +366,7 @@ impl<R: Real> ActuatorForces<R> {
         )
     }
 
-    /// Lanes in which the change of velocity `dv` puts a servo on another side of its bounds than [`ActuatorForces::saturate`] expected.
+    /// Lanes in which the change of velocity `dv` puts a servo on another side of its bounds than [`ActuatorForces::saturate`] assumed.
     pub fn misjudged(
         &mut self,
         compiled: &LaneModel<R>,

@@ -28,7 +28,7 @@ impl<R: Real> ActuatorForces<R> {
         )
     }
 
-    /// Adds to the forces what actuator dynamics lost in a step, by the impulses of their rows of dry friction.
+    /// Adds the losses of actuator dynamics in a step to the forces, from the impulses of their rows of dry friction.
     pub fn subtract_losses(&mut self, compiled: &LaneModel<R>, actuator_dynamics: &[ActuatorDynamics<R>], scalar_impulse: &[R], h: R) {
         R::vectorize(
             #[inline(always)]
@@ -38,7 +38,7 @@ impl<R: Real> ActuatorForces<R> {
                     let Some((row, arm)) = dynamics.losses else { continue };
                     let arm = R::splat(arm);
                     let friction = scalar_impulse[compiled.limits.len() + row] / h;
-                    // Of a row that is shared, as much as it may take of the whole.
+                    // Part of a shared row, at most the share of these losses in the whole.
                     let backwards = friction.gt(R::zero());
                     let [own, all] = [losses(&actuator_dynamics[dynamics.index], arm, self.force[a]), self.losses[row]].map(
                         #[inline(always)]
@@ -56,7 +56,7 @@ impl<R: Real> ActuatorForces<R> {
     }
 }
 
-/// Losses (against motion forwards, against motion backwards) on the joint.
+/// Losses on the joint (against forward motion, against backward motion).
 #[inline(always)]
 fn losses<R: Real>(numbers: &ActuatorDynamics<R>, arm: R, force: R) -> [R; 2] {
     let torque = arm * force;

@@ -1,4 +1,4 @@
-//! The compiler: from a finished model to its compiled form.
+//! Compiler: from a finished model to its compiled form.
 
 use stepper_real::Scalar;
 

@@ -1,4 +1,4 @@
-//! A compiled model takes up MuJoCo's contact law.
+//! Softening of a compiled model: the numbers of MuJoCo's contact law.
 
 use stepper_real::Scalar;
 use stepper_solve::soft::SlipEffort;
@@ -67,8 +67,10 @@ impl<S: Scalar> CompiledModel<S> {
     }
 }
 
-/// Degrees of freedom of all trees, those of the largest trees first: what is large touches many, and to eliminate it before these would
-/// couple each of them with every other. It is the model's order, not that of a state's contacts, so that all environments share it.
+/// Degrees of freedom of all trees, those of the largest trees first.
+///
+/// A large tree touches many others. Eliminating it first would couple each of them with every other. The order follows the model and not
+/// the contacts, so that all environments share it.
 fn order_by_size<S: Scalar>(model: &Model, structure: &ModelStructure<S>) -> Vec<u32> {
     let mut sizes = vec![0.0; structure.ntree];
     for geom in &structure.geoms {

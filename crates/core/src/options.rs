@@ -1,4 +1,4 @@
-//! Every choice of method that a step makes: [`Options`] as a user gives them, [`StepSettings`] as they are in force.
+//! Options of a step: [`Options`] as a user gives them, [`StepSettings`] as they are in force.
 
 use std::fmt::Display;
 
@@ -12,9 +12,9 @@ use crate::model::Description;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub enum ContactLaw {
-    /// Rigid: Signorini's condition and Coulomb's cone, each step solved to the tolerance.
+    /// Rigid contact: Signorini's condition and Coulomb's cone, each step solved to the tolerance.
     Hard,
-    /// MuJoCo's: a convex problem, soft by each constraint's solref and solimp, whose forces follow from the accelerations.
+    /// MuJoCo's contact law: a convex problem, soft by each constraint's solref and solimp, whose forces follow from the accelerations.
     Mujoco,
 }
 
@@ -30,13 +30,17 @@ pub enum Integrator {
     /// Springs, dampers and servos follow the implicit midpoint rule (A-stable). If the step does not resolve them, more of the damping is
     /// evaluated at the end of the step.
     Midpoint,
-    /// Euler's rule with springs, dampers and servos at the end of the step (L-stable) and velocity-dependent forces at the velocity to be
-    /// expected there. First order; it takes energy out of what it cannot resolve. With MuJoCo's law MuJoCo's own `implicit`.
+    /// Euler's rule with springs, dampers and servos at the end of the step (L-stable) and velocity-dependent forces at the expected
+    /// velocity there.
+    ///
+    /// First order; it dissipates the energy of motions that it cannot resolve. With MuJoCo's law it is MuJoCo's `implicit`.
     Implicit,
-    /// Runge-Kutta-Munthe-Kaas of order 4 for environments without an active constraint in this step; the others take a midpoint step. With
-    /// MuJoCo's law the classical method of order 4, constraints included.
+    /// Runge-Kutta-Munthe-Kaas of order 4 for environments without an active constraint in this step; the others make a midpoint step.
+    ///
+    /// With MuJoCo's law it is the classical method of order 4, constraints included.
     Rk4,
-    /// MuJoCo's `implicitfast`, with its law alone: Euler's rule with the symmetric part of the forces' derivatives by velocity.
+    /// MuJoCo's `implicitfast`, with its law alone: Euler's rule with the symmetric part of the forces' derivatives with respect to
+    /// velocity.
     ImplicitFast,
     /// MuJoCo's `discrete`, with its contact law alone. Springs, dampers, servos and constraint rows are evaluated at the end of the step,
     /// and the constraints are solved with the resulting mass matrix.
@@ -73,11 +77,11 @@ impl Integrator {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub enum Stabilization {
-    /// A velocity bias beta (overlap - slop) / h in the normal row (Baumgarte 1972), capped.
+    /// Velocity bias beta (overlap - slop) / h in the normal row (Baumgarte 1972), with an upper bound.
     Baumgarte,
-    /// A second solve of the same rows whose velocity moves positions only.
+    /// Second solve of the same rows, whose velocity moves positions only.
     Split,
-    /// Nothing.
+    /// No correction.
     None,
 }
 
@@ -85,11 +89,11 @@ pub enum Stabilization {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub enum Solver {
-    /// Sweeps, then Newton's method for the environments whose residual they leave above the tolerance.
+    /// Sweeps (Gauss-Seidel iterations), then Newton's method for environments whose residual stays above the tolerance.
     Auto,
     /// Projected Gauss-Seidel alone, with Anderson's acceleration.
     Pgs,
-    /// Augmented-Lagrangian Newton for all but what the first sweeps solve.
+    /// Augmented-Lagrangian Newton for all environments that the first sweeps do not solve.
     Newton,
 }
 
@@ -100,49 +104,53 @@ pub enum Solver {
 /// force.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Options {
-    /// Time step, s; `None` is the model's own.
+    /// Time step, s; `None` selects that of the model.
     pub timestep: Option<f64>,
-    /// Law of contact.
+    /// Contact law.
     pub contact: ContactLaw,
     /// Integrator. `None` is midpoint with hard contact. With MuJoCo's law it is that of the model's source, and Euler's rule if the source
     /// has none.
     pub integrator: Option<Integrator>,
-    /// Solver.
+    /// Solver of the constraint problem.
     pub solver: Solver,
-    /// Sweeps of the solver at the most, and Newton steps at the most for each island of an environment; [`Solver::Auto`] makes no more
-    /// than 50 of the former, and in 64 bits no more than 25 before the first Newton step.
+    /// Largest number of sweeps (Gauss-Seidel iterations) of the solver, and of Newton steps for each island of an environment.
+    ///
+    /// [`Solver::Auto`] makes at most 50 sweeps, and in 64 bits at most 25 before the first Newton step.
     pub iterations: u32,
-    /// Residual at which the solver stops, m/s; `None` is [`Precision::tolerance`], with MuJoCo's law no more than 0.6 % of what gravity
-    /// changes of a velocity in a step.
+    /// Residual at which the solver stops, m/s. `None` selects [`Precision::tolerance`].
+    ///
+    /// With MuJoCo's law the default is at most 0.6 % of the velocity that gravity adds in a step.
     pub tolerance: Option<f64>,
-    /// Stabilisation.
+    /// Stabilisation method.
     pub stabilization: Stabilization,
     /// Fraction of the overlap beyond the slop removed per step.
     pub baumgarte: f64,
-    /// Overlap that is left alone.
+    /// Overlap that stabilisation leaves, m or rad.
     pub slop: f64,
-    /// Fastest correction of overlap.
+    /// Largest speed of an overlap correction, m/s.
     pub max_correction_speed: f64,
-    /// Approach slower than this does not bounce from a resting contact.
+    /// Approach speed below which a contact does not bounce, m/s.
     pub restitution_threshold: f64,
-    /// Contacts an environment can hold; `None` lets the model decide.
+    /// Contact capacity of an environment; `None` selects an estimate from the model.
     pub max_contacts: Option<u32>,
 }
 
-/// Sweeps after which [`Solver::Auto`] hands over to Newton's method.
+/// Number of sweeps after which [`Solver::Auto`] continues with Newton's method.
 ///
-/// Measured on 128 humanoids under random control, then left to rest (microseconds of an environment's step on one core; sweeps alone: 5.2,
+/// Measured on 128 humanoids under random control, then at rest (microseconds of an environment's step on one core; sweeps alone: 5.2,
 /// 9.9): 12 sweeps 6.8, 22.1; 20 sweeps 6.4, 15.9; 30 sweeps 5.9, 13.1; 50 sweeps 5.8, 14.8, and the fewest unsolved. A sweep serves eight
-/// lanes at once, a Newton step one, and costs as much as ten of them.
+/// lanes at once. A Newton step serves one lane and costs as much as ten sweeps.
 const AUTO_SWEEPS: u32 = 50;
-/// Sweeps before [`Solver::Newton`] begins: they find out which contacts hold, for less than a Newton step.
+/// Number of sweeps before [`Solver::Newton`] begins. They find which contacts hold, for less than a Newton step.
 const NEWTON_SWEEPS: u32 = 2;
 
-/// Share of gravity that the default tolerance may leave as an acceleration: contact forces at rest err by no more, at any time step.
+/// Fraction of gravity that the default tolerance may leave as an acceleration. It bounds the error of contact forces at rest, at any time
+/// step.
+///
 /// f32 at 0.1 ms: a cube of 98.1 N reads 97.7 to 98.6 N; with the tolerance of a long step 88.9 to 106.7 N.
 const SHARE_OF_GRAVITY: f64 = 6e-3;
 
-/// Gravity of a model without any, and the greatest that counts, m/s^2.
+/// Gravity for a model without any, and upper bound of the gravity that counts, m/s^2.
 const USUAL_GRAVITY: f64 = 10.0;
 
 /// Default tolerance, m/s.
@@ -274,7 +282,7 @@ impl Options {
     }
 }
 
-/// Settings of a step in force: [`Options`] with the model's time step and the precision's tolerance where those leave them open.
+/// Settings of a step in force: [`Options`] with the time step of the model and the tolerance of the precision where these are `None`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StepSettings {
     /// Time step, s.

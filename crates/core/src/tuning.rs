@@ -86,8 +86,9 @@ pub(crate) const MAX_RESOLVED_ROTATION: f64 = 0.02;
 /// if it speeds the motion up.
 pub(crate) const MAX_IMPACT_ROTATION: f64 = 0.1;
 
-/// Largest number of impact solves after the first solve. Each takes inertial forces at the velocity of the last one; its error is
-/// smaller by a factor of the time step.
+/// Largest number of impact solves after the first solve.
+///
+/// Each evaluates inertial forces at the velocity of the last one. Its error is smaller by a factor of the time step.
 pub(crate) const IMPACT_PASSES: usize = 3;
 
 /// Largest number of placements at the time of the first impact. Newton's method: bodies that pass each other obliquely approach on a
@@ -151,8 +152,10 @@ pub(crate) const CORRECTION_TOLERANCE: f64 = 1e-4;
 /// (1e-8 m for a quadruped).
 pub(crate) const NEGLIGIBLE_CORRECTION: f64 = 1e-12;
 
-/// Residual above which Newton's method continues after Gauss-Seidel iterations, m/s. They can leave a hundredth of a radian per step where
-/// two limbs are jammed. Below it, Newton's method costs more than it corrects (humanoids under random control: 4 % of the step).
+/// Residual above which Newton's method continues after Gauss-Seidel iterations, m/s.
+///
+/// Iterations alone can leave a hundredth of a radian per step where two limbs are jammed. Below the threshold, Newton's method costs more
+/// than it corrects (humanoids under random control: 4 % of the step).
 pub(crate) const CORRECTION_NEWTON_THRESHOLD: f64 = 1e-2;
 
 /// Largest number of Gauss-Seidel iterations of a correction at the default tolerance. They begin with the impulses of stage 5.

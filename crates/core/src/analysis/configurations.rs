@@ -10,7 +10,7 @@ use crate::model::{JointKind, Model};
 /// Length of a quaternion below which it gives no orientation.
 const NO_LENGTH: f64 = 1e-10;
 
-/// Joint (an index in the model) whose quaternion in `q`, (nq,), has no length, if there is one.
+/// Joint (an index in the model) whose quaternion in `q`, (nq,), has no length, if any.
 ///
 /// # Errors
 /// [`Error::Length`] when `q` has more or fewer numbers.
@@ -68,7 +68,7 @@ fn norm_of(q: [f64; 4]) -> f64 {
     q.iter().map(|x| x * x).sum::<f64>().sqrt()
 }
 
-/// Addresses in q and v of all coordinates that are added as they are.
+/// Addresses in q and v of all scalar coordinates.
 fn scalars(model: &Model) -> impl Iterator<Item = (usize, usize)> {
     model.joints.iter().zip(model.joint_addresses()).flat_map(|(joint, (q, v))| {
         let n = match joint.kind {
@@ -80,7 +80,7 @@ fn scalars(model: &Model) -> impl Iterator<Item = (usize, usize)> {
     })
 }
 
-/// Joints with an orientation, and its addresses in q and v.
+/// Joints with an orientation, and their addresses in q and v.
 fn quaternions(model: &Model) -> impl Iterator<Item = (usize, [usize; 2])> {
     model.joints.iter().zip(model.joint_addresses()).enumerate().filter_map(|(i, (joint, (q, v)))| match joint.kind {
         JointKind::Free => Some((i, [q + 3, v + 3])),

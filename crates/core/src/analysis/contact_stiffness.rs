@@ -4,12 +4,12 @@ use crate::analysis::inverse_weights::inverse_weights;
 use crate::compile::{CompiledModel, CompiledPair, SoftContactLaw, SoftLaw};
 use crate::model::Model;
 
-/// The contacts of two geoms by MuJoCo's law as springs and dampers.
+/// Spring and damper that are equivalent to the contacts of two geoms by MuJoCo's law.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct EquivalentSpring {
     /// Indices of the geoms, in the order of [`GeomPair`](crate::model::GeomPair).
     pub geoms: [usize; 2],
-    /// Normal force per depth at rest, N/m: of the first touch, and from the depth on at which the impedance is largest.
+    /// Normal force per depth at rest, N/m: at first touch, and at the depth from which on the impedance is largest.
     pub stiffness: [f64; 2],
     /// Normal force per velocity, N s/m, at the same depths.
     pub damping: [f64; 2],

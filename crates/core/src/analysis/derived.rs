@@ -24,7 +24,7 @@ pub enum DerivedQuantity {
     BodyPos,
     /// Orientations of the bodies' frames: (nbody, 4).
     BodyQuat,
-    /// Velocities of the bodies' frames in world axes, m/s: (nbody, 3). Those that the user poses stand still.
+    /// Velocities of the bodies' frames in world axes, m/s: (nbody, 3). Mocap bodies have zero velocity.
     BodyLinVel,
     /// Angular velocities of the bodies in world axes, rad/s: (nbody, 3).
     BodyAngVel,
@@ -36,15 +36,15 @@ pub enum DerivedQuantity {
     GeomPos,
     /// Orientations of the geoms: (ngeom, 4).
     GeomQuat,
-    /// Centres of mass of every body with all that hangs from it, m: (nbody, 3); of nothing but massless bodies that of the body itself.
+    /// Centres of mass of every body with its descendants, m: (nbody, 3). For massless bodies it is that of the body.
     SubtreeCom,
-    /// (v+ - v) / h of the last step, (nv).
+    /// Acceleration (v+ - v) / h of the last step: (nv), m/s^2 or rad/s^2.
     Acceleration,
     /// Forces of the actuators at the present state with the controls in force, before their gears: (nu).
     ActuatorForce,
     /// Actuator forces on the joints, within their bounds: (nv), N or N m.
     JointActuatorForce,
-    /// Force of all constraints of the last step on the joints, contacts and limits among them: (nv), N or N m.
+    /// Force of all constraints of the last step on the joints, including contacts and limits: (nv), N or N m.
     JointConstraintForce,
     /// Force (N) and torque (N m) of all contacts of the last step on every body, world axes: (nbody, 6).
     ///
@@ -57,7 +57,7 @@ pub enum DerivedQuantity {
     /// Six numbers are xx, yy, zz, xy, xz, yz in kg m^2. Three are the mass times the position of the body's centre of mass in kg m. The
     /// last is the mass in kg.
     BodyInertia,
-    /// Angular (rad/s) and linear velocities (m/s) of the bodies, the latter of what is at the centre of mass of their tree: (nbody, 6).
+    /// Angular (rad/s) and linear velocities (m/s) of the bodies, the latter at the centre of mass of their tree: (nbody, 6).
     BodyMotion,
     /// Torques (N m) and forces (N) of the last step's contacts on the bodies, world axes: (nbody, 6).
     ///
@@ -67,7 +67,7 @@ pub enum DerivedQuantity {
     MassMatrix,
     /// Coriolis, centrifugal and gravitational forces: (nv), N or N m.
     BiasForce,
-    /// Acceleration without constraints under the controls in force and what is applied: (nv), m/s^2 or rad/s^2.
+    /// Acceleration without constraints under the controls in force and the applied inputs: (nv), m/s^2 or rad/s^2.
     SmoothAcceleration,
     /// Jacobian of the origin of a body's frame in world axes, linear rows above angular ones: (6, nv).
     BodyJacobian(usize),
@@ -124,7 +124,7 @@ impl DerivedQuantity {
         }
     }
 
-    /// Whether it is of the last step, and where the state was set since of the one that would be made: not of the state alone.
+    /// Whether the quantity depends on the last step, and not on the state alone. If the state was set since, it is that of a trial step.
     pub fn is_of_last_step(self) -> bool {
         matches!(self, Self::Acceleration | Self::JointConstraintForce | Self::BodyContactForce)
     }
@@ -139,14 +139,14 @@ pub(crate) struct Derivation<R: Real> {
     velocity: Vec<V6<R>>,
     /// Mass of every subtree, kg.
     mass: Vec<R>,
-    /// Centre of mass of every body, and of it with all that hangs from it, m.
+    /// Centre of mass of every body, and of every body with its descendants, m.
     centres: Vec<V3<R>>,
     subtrees: Vec<V3<R>>,
     /// Centre of mass of the tree that each body belongs to, m.
     references: Vec<V3<R>>,
     /// Contact forces of bodies.
     wrenches: Vec<[R; 6]>,
-    /// Mass matrices and the like.
+    /// Workspace of mass matrices and similar quantities.
     dynamics: SmoothDynamics<R>,
     /// Quantities of the present group that are already computed.
     known: Known,
@@ -167,13 +167,13 @@ struct Known {
 }
 
 impl<R: Real> Derivation<R> {
-    /// Takes up a group, whose state, inputs and last step are in `s`.
+    /// Begins with a group, whose state, inputs and last step are in `s`.
     pub(crate) fn begin(&mut self, compiled: &LaneModel<R>, s: &mut Workspace<R>) {
         self.known = Known::default();
         self.place_mocap(compiled, s);
     }
 
-    /// Writes a quantity of the environments of the group that was taken up last, of steps with the settings `options`, to the rows of `out`.
+    /// Writes a quantity of the present group's environments to the rows of `out`. `options` are the settings of steps.
     pub(crate) fn derive(
         &mut self,
         compiled: &LaneModel<R>,
@@ -193,7 +193,7 @@ impl<R: Real> Derivation<R> {
         }
     }
 
-    /// Puts the mocap frames where the user has them now.
+    /// Places the mocap frames at their present poses.
     fn place_mocap(&mut self, compiled: &LaneModel<R>, s: &mut Workspace<R>) {
         let one = [R::one(), R::zero(), R::zero(), R::zero()];
         self.orientation.resize(compiled.nframe(), one);
@@ -209,7 +209,7 @@ impl<R: Real> Derivation<R> {
         }
     }
 
-    /// Leaves a quantity in `values`.
+    /// Computes a quantity into `values`.
     fn evaluate(&mut self, compiled: &LaneModel<R>, options: &StepSettings, s: &mut Workspace<R>, quantity: DerivedQuantity) {
         use DerivedQuantity as Q;
         let h = R::of(options.timestep);
@@ -430,7 +430,7 @@ impl<R: Real> Derivation<R> {
         }
     }
 
-    /// Centres of mass of the bodies, of them with all that hangs from them, and of their trees: a tree begins with a child of the world.
+    /// Centres of mass of the bodies, of the bodies with their descendants, and of their trees. A tree begins with a child of the world.
     fn find_references(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>) {
         if self.known.references {
             return;

@@ -1,4 +1,4 @@
-//! Mean inverse inertias at the reference configuration, which MuJoCo's contact law scales its regularisation with.
+//! Mean inverse inertias at the reference configuration, with which MuJoCo's contact law scales its regularisation.
 
 use crate::actuation::forces::Implicit;
 use crate::compile::{CompiledModel, LaneModel};
@@ -59,7 +59,7 @@ pub fn inverse_weights(model: &Model) -> InverseWeights {
     InverseWeights { bodies: (0..model.bodies.len()).map(body).collect(), dofs, tendons: model.tendons.iter().map(tendon).collect() }
 }
 
-/// J M^-1 J^T of one row.
+/// Product J M^-1 J^T of one row.
 fn quadratic(compiled: &LaneModel<f64>, mass: &MassMatrix<f64>, row: &[f64]) -> f64 {
     let mut x = row.to_vec();
     mass.solve(compiled, &mut x);

@@ -15,7 +15,7 @@ use crate::sensing::orientations;
 /// Snapshot of one environment, for quantities outside a step.
 #[derive(Clone, Debug)]
 pub struct Snapshot<'a> {
-    /// The compiled model with the environment's own parameters.
+    /// Compiled model with the environment's parameters.
     pub(crate) compiled: Cow<'a, LaneModel<f64>>,
     /// Configuration, (nq,).
     pub(crate) q: Vec<f64>,
@@ -29,7 +29,7 @@ pub struct Snapshot<'a> {
     pub(crate) mocap: Vec<([f64; 3], [f64; 4])>,
 }
 
-/// Poses of all bodies at configurations that come one after the other.
+/// Poses of all bodies at a sequence of configurations.
 #[derive(Clone, Debug)]
 pub(crate) struct BodyPoses<'a> {
     compiled: &'a LaneModel<f64>,
@@ -43,7 +43,7 @@ impl<'a> BodyPoses<'a> {
         Self { compiled, kinematics: Kinematics::new(compiled), orientation: vec![[1.0, 0.0, 0.0, 0.0]; compiled.nframe()] }
     }
 
-    /// Position (m) and orientation of every body at the configuration `q`, with the mocap bodies at poses that the user gave.
+    /// Position (m) and orientation of every body at the configuration `q`, with the mocap bodies at the poses of the user.
     pub(crate) fn at(
         &mut self,
         q: &[f64],
@@ -73,7 +73,7 @@ impl Snapshot<'_> {
         kinematics
     }
 
-    /// The mass matrix, row by row, (nv, nv), armature included.
+    /// Mass matrix, row by row, (nv, nv), armature included.
     pub fn mass_matrix(&self) -> Vec<f64> {
         SmoothDynamics::default().mass_matrix(&self.compiled, &self.kinematics()).to_vec()
     }

@@ -21,7 +21,7 @@ pub struct Fluid<R: Real> {
     before: Vec<V6<R>>,
     /// Secants of drag at that velocity.
     drag: Vec<V6<R>>,
-    /// Drag of every link with what hangs from it: moment of rotation, moment of velocity, force of velocity.
+    /// Drag of every link with its descendants: moment of rotation, moment of velocity, force of velocity.
     composite: Vec<[M3<R>; 3]>,
     velocity: Vec<V6<R>>,
 }
@@ -33,7 +33,7 @@ impl<R: Real> Fluid<R> {
         Self { before: vec![zero(); n], drag: vec![zero(); n], composite: vec![[zero(); 3]; links], velocity: vec![zero(); links] }
     }
 
-    /// Takes drag explicitly.
+    /// Makes drag explicit.
     #[inline(always)]
     pub fn forget(&mut self) {
         self.before.fill(zero());
@@ -77,7 +77,7 @@ impl<R: Real> Fluid<R> {
         }
     }
 
-    /// Takes the medium's forces, at the links' velocities `motion`, off the forces that the links need.
+    /// Subtracts the medium's forces, at the links' velocities `motion`, from the forces that the links need.
     #[inline(always)]
     pub fn subtract(&self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, motion: &[V6<R>], force: &mut [V6<R>]) {
         for (i, body) in compiled.fluid.iter().enumerate() {
@@ -103,7 +103,7 @@ impl<R: Real> Fluid<R> {
     }
 }
 
-/// Axes of a body, and its centre from its tree's reference point.
+/// Axes of a body, and its centre relative to its tree's reference point.
 #[inline(always)]
 fn place<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, i: usize) -> (M3<R>, V3<R>) {
     let body = &compiled.fluid[i];
@@ -112,7 +112,7 @@ fn place<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, i: usize)
     (mat, sub(kinematics.point(frame, compiled.params.fluid(i).pos), kinematics.origin[compiled.links[body.link].tree]))
 }
 
-/// Velocity against the medium, in the body's own axes.
+/// Velocity relative to the medium, in body axes.
 #[inline(always)]
 fn local<R: Real>(compiled: &LaneModel<R>, motion: &V6<R>, mat: &M3<R>, arm: V3<R>) -> V6<R> {
     let velocity = sub(velocity_at(motion, arm), splat(compiled.wind));
@@ -137,7 +137,7 @@ fn secant<R: Real>(compiled: &LaneModel<R>, i: usize, v: &V6<R>) -> V6<R> {
     }
 }
 
-/// A diagonal drag in the axes `mat` at `arm`, as one about the reference point.
+/// Diagonal drag in the axes `mat` at `arm`, converted to the reference point.
 #[inline(always)]
 fn at_origin<R: Real>(drag: &V6<R>, mat: &M3<R>, arm: V3<R>) -> [M3<R>; 3] {
     let (spin, slide) = (turned(angular(drag), mat), turned(linear(drag), mat));
@@ -149,7 +149,7 @@ fn at_origin<R: Real>(drag: &V6<R>, mat: &M3<R>, arm: V3<R>) -> [M3<R>; 3] {
     [sub(spin, mat_mul(&levered, &lever)), levered, slide]
 }
 
-/// X diag(d) X^T
+/// Product X diag(d) X^T.
 #[inline(always)]
 fn turned<R: Real>(d: V3<R>, x: &M3<R>) -> M3<R> {
     array_of(
@@ -161,14 +161,14 @@ fn turned<R: Real>(d: V3<R>, x: &M3<R>) -> M3<R> {
     )
 }
 
-/// The wrench against a motion.
+/// Wrench against a motion.
 #[inline(always)]
 fn apply<R: Real>([spin, lever, slide]: &[M3<R>; 3], motion: &V6<R>) -> V6<R> {
     let (w, v) = (angular(motion), linear(motion));
     spatial(add(rotate(spin, w), rotate(lever, v)), add(rotate_back(lever, w), rotate(slide, v)))
 }
 
-/// The ellipsoid's projection along its velocity.
+/// Projection of the ellipsoid along its velocity.
 #[derive(Clone, Copy, Debug)]
 struct Projection<R> {
     speed: R,
@@ -197,7 +197,7 @@ fn projection<R: Real>(e: &CompiledEllipsoid<R::Scalar>, v: V3<R>) -> Projection
     let there = numerator.gt(R::splat(e.no_area));
     let (numerator, denominator) = (R::select(there, numerator, R::one()), R::select(there, denominator, R::zero()));
     let area = R::splat(e.widest) * (denominator / numerator).sqrt();
-    // With the area this is widest sqrt(numerator / denominator): where a body has an area, its denominator is not zero.
+    // With the area this is widest sqrt(numerator / denominator). Where a body has an area, its denominator is not zero.
     let inverse = R::splat(e.widest) * (numerator / R::select(there, denominator, numerator)).sqrt();
     let share = R::select(there, inverse, R::zero());
     Projection {

@@ -23,11 +23,13 @@ use crate::dynamics::kinematics::Kinematics;
 use crate::math::spatial::*;
 use crate::model::JointKind;
 
-/// Iterations; at a turn of 0.1 rad in half a step the last changes w by 1e-8 of what the corrector left, some 1e-4 of w.
+/// Number of iterations. At a turn of 0.1 rad in half a step the last one changes w by 1e-8 of the remaining error of the corrector, some
+/// 1e-4 of w.
 const ITERATIONS: usize = 8;
 
-/// Corrects the free velocities `v_free` of single bodies, which were found with the gyroscopic force at the velocity `v_eval`. The step
-/// was taken `ways` = (time_before, time_after) seconds after its beginning and before its end.
+/// Corrects the free velocities `v_free` of single bodies, which were computed with the gyroscopic force at the velocity `v_eval`.
+///
+/// The step was evaluated `times` = (time_before, time_after) seconds after its beginning and before its end.
 pub fn correct<R: Real>(
     compiled: &LaneModel<R>,
     kinematics: &Kinematics<R>,
@@ -102,7 +104,7 @@ fn take<R: Real>(v: &[R], at: usize, kind: JointKind) -> V6<R> {
     out
 }
 
-/// x <- A^-1 x on the dofs of one body alone.
+/// Solves x <- A^-1 x on the dofs of one single body.
 #[inline(always)]
 fn solve<R: Real>(compiled: &LaneModel<R>, mass: &MassMatrix<R>, spinner: &CompiledSpinner<R::Scalar>, x: &mut V6<R>) {
     let (n, at) = (spinner.kind.nv(), spinner.dof);
@@ -110,7 +112,7 @@ fn solve<R: Real>(compiled: &LaneModel<R>, mass: &MassMatrix<R>, spinner: &Compi
     if skip > 0 {
         x[..skip].fill(R::zero());
     }
-    // Rows hold a dof and its ancestors towards the root, which are the dofs before it.
+    // Rows have a dof and its ancestors towards the root, which are the previous dofs.
     for i in (0..n).rev() {
         let row = &mass.entries[compiled.dofs[at + i].chain..];
         for k in 1..=i {
@@ -128,20 +130,20 @@ fn solve<R: Real>(compiled: &LaneModel<R>, mass: &MassMatrix<R>, spinner: &Compi
     }
 }
 
-/// A body at the middle of the step.
+/// Single body in the middle of the step.
 struct Body<R: Real> {
     mat: M3<R>,
     mass: R,
     /// Central inertia in body axes: xx, yy, zz, xy, xz, yz.
     inertia: [R; 6],
-    /// Centre of mass from the joint, own axes, m.
+    /// Centre of mass relative to the joint, body axes, m.
     arm: V3<R>,
-    /// 1 where the joint itself moves, 0 for a ball joint.
+    /// Whether the joint moves (free joint) or not (ball joint).
     free: bool,
 }
 
 impl<R: Real> Body<R> {
-    /// With the lanes in which it has a gyroscopic force; `None` where it turns as a ball about its centre does in all of them.
+    /// Single body with the lanes in which it has a gyroscopic force; `None` if it has none in any lane, as a round body.
     #[inline(always)]
     fn tumbling(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, spinner: &CompiledSpinner<R::Scalar>) -> Option<(Self, R::Mask)> {
         let Inertial { mass, com, inertia } = compiled.params.inertial(spinner.link);
@@ -156,7 +158,7 @@ impl<R: Real> Body<R> {
         tumbles.any().then_some((body, tumbles))
     }
 
-    /// Lanes in which it turns as a ball about its centre does.
+    /// Lanes in which the body is round, so that it has no gyroscopic force.
     #[inline(always)]
     fn is_round(&self) -> R::Mask {
         let [xx, yy, zz, rest @ ..] = self.inertia;
@@ -164,32 +166,32 @@ impl<R: Real> Body<R> {
         zeros.fold(xx.eq(yy).and(yy.eq(zz)), R::Mask::and)
     }
 
-    /// I w in own axes.
+    /// Angular momentum I w in body axes.
     #[inline(always)]
     fn spin(&self, w: V3<R>) -> V3<R> {
         let [xx, yy, zz, xy, xz, yz] = self.inertia;
         [xx * w[0] + xy * w[1] + xz * w[2], xy * w[0] + yy * w[1] + yz * w[2], xz * w[0] + yz * w[1] + zz * w[2]]
     }
 
-    /// Momentum (linear in world axes, angular in the middle's axes about the joint), `way` seconds after the middle at the velocity v.
+    /// Momentum `time` seconds after the middle at the velocity v: linear in world axes, angular about the joint in the middle's axes.
     #[inline(always)]
     fn momentum(&self, v: &V6<R>, time: R) -> V6<R> {
         let (u, w) = ([v[0], v[1], v[2]], [v[3], v[4], v[5]]);
         let turn = quat_to_mat(quat_exp(scale(w, time)));
         let own = rotate(&turn, self.spin(w));
-        // Everything in the middle's axes.
+        // All quantities are in the middle's axes.
         let u = rotate_back(&self.mat, u);
         let arm = rotate(&turn, self.arm);
         let speed = add(u, rotate(&turn, cross(w, self.arm)));
         let p = scale(speed, self.mass);
-        // A free body's spin changes by torques about its centre of mass alone, wherever the step has carried that.
+        // Only torques about its centre of mass change the spin of a free body, wherever the step has moved that centre.
         let place = if self.free { self.arm } else { arm };
         let l = add(own, cross(place, p));
         let p = rotate(&self.mat, p);
         [p[0], p[1], p[2], l[0], l[1], l[2]]
     }
 
-    /// M v with the mass matrix of the middle.
+    /// Momentum M v with the mass matrix of the middle.
     #[inline(always)]
     fn inertial(&self, v: &V6<R>) -> V6<R> {
         let (u, w) = (rotate_back(&self.mat, [v[0], v[1], v[2]]), [v[3], v[4], v[5]]);
@@ -199,13 +201,13 @@ impl<R: Real> Body<R> {
         [p[0], p[1], p[2], l[0], l[1], l[2]]
     }
 
-    /// N: what the momentum `before` changes by from the velocity `old` to `new`, beyond M (new - old).
+    /// Term N: change of the momentum `before` from the velocity `old` to `new`, beyond M (new - old).
     #[inline(always)]
     fn transport(&self, [old, new]: [&V6<R>; 2], before: V6<R>, time_after: R) -> V6<R> {
         sub(sub(self.momentum(new, time_after), before), self.inertial(&sub(*new, *old)))
     }
 
-    /// The velocity-dependent part of the bias force.
+    /// Velocity-dependent part of the bias force.
     #[inline(always)]
     fn gyroscopic(&self, v: &V6<R>) -> V6<R> {
         let w = [v[3], v[4], v[5]];

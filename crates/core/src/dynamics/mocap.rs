@@ -10,7 +10,7 @@ use crate::compile::LaneModel;
 use crate::dynamics::kinematics::{Kinematics, all_finite};
 use crate::math::spatial::*;
 
-/// The trajectory of one mocap body during a call.
+/// Trajectory of one mocap body during a call.
 #[derive(Clone, Copy, Debug)]
 pub struct MocapTrajectory<R> {
     /// Position at the beginning of the call, m.
@@ -23,7 +23,7 @@ pub struct MocapTrajectory<R> {
 }
 
 impl<R: Real> MocapTrajectory<R> {
-    /// A body that rests at a pose.
+    /// Trajectory of a body at rest.
     pub fn at(pos: V3<R>, quat: [R; 4]) -> Self {
         let quat = quat_normalize(quat);
         Self { pos, quat, end: [pos[0], pos[1], pos[2], quat[0], quat[1], quat[2], quat[3]], motion: zero() }

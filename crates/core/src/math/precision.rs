@@ -1,4 +1,4 @@
-//! The scalar type of a simulation.
+//! Scalar type of a simulation.
 
 /// Scalar type of the lanes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

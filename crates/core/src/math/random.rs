@@ -8,11 +8,11 @@ use stepper_real::{Real, Scalar};
 use crate::math::lanes::MAX_LANES;
 
 const MULTIPLIERS: [u64; 2] = [0xD251_1F53, 0xCD9E_8D57];
-/// The golden ratio and sqrt(3) - 1: the rounds' keys are an arithmetic sequence.
+/// Golden ratio and sqrt(3) - 1: the increments of the keys from round to round.
 const WEYL: [u64; 2] = [0x9E37_79B9, 0xBB67_AE85];
 const ROUNDS: usize = 10;
 
-/// A 32-bit number in every lane.
+/// 32-bit number in every lane.
 pub type Word = [u32; MAX_LANES];
 
 /// Philox4x32-10 of `counter` under `key` in the first `lanes` lanes.
@@ -20,8 +20,8 @@ pub type Word = [u32; MAX_LANES];
 pub fn philox4x32_10(counter: &[Word; 4], key: &[Word; 2], lanes: usize) -> [Word; 4] {
     const LOWER: u64 = 0xFFFF_FFFF;
     let mut out = [[0; MAX_LANES]; 4];
-    // Lane by lane through all rounds, so that the compiler takes all lanes at once and keeps them in registers. What comes into the upper
-    // halves is never looked at.
+    // Lane by lane through all rounds, so that the compiler vectorises over lanes and keeps them in registers. The upper halves are never
+    // read.
     for l in 0..lanes {
         let (mut a, mut b) = (u64::from(counter[0][l]), u64::from(counter[1][l]));
         let (mut c, mut d) = (u64::from(counter[2][l]), u64::from(counter[3][l]));
@@ -36,7 +36,7 @@ pub fn philox4x32_10(counter: &[Word; 4], key: &[Word; 2], lanes: usize) -> [Wor
     out
 }
 
-/// Numbers of the lanes' words. Into an array and from there: lanes set one by one are computed one by one, an array all at once.
+/// Numbers from the lanes' words. They go through an array, because the compiler vectorises an array but not lanes that are set one by one.
 #[inline(always)]
 fn each<R: Real>(word: &Word, number: impl Fn(u32) -> f64) -> R {
     let mut out = [R::Scalar::default(); MAX_LANES];
@@ -53,7 +53,7 @@ pub fn uniform<R: Real>(word: &Word) -> R {
     x * R::of(1.0 / 4_294_967_296.0) + R::of(0.5 / 4_294_967_296.0)
 }
 
-/// The words shifted to the left, as signed numbers.
+/// Words shifted to the left, as signed numbers.
 #[inline(always)]
 fn signed<R: Real>(word: &Word, shift: u32) -> R {
     each(
@@ -69,7 +69,7 @@ fn signed<R: Real>(word: &Word, shift: u32) -> R {
 /// mirrored. The two upper bits of the angle's word are the signs, the others a in (-pi/4, pi/4).
 #[inline(always)]
 pub fn normals<R: Real>(radius: &Word, angle: &Word) -> [R; 2] {
-    /// pi/4 over 2^31.
+    /// Scale pi/4 over 2^31.
     const UNIT: f64 = std::f64::consts::FRAC_PI_4 / 2_147_483_648.0;
     let r = (-uniform::<R>(radius).ln_normal()).sqrt();
     let (a, first, second): (R, R, R) = (signed(angle, 2), signed(angle, 0), signed(angle, 1));
@@ -105,7 +105,7 @@ mod tests {
             let u = (f64::from(radius) + 0.5) / 4_294_967_296.0;
             let theta = (f64::from(angle & 0x3FFF_FFFF) + 0.5) / f64::from(1 << 30) * std::f64::consts::FRAC_PI_2;
             let rho = (-2.0 * u.ln()).sqrt();
-            // The fraction of the quadrant has its upper bit turned over: a is signed.
+            // The upper bit of the quadrant's fraction is inverted, because a is signed.
             let turned = (theta + std::f64::consts::FRAC_PI_4) % std::f64::consts::FRAC_PI_2;
             let sign = |bit: u32| if angle >> bit & 1 == 1 { -1.0 } else { 1.0 };
             let expected = [sign(31) * rho * turned.cos(), sign(30) * rho * turned.sin()];

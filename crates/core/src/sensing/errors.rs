@@ -25,7 +25,7 @@ pub use crate::sensing::errors::observe::{Slots, Work};
 pub use crate::sensing::errors::transfer::Transfer;
 use crate::sensing::errors::transfer::any;
 
-/// Numbers of a sensor that may differ between environments, in the order of the table.
+/// Number of a sensor that may differ between environments, in the order of the table.
 #[derive(Clone, Copy)]
 enum Number {
     Scale,
@@ -47,13 +47,13 @@ enum Number {
 
 const NUMBERS: usize = 15;
 
-/// One sensor that is not ideal.
+/// Sensor with errors.
 #[derive(Clone, Debug)]
 struct Imperfect<S> {
     sensor: usize,
     at: usize,
     dim: usize,
-    /// Numbers that bias, drift and noise have: three where they are a rotation.
+    /// Number of components of bias, drift and noise: three if they are a rotation.
     freedom: usize,
     quantity: Quantity,
     matrix: Vec<S>,
@@ -68,35 +68,35 @@ struct Imperfect<S> {
     sampled: bool,
     lossy: bool,
     jittery: bool,
-    /// Address of its numbers in the memory: matrix, bias, drift, phase, delay line or held sample.
+    /// Address of the sensor's numbers in the memory: matrix, bias, drift, phase, delay line or held sample.
     memory: usize,
-    /// Address of its random numbers in a step.
+    /// Address of the sensor's random numbers in a step.
     draws: usize,
-    /// Samples of the delay line; 0 without one.
+    /// Number of samples of the delay line; 0 without one.
     line: usize,
-    /// Whether a delay between two samples lies between them: staircases and readings that may be absent have no values in between.
+    /// Whether delays between two samples are interpolated. Staircases and readings that may be absent have no values in between.
     smooth: bool,
 }
 
-/// The transfer functions of a model's sensors in a batch.
+/// Transfer functions of a model's sensors in a batch.
 #[derive(Clone, Debug)]
 pub struct Errors<S> {
     sensors: Vec<Imperfect<S>>,
     /// Addresses of the readings of ideal sensors.
     ideal: Vec<usize>,
-    /// The numbers of every sensor: lane-interleaved for every group of lanes, or once where they are the same in all environments.
+    /// Numbers of every sensor: lane-interleaved for every group of lanes, or once if they are the same in all environments.
     tables: Vec<Vec<S>>,
-    /// Lanes of a row of the tables: 1 where all environments have the same.
+    /// Number of lanes of a row of the tables: 1 if all environments have the same numbers.
     lanes: usize,
-    /// Numbers that survive a step, per lane.
+    /// Number of numbers that survive a step, per lane.
     pub memory: usize,
-    /// Delay lines.
+    /// Number of delay lines.
     pub lines: usize,
-    /// Random numbers of a step.
+    /// Number of random numbers of a step.
     draws: usize,
 }
 
-/// The numbers of a group of lanes, of all sensors or of one.
+/// Numbers of a group of lanes, of all sensors or of one.
 struct Numbers<'a, S> {
     rows: &'a [S],
     lanes: usize,
@@ -121,7 +121,7 @@ impl<S: Scalar> Errors<S> {
         self.sensors.iter().map(|s| DelayLine { at: s.line_at(), samples: s.line, width: s.dim })
     }
 
-    /// `transfers` has an entry for every sensor of the model, `None` for ideal ones.
+    /// Transfer functions from `transfers`, with an entry for every sensor of the model, `None` for ideal ones.
     ///
     /// # Errors
     /// The first number out of its range, with the sensor's name.
@@ -151,12 +151,12 @@ impl<S: Scalar> Errors<S> {
         Ok(errors)
     }
 
-    /// The numbers of a group of lanes.
+    /// Numbers of a group of lanes.
     fn table(&self, group: usize) -> Numbers<'_, S> {
         Numbers { rows: &self.tables[if self.tables.len() == 1 { 0 } else { group }], lanes: self.lanes }
     }
 
-    /// Sensors that are not ideal, by their numbers in the model.
+    /// Sensors that are not ideal, by their index in the model.
     pub fn sensors(&self) -> impl Iterator<Item = usize> {
         self.sensors.iter().map(|s| s.sensor)
     }
@@ -167,7 +167,7 @@ impl<S: Scalar> Errors<S> {
     }
 }
 
-/// The table's row of one environment.
+/// Table row of one environment.
 fn numbers(t: &Transfer, env: usize, h: f64) -> [f64; NUMBERS] {
     let of = |x: &[f64]| x[env % x.len()];
     let (drift, tau) = (of(&t.drift_std), of(&t.drift_time));
@@ -221,7 +221,7 @@ impl<S: Scalar> Imperfect<S> {
             jittery: any(&t.jitter),
             memory,
             draws,
-            // From the newest sample to the oldest that is asked for.
+            // Samples from the newest to the oldest one that is read.
             line: if delay > 0.0 { delay.ceil() as usize + 1 } else { 0 },
             smooth: !any(&t.period) && quantity != Quantity::Positive,
         }
@@ -281,7 +281,7 @@ impl<S: Scalar> Imperfect<S> {
         self.drift_at() + if self.drifts { self.freedom } else { 0 }
     }
 
-    /// The delay line, or the held sample alone.
+    /// Address of the delay line, or of the held sample.
     fn line_at(&self) -> usize {
         self.phase_at() + usize::from(self.sampled)
     }

@@ -29,11 +29,12 @@ use crate::step_derivative::held_overlaps::{HeldOverlaps, compare_overlaps};
 use crate::step_derivative::kink::*;
 use crate::step_derivative::response::{HardResponse, is_solved};
 
-/// Change of a slope per unit of a coordinate, relative to the slope, that smooth motion may have, and the largest for any width.
+/// Change of a slope that smooth motion may have, per unit of a coordinate and relative to the slope, and the largest for any width.
 const CURVATURE: f64 = 1e4;
 const LARGEST_BEND: f64 = 0.1;
 
-/// Slope below which a column is compared with this one, SI units: what rests has columns that are 0 but for terms of second order.
+/// Slope with which smaller ones are replaced in a comparison, SI units. Bodies at rest have columns that are 0 except for terms of second
+/// order.
 const LEAST_SLOPE: f64 = 0.1;
 
 /// Difference of the response at the solution from the solution, relative to its velocities, that counts as rounding and residual. A larger
@@ -71,28 +72,28 @@ pub struct DerivativeQuery<'a> {
     pub parts: &'a [StatePart],
     /// Displacements of every column, (num_envs, points, columns) with one point or two.
     pub offsets: &'a [f64],
-    /// Points of a column.
+    /// Number of points of a column.
     pub points: usize,
     /// Residual to which the step is solved, m/s.
     pub tolerance: f64,
 }
 
-/// Answer for some environments, environment-major.
+/// Results for some environments, environment-major.
 #[derive(Debug)]
 pub struct DerivativeRows<'a> {
     /// Derivatives of displacements of qpos, qvel and act after the step, (environments, 2 nv + na, columns).
     pub slopes: &'a mut [f64],
     /// Flags of every column, (environments, columns), as Python's `stepper.derivatives.Kink` has them.
     pub causes: &'a mut [u32],
-    /// Widths of the displacements to the nearest kink, to first order; infinite where none is seen.
+    /// Distance to the nearest kink in widths of the displacements, to first order; infinite without any.
     pub distance: &'a mut [f64],
-    /// Whether the derivative is that of the step: 0 where the implicit function theorem does not give it.
+    /// Whether the derivative is that of the step: 0 where the implicit function theorem does not apply.
     pub sound: &'a mut [u8],
     /// Residual of the step, m/s.
     pub residual: &'a mut [f64],
     /// Flags of the environments.
     pub status: &'a mut [u32],
-    /// State after it: nq, nv and na numbers.
+    /// State after the step: nq, nv and na numbers.
     pub state: [&'a mut [f64]; 3],
 }
 
@@ -144,7 +145,7 @@ pub(crate) struct StepDerivative<R: Real> {
     overlaps: HeldOverlaps<R>,
     /// Configuration, velocity, activations and controls before the step.
     before: [Vec<R>; 4],
-    /// Configuration, velocity and activations after it.
+    /// Configuration, velocity and activations after the step.
     after: [Vec<R>; 3],
     /// Changes of the state at the points of a column.
     changes: [Vec<R>; 2],
@@ -155,7 +156,7 @@ pub(crate) struct StepDerivative<R: Real> {
 #[derive(Clone, Debug)]
 enum LawResponse<R: Real> {
     Hard(Box<HardResponse<R>>),
-    /// With the acceleration of the solution.
+    /// MuJoCo's law, with the acceleration of the solution.
     Mujoco(Vec<R>),
 }
 
@@ -177,8 +178,8 @@ impl<R: Real> StepDerivative<R> {
         }
     }
 
-    /// Differentiates the step from the state in `s`, which is used up, in all lanes that are environments: `rows` are theirs, and
-    /// `offsets` of the query.
+    /// Differentiates the step from the state in `s`, which is overwritten, in all lanes that are environments. `rows` and the query's
+    /// `offsets` are those of these environments.
     pub(crate) fn differentiate(
         &mut self,
         compiled: &LaneModel<R>,
@@ -191,7 +192,7 @@ impl<R: Real> StepDerivative<R> {
         let solved = self.solve(compiled, options, s, rows);
         let mut sound = self.settle(compiled, options, s, solved);
         let columns: Vec<(StatePart, usize)> = query.parts.iter().flat_map(|&part| (0..self.width(part)).map(move |i| (part, i))).collect();
-        // What changes forces alone comes first, at the rows of the solution, and then what leaves the configuration where it is.
+        // Coordinates that change forces alone come first, with the rows of the solution. Those that keep the configuration follow.
         for recomputed in [Recomputed::Forces, Recomputed::Velocity, Recomputed::Configuration] {
             for (c, &(part, i)) in columns.iter().enumerate().filter(|(_, (part, _))| part.renews() == recomputed) {
                 let offsets = self.offsets(query, alive, c, columns.len());
@@ -250,8 +251,8 @@ impl<R: Real> StepDerivative<R> {
         s.alive.and(solved).bits() & !broken
     }
 
-    /// Takes up how the solution follows the state in the lanes `solved`. Returns those of them in which the response at the solution is
-    /// the solution.
+    /// Computes the response of the solution to the state in the lanes `solved`. Returns the lanes in which the response at the solution
+    /// reproduces the solution.
     fn settle(&mut self, compiled: &LaneModel<R>, options: &StepSettings, s: &mut Workspace<R>, solved: u32) -> u32 {
         let mut sound = solved;
         match &mut self.law {
@@ -275,7 +276,7 @@ impl<R: Real> StepDerivative<R> {
             || {
                 let (mut apart, mut speed) = (R::zero(), R::one());
                 for &change in &self.changes[0] {
-                    // Written so that a NaN stays.
+                    // This form propagates a NaN.
                     apart = R::select(change.abs().le(apart), apart, change.abs());
                 }
                 for &v in &self.after[1] {
@@ -286,7 +287,7 @@ impl<R: Real> StepDerivative<R> {
         )
     }
 
-    /// Brings the state and the controls before the step back.
+    /// Restores the state and the controls before the step.
     fn return_to_beginning(&self, s: &mut Workspace<R>) {
         let State { q, v, act, .. } = &mut s.state;
         for (to, kept) in [q, v, act, &mut s.inputs.ctrl].into_iter().zip(&self.before) {
@@ -305,8 +306,9 @@ impl<R: Real> StepDerivative<R> {
         offsets
     }
 
-    /// Takes the step with one coordinate displaced. Returns those of `lanes` that have all constraints still, and calls `near` with the
-    /// constraints that have come nearer to another mode in these.
+    /// Evaluates the step with one coordinate displaced. Returns the lanes of `lanes` in which all constraints still exist.
+    ///
+    /// Calls `near` with the constraints that have come closer to another mode in these lanes.
     fn evaluate(
         &mut self,
         compiled: &LaneModel<R>,
@@ -352,7 +354,7 @@ impl<R: Real> StepDerivative<R> {
         }
     }
 
-    /// Displacement from the state after the step to that in `s.next`.
+    /// Computes the displacement from the state after the step to the displaced one.
     fn find_changes(&mut self, compiled: &LaneModel<R>, s: &Workspace<R>, point: usize) {
         let Self { after, changes, .. } = self;
         R::vectorize(
@@ -382,7 +384,7 @@ impl<R: Real> StepDerivative<R> {
         )
     }
 
-    /// Writes the derivatives by a column, from the changes at its points, and notes where slopes on both sides differ.
+    /// Writes the derivatives of a column from the changes at its points, and flags slopes that differ between the sides.
     fn write_slopes(&mut self, offsets: &[R], noise: f64, alive: u32, rows: &mut DerivativeRows<'_>, (c, columns): (usize, usize)) {
         let n = self.changes[0].len();
         let nv = self.before[1].len();
@@ -395,7 +397,7 @@ impl<R: Real> StepDerivative<R> {
                     first.iter_mut().for_each(|change| *change /= a);
                     return 0;
                 };
-                // Of the parabola through both points and the nominal one.
+                // Weights of the parabola through both points and the nominal one.
                 let weights = [b / (a * (b - a)), a / (b * (a - b))];
                 let floor = R::of(4.0 * noise) / a.abs();
                 let limit = (R::of(CURVATURE) * a.abs()).min(R::of(LARGEST_BEND));

@@ -149,7 +149,7 @@ pub(crate) struct Derivation<R: Real> {
     /// Workspace of mass matrices and similar quantities.
     dynamics: SmoothDynamics<R>,
     /// Quantities of the present group that are already computed.
-    known: Known,
+    cached: Cached,
     /// Values of the quantity.
     values: Vec<R>,
     /// Values of the quantity, lane-interleaved.
@@ -158,7 +158,7 @@ pub(crate) struct Derivation<R: Real> {
 
 /// Intermediate results that several quantities of a group share, and which of them are computed.
 #[derive(Clone, Copy, Debug, Default)]
-struct Known {
+struct Cached {
     poses: bool,
     orientations: bool,
     velocities: bool,
@@ -169,7 +169,7 @@ struct Known {
 impl<R: Real> Derivation<R> {
     /// Begins with a group, whose state, inputs and last step are in `s`.
     pub(crate) fn begin(&mut self, compiled: &LaneModel<R>, s: &mut Workspace<R>) {
-        self.known = Known::default();
+        self.cached = Cached::default();
         self.place_mocap(compiled, s);
     }
 
@@ -235,16 +235,16 @@ impl<R: Real> Derivation<R> {
             }
             _ => {}
         }
-        if !self.known.poses {
+        if !self.cached.poses {
             s.evaluation.kinematics.update(compiled, &s.state.q);
-            self.known.poses = true;
+            self.cached.poses = true;
         }
         let kinematics = &s.evaluation.kinematics;
         match quantity {
             Q::BodyQuat | Q::SiteQuat | Q::GeomQuat => {
-                if !self.known.orientations {
+                if !self.cached.orientations {
                     orientations(compiled, &s.state.q, &mut self.orientation);
-                    self.known.orientations = true;
+                    self.cached.orientations = true;
                 }
                 self.quaternions(compiled, quantity);
             }
@@ -410,10 +410,10 @@ impl<R: Real> Derivation<R> {
 
     /// Velocities of the links.
     fn find_velocities(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, v: &[R]) {
-        if self.known.velocities {
+        if self.cached.velocities {
             return;
         }
-        self.known.velocities = true;
+        self.cached.velocities = true;
         self.velocity.resize(compiled.links.len(), zero());
         let velocity = &mut self.velocity;
         R::vectorize(
@@ -424,18 +424,18 @@ impl<R: Real> Derivation<R> {
 
     /// Centres of mass of the bodies.
     fn find_centres(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>) {
-        if !self.known.centres {
+        if !self.cached.centres {
             centres_of_bodies(compiled, kinematics, &mut self.centres);
-            self.known.centres = true;
+            self.cached.centres = true;
         }
     }
 
     /// Centres of mass of the bodies, of the bodies with their descendants, and of their trees. A tree begins with a child of the world.
     fn find_references(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>) {
-        if self.known.references {
+        if self.cached.references {
             return;
         }
-        self.known.references = true;
+        self.cached.references = true;
         self.find_centres(compiled, kinematics);
         self.find_subtrees(compiled);
         self.references.clear();

@@ -117,7 +117,7 @@ pub struct ParameterOverrides<S> {
 impl<S: Scalar> ParameterOverrides<S> {
     /// Sets the differences of environments from the model, and removes all earlier ones. Groups have `lanes` lanes.
     pub fn assign(&mut self, shared: &Params<S>, groups: usize, lanes: usize, envs: &[usize], differences: &[Differences]) {
-        self.make_room(shared, groups, lanes, differences);
+        self.add_places(shared, groups, lanes, differences);
         if self.places.is_empty() {
             return;
         }
@@ -132,7 +132,7 @@ impl<S: Scalar> ParameterOverrides<S> {
     }
 
     /// Adds the places that are new.
-    fn make_room(&mut self, shared: &Params<S>, groups: usize, lanes: usize, differences: &[Differences]) {
+    fn add_places(&mut self, shared: &Params<S>, groups: usize, lanes: usize, differences: &[Differences]) {
         let mut places: Vec<u32> = differences.iter().flatten().map(|d| d.0).chain(self.places.iter().copied()).collect();
         places.sort_unstable();
         places.dedup();

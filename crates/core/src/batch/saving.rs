@@ -176,12 +176,12 @@ mod tests {
         Simulation::new(Arc::new(scene.finish().unwrap()), options, Some(3), Precision::F64, 1).unwrap()
     }
 
-    /// State of a simulation whose environments have two contacts each, in groups with a contact capacity of `room`.
-    fn touching(sim: &Simulation, room: usize, change: impl Fn(&mut Group<f64>)) -> SavedState {
+    /// State of a simulation whose environments have two contacts each, in groups with a contact capacity of `capacity`.
+    fn touching(sim: &Simulation, capacity: usize, change: impl Fn(&mut Group<f64>)) -> SavedState {
         let state = sim.save_state();
         let mut saved = postcard::from_bytes::<SavedGroups<f64>>(state.payload()).unwrap();
         for group in &mut saved.groups {
-            let (lanes, entries) = (group.lanes, room * group.lanes);
+            let (lanes, entries) = (group.lanes, capacity * group.lanes);
             group.contact_ids.resize(entries, 0);
             group.contact_data.resize(10 * entries, 0.0);
             for lane in (0..lanes).filter(|lane| group.alive >> lane & 1 == 1) {
@@ -195,9 +195,9 @@ mod tests {
     }
 
     #[test]
-    fn a_state_with_room_for_more_contacts_is_the_same() {
+    fn a_state_with_capacity_for_more_contacts_is_the_same() {
         let mut sim = boxes();
-        let [state, older] = [2, 4].map(|room| touching(&sim, room, |_| ()));
+        let [state, older] = [2, 4].map(|capacity| touching(&sim, capacity, |_| ()));
         assert!(older.nbytes() > state.nbytes() + 3 * 2 * 10 * 8);
         for given in [older, state.clone()] {
             sim.restore_state(&given).unwrap();

@@ -98,7 +98,7 @@ impl<R: Real, P: Probe> Reader<'_, R, P> {
         load_inputs(self.call, group, self.first, s);
         s.current = false;
         load_or_zero(&group.sensing.ctrl, &mut s.inputs.ctrl);
-        self.recall_last_step(group, s, needs);
+        self.load_last_step(group, s, needs);
         self.read_truth(s);
     }
 
@@ -122,12 +122,12 @@ impl<R: Real, P: Probe> Reader<'_, R, P> {
             None => load_control(self.call, 0, self.first, s),
         }
         if last_step {
-            self.recall_last_step(group, s, Needs { step: true, contacts: true, ..Needs::default() });
+            self.load_last_step(group, s, Needs { step: true, contacts: true, ..Needs::default() });
         }
     }
 
     /// Loads the stored results of the last step that `needs` lists. Lanes whose state was set since make a trial step.
-    fn recall_last_step(&self, group: &Group<R::Scalar>, s: &mut Workspace<R>, needs: Needs) {
+    fn load_last_step(&self, group: &Group<R::Scalar>, s: &mut Workspace<R>, needs: Needs) {
         load_or_zero(&group.sensing.acceleration, &mut s.sensors.acceleration);
         let fresh = if needs.step { group.sensing.fresh & group.alive } else { 0 };
         if fresh != 0 {

@@ -64,7 +64,7 @@ pub struct Simulation {
 /// Cached true readings of all sensors, valid while none of their inputs changes.
 #[derive(Clone, Default)]
 struct TrueReadings {
-    known: bool,
+    is_cached: bool,
     readings: Vec<f64>,
     /// Applied inputs at that time, in the order of [`AppliedInput::ALL`](crate::batch::inputs::AppliedInput::ALL).
     applied: [Vec<f64>; 5],
@@ -238,7 +238,7 @@ impl Simulation {
 
     /// Invalidates cached readings and derived quantities.
     fn note_change(&mut self) {
-        self.truth.known = false;
+        self.truth.is_cached = false;
         self.revision += 1;
     }
 

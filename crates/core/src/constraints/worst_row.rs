@@ -62,7 +62,7 @@ impl<R: Real> WorstRows<R> {
 
     /// Updates the worst rows of the lanes `solved`; those in `unsolved` have one.
     #[inline(always)]
-    pub(crate) fn renew(
+    pub(crate) fn update(
         &mut self,
         problem: &ConstraintProblem<R>,
         system: System<'_, R>,

@@ -34,14 +34,14 @@ pub fn correct<R: Real>(
     compiled: &LaneModel<R>,
     kinematics: &Kinematics<R>,
     mass: &MassMatrix<R>,
-    ways: [R; 2],
+    times: [R; 2],
     [v, v_eval]: [&[R]; 2],
     v_free: &mut [R],
 ) {
     R::vectorize(
         #[inline(always)]
         || {
-            let [time_before, time_after] = ways;
+            let [time_before, time_after] = times;
             let h = time_before + time_after;
             for spinner in &compiled.spinners {
                 let Some((body, tumbles)) = Body::tumbling(compiled, kinematics, spinner) else { continue };
@@ -71,14 +71,14 @@ pub fn correct_spin<R: Real>(
     compiled: &LaneModel<R>,
     kinematics: &Kinematics<R>,
     mass: &MassMatrix<R>,
-    [ways, times]: [[R; 2]; 2],
+    [halves, times]: [[R; 2]; 2],
     [v, after]: [&[R]; 2],
     v_free: &mut [R],
 ) {
     R::vectorize(
         #[inline(always)]
         || {
-            let [time_before, time_after] = ways;
+            let [time_before, time_after] = halves;
             for spinner in &compiled.spinners {
                 let Some((body, tumbles)) = Body::tumbling(compiled, kinematics, spinner) else { continue };
                 let at = spinner.dof;

@@ -50,7 +50,7 @@ pub fn solve_to<R: Real>(
     let enough = R::of(options.tolerance);
     share_loads(problem, settings, velocity, lanes.and(outcome.residual.le(enough)), &mut outcome);
     let unsolved = lanes.and_not(outcome.residual.le(enough));
-    velocity.worst.renew(problem, rows.into(), &velocity.impulses, contacts, [lanes, unsolved]);
+    velocity.worst.update(problem, rows.into(), &velocity.impulses, contacts, [lanes, unsolved]);
     outcome
 }
 

@@ -143,7 +143,7 @@ pub fn limit_baumgarte<R: Real>(
     let system = position.rows.system(rows);
     let repeated = stepper_solve::solve(system, impulses, settings, lanes, newton);
     let unsolved = lanes.and_not(repeated.residual.le(tolerance));
-    worst.renew(input.problem, system, impulses, input.contacts, [lanes, unsolved]);
+    worst.update(input.problem, system, impulses, input.contacts, [lanes, unsolved]);
     outcome.replace(&repeated, lanes);
     R::vectorize(
         #[inline(always)]

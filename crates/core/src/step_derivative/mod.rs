@@ -56,7 +56,7 @@ pub enum StatePart {
 
 impl StatePart {
     /// Parts of a step that change when a coordinate of this kind is displaced.
-    fn renews(self) -> Recomputed {
+    fn recomputed(self) -> Recomputed {
         match self {
             Self::Qpos => Recomputed::Configuration,
             Self::Qvel => Recomputed::Velocity,
@@ -194,7 +194,7 @@ impl<R: Real> StepDerivative<R> {
         let columns: Vec<(StatePart, usize)> = query.parts.iter().flat_map(|&part| (0..self.width(part)).map(move |i| (part, i))).collect();
         // Coordinates that change forces alone come first, with the rows of the solution. Those that keep the configuration follow.
         for recomputed in [Recomputed::Forces, Recomputed::Velocity, Recomputed::Configuration] {
-            for (c, &(part, i)) in columns.iter().enumerate().filter(|(_, (part, _))| part.renews() == recomputed) {
+            for (c, &(part, i)) in columns.iter().enumerate().filter(|(_, (part, _))| part.recomputed() == recomputed) {
                 let offsets = self.offsets(query, alive, c, columns.len());
                 for (point, &offset) in offsets[..query.points].iter().enumerate() {
                     sound = self.evaluate(compiled, options, s, (part, i, offset), sound, &mut |near| rows.note(near, (c, columns.len())));
@@ -328,7 +328,7 @@ impl<R: Real> StepDerivative<R> {
             StatePart::Act => s.state.act[i] = self.before[2][i] + offset,
             StatePart::Ctrl => s.inputs.ctrl[i] = self.before[3][i] + offset,
         }
-        let lanes = self.respond(compiled, options, s, part.renews(), lanes, near);
+        let lanes = self.respond(compiled, options, s, part.recomputed(), lanes, near);
         self.return_to_beginning(s);
         lanes
     }

@@ -26,9 +26,9 @@ impl Anderson {
     pub(super) fn restart(&mut self, n: usize) {
         self.n = n;
         self.taken = 0;
-        for (room, len) in [(&mut self.last_s, n), (&mut self.last_f, n), (&mut self.ds, MEMORY * n), (&mut self.df, MEMORY * n)] {
-            room.clear();
-            room.resize(len, 0.0);
+        for (buffer, len) in [(&mut self.last_s, n), (&mut self.last_f, n), (&mut self.ds, MEMORY * n), (&mut self.df, MEMORY * n)] {
+            buffer.clear();
+            buffer.resize(len, 0.0);
         }
     }
 

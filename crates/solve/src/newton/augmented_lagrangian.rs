@@ -52,9 +52,9 @@ impl AugmentedLagrangian {
         }
         self.matrix.complete_pattern();
         self.longest = rows.blocks.iter().fold(0.0, |most: f64, block| most.max(block.trace)).sqrt();
-        for room in [&mut self.z, &mut self.x, &mut self.trial] {
-            room.clear();
-            room.resize(rows.g.len(), 0.0);
+        for buffer in [&mut self.z, &mut self.x, &mut self.trial] {
+            buffer.clear();
+            buffer.resize(rows.g.len(), 0.0);
         }
     }
 

@@ -165,7 +165,7 @@ impl ProximalPoint {
                 continue;
             }
             let moved = self.accept_step(rows);
-            let off = self.renew_slip(rows);
+            let off = self.recompute_slip(rows);
             // A residual that stays although the slips are right is caused by proximal steps that are too short.
             let short = self.now > 0.1 * before && off < 0.1 * self.now;
             most = largest_kappa(&self.lagrangian.slip, criteria.tolerance).min(0.01 * broken);
@@ -251,7 +251,7 @@ impl ProximalPoint {
     }
 
     /// Recomputes De Saxce's terms. Returns the largest error of the last ones, m/s.
-    fn renew_slip(&mut self, rows: &Island) -> f64 {
+    fn recompute_slip(&mut self, rows: &Island) -> f64 {
         self.image.clear();
         self.image.extend(rows.blocks.iter().map(|block| block.set.slip(&self.v[block.rows.clone()])));
         let off = self.image.iter().zip(&self.lagrangian.slip).fold(0.0, |most: f64, (a, b)| most.max((a - b).abs()));

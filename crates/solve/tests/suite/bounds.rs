@@ -76,16 +76,16 @@ fn search(case: &Case, tolerance: f64) -> Result<(), TestCaseError> {
         let (problem, mut iterate) = build::<f64>(case);
         let (mut left, mut taken) = (residual(&problem, &iterate), 0.0);
         let before = left;
-        let mut room = Newton::default();
+        let mut newton = Newton::default();
         let outcome = [&mut left, &mut taken];
         match way {
-            Way::Near(terms) => room.solve(&problem, &mut iterate, Search { steps: STEPS, tolerance, terms }, true, outcome),
-            Way::LeastNorm => room.solve_least_norm(&problem, &mut iterate, STEPS, tolerance, true, outcome),
+            Way::Near(terms) => newton.solve(&problem, &mut iterate, Search { steps: STEPS, tolerance, terms }, true, outcome),
+            Way::LeastNorm => newton.solve_least_norm(&problem, &mut iterate, STEPS, tolerance, true, outcome),
         }
         let exact = matches!(way, Way::Near(Terms::HeldThenExact | Terms::Exact));
         let most = if exact { EXACT_RATIO * STEPS } else { STEPS };
-        check(room.work(), most)?;
-        prop_assert!(taken <= f64::from(most * room.work().islands));
+        check(newton.work(), most)?;
+        prop_assert!(taken <= f64::from(most * newton.work().islands));
         prop_assert!(!left.is_nan() || before.is_nan(), "{before} became no number");
     }
     Ok(())
@@ -128,9 +128,9 @@ proptest! {
         }
         let settings = Settings { sweeps: 20, newton_steps: STEPS, tolerance: F64Lanes::of(1e-9), newton_threshold: F64Lanes::of(1e-9) };
         let run = |problem: &Problem<F64Lanes>| {
-            let (mut iterate, mut room) = (iterate.clone(), Newton::default());
-            let outcome = solve(problem, &mut iterate, settings, Mask::splat(true), &mut room);
-            (outcome, iterate, room.work())
+            let (mut iterate, mut newton) = (iterate.clone(), Newton::default());
+            let outcome = solve(problem, &mut iterate, settings, Mask::splat(true), &mut newton);
+            (outcome, iterate, newton.work())
         };
         let (well, ill) = (run(&problem), run(&worse));
         check(ill.2, EXACT_RATIO * STEPS)?;

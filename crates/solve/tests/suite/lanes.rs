@@ -41,10 +41,10 @@ fn build<R: Real<Scalar = f64>>(problems: &Problems) -> (Problem<R>, Iterate<R>)
     };
     let active = |row: usize| R::Mask::from_bits(problems.iter().enumerate().fold(0, |bits, (l, p)| bits | u32::from(p.1[row]) << l));
     let keep = |row: usize, x: R| R::select(active(row), x, R::zero());
-    let mut room = stepper_solve::Capacity::of_coordinates(N);
-    (room.scalars, room.scalar_entries, room.contact_support) = (N, N * N, N);
-    (room.contacts, room.rolling_contacts) = (CONTACTS, 1);
-    let (mut problem, mut iterate) = (Problem::new(&room), Iterate::new(&room));
+    let mut capacity = stepper_solve::Capacity::of_coordinates(N);
+    (capacity.scalars, capacity.scalar_entries, capacity.contact_support) = (N, N * N, N);
+    (capacity.contacts, capacity.rolling_contacts) = (CONTACTS, 1);
+    let (mut problem, mut iterate) = (Problem::new(&capacity), Iterate::new(&capacity));
     iterate.clear();
     let support: Vec<u32> = (0..N as u32).collect();
     for row in 0..N {

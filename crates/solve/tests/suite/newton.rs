@@ -106,10 +106,10 @@ proptest! {
         let (problem, mut iterate) = build::<F64Lanes>(&cases);
         let group_settings = Settings { sweeps: 3, newton_steps: 12, tolerance: F64Lanes::of(1e-9), newton_threshold: F64Lanes::of(1e-9) };
         let outcome = solve(&problem, &mut iterate, group_settings, Mask::splat(true), &mut Newton::default());
-        let mut room = Newton::default();
+        let mut newton = Newton::default();
         for (l, case) in cases.iter().enumerate() {
             let (problem, mut alone) = build::<f64>(std::slice::from_ref(case));
-            let single = solve(&problem, &mut alone, settings, true, &mut room);
+            let single = solve(&problem, &mut alone, settings, true, &mut newton);
             prop_assert_eq!(single.residual.to_bits(), outcome.residual.lane(l).to_bits());
             prop_assert_eq!((single.sweeps, single.newton_steps), (outcome.sweeps.lane(l), outcome.newton_steps.lane(l)));
             for (a, b) in alone.w.iter().zip(&iterate.w) {
@@ -205,13 +205,13 @@ fn without_friction_everything_is_solved_in_any_order() {
 fn shared_loads_depend_on_neither_start_nor_order() {
     let solved = Share::default();
     proptest!(cases(300), |(case in case(4, 1.0, Just(0.0)), turn in 1usize..8)| {
-        let mut crowded = Case { limits: vec![], ..case };
-        let copies = crowded.contacts.clone();
-        crowded.contacts.extend(copies);
-        let (problem, mut cold) = build::<f64>(std::slice::from_ref(&crowded));
-        let n = crowded.contacts.len();
-        crowded.contacts.rotate_left(turn % n);
-        let (turned, mut other) = build::<f64>(&[crowded]);
+        let mut doubled = Case { limits: vec![], ..case };
+        let copies = doubled.contacts.clone();
+        doubled.contacts.extend(copies);
+        let (problem, mut cold) = build::<f64>(std::slice::from_ref(&doubled));
+        let n = doubled.contacts.len();
+        doubled.contacts.rotate_left(turn % n);
+        let (turned, mut other) = build::<f64>(&[doubled]);
         let mut swept = cold.clone();
         gauss_seidel::solve(&problem, &mut swept, gauss_seidel::SweepSettings { sweeps: 50, tolerance: 1e-10 }, true);
         let share = |problem: &Problem<f64>, iterate: &mut Iterate<f64>| {
@@ -346,13 +346,13 @@ fn running_out_of_steps_is_reported_and_no_worse_than_sweeps() {
 fn a_solved_lane_keeps_its_bits() {
     let cases = problems(F64Lanes::LANES, 6, 1e1, 0.0..0.5);
     let (problem, mut iterate) = build::<F64Lanes>(&cases);
-    let mut room = Newton::default();
+    let mut newton = Newton::default();
     let settings = Settings { sweeps: 200, newton_steps: 100, tolerance: F64Lanes::of(1e-8), newton_threshold: F64Lanes::of(1e-8) };
-    let outcome = solve(&problem, &mut iterate, settings, Mask::splat(true), &mut room);
+    let outcome = solve(&problem, &mut iterate, settings, Mask::splat(true), &mut newton);
     let (mut left, mut taken) = (outcome.residual, F64Lanes::zero());
     let before = iterate.clone();
     let search = Search { steps: 10, tolerance: F64Lanes::of(1e-9), terms: Terms::HeldThenExact };
-    room.solve(&problem, &mut iterate, search, Mask::from_bits(0b10), [&mut left, &mut taken]);
+    newton.solve(&problem, &mut iterate, search, Mask::from_bits(0b10), [&mut left, &mut taken]);
     for l in (0..F64Lanes::LANES).filter(|&l| l != 1) {
         assert!(iterate.w.iter().zip(&before.w).all(|(a, b)| a.lane(l).to_bits() == b.lane(l).to_bits()));
         assert_eq!(taken.lane(l), 0.0);

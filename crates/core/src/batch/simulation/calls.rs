@@ -175,7 +175,7 @@ impl Simulation {
         if !truth {
             return self.engine.read_sensors(&inputs, false, out);
         }
-        let same = self.truth.known && self.truth.applied.iter().zip(inputs.applied()).all(|(then, now)| then == now);
+        let same = self.truth.is_cached && self.truth.applied.iter().zip(inputs.applied()).all(|(then, now)| then == now);
         if !same {
             self.truth.readings.resize(must, 0.0);
             self.engine.read_sensors(&inputs, true, &mut self.truth.readings)?;
@@ -183,7 +183,7 @@ impl Simulation {
                 then.clear();
                 then.extend_from_slice(now);
             }
-            self.truth.known = true;
+            self.truth.is_cached = true;
         }
         out.copy_from_slice(&self.truth.readings);
         Ok(())

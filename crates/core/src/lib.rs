@@ -79,14 +79,15 @@
 //! # Features
 //!
 //! - `avx2` and `avx512` (on by default) compile the step for these CPU levels, in addition to the baseline (SSE2, or NEON). The engine
-//!   runs the fastest level of the machine, with the same bits. `default-features = false` compiles the baseline alone, which builds faster.
+//!   runs the fastest level of the machine, with the same bits. `default-features = false` compiles the baseline alone, which builds
+//!   faster.
 //! - `nalgebra` (off by default) adds its types to the interface: fields of the state as vectors and matrices, body poses as isometries,
 //!   contact forces in world axes. Builders take its vectors, points, rotations and isometries. The feature also exports nalgebra, so that
 //!   a user has the same version.
 //! - `internals` (off by default) adds the module `internals` for the benches and tests of this workspace. It changes without notice.
 //!
-//! serde, postcard and sha2 are not optional. Models and states are bytes with a checksum, and every state has the digest of its model, so
-//! that a state of another model is refused.
+//! serde, postcard and sha2 are not optional. Models and states are bytes with a checksum. Every state has the digest of its model, so that
+//! a state of another model is refused.
 
 //! # Build times and debug builds
 //!

@@ -3,7 +3,7 @@
 //! Position targets (gaps to close, overlaps to remove) may contradict each other, or only an absurd motion may meet them. Examples are a
 //! normal that passes a hinge at a micrometre, and a stretched chain. A compliance R on the diagonal of G makes the solution that of damped
 //! least squares (Levenberg 1944; for manipulators Nakamura & Hanafusa 1986 and Wampler 1986). A row of mobility G then meets the fraction
-//! G / (G + R) of its target d, and its scaled motion is at most d / (2 sqrt(R)). Of contradicting targets the remaining error is least in
+//! `G / (G + R)` of its target d. Its scaled motion is at most `d / (2 sqrt(R))`. Of contradicting targets the remaining error is least in
 //! the mean square. Compliance counts from the reference impulses, so that loads that already act cause no error.
 //!
 //! Farkas' lemma proves that targets are infeasible. Let u be the unmet target velocity of the rows at the present motion. The proof is

@@ -7,9 +7,9 @@
 //! 1/2 (a - a0)^T M (a - a0) + s(J a - r)
 //! ```
 //!
-//! Here a0 is the acceleration without constraints, and r the reference acceleration of each row. s is a convex function that is quadratic
-//! where a row pushes; its slope is minus the constraint force. The sum is strictly convex, so that there is one solution and all forces
-//! are determinate.
+//! Here a0 is the acceleration without constraints, and r the reference acceleration of each row. The convex function s is quadratic where
+//! a row pushes. Its slope is minus the constraint force. The sum is strictly convex, so that there is one solution and all forces are
+//! determinate.
 //!
 //! All code is generic over [`Real`](stepper_real::Real), as the rest of this crate. Its coordinates are those of the joints: M has the
 //! sparsity of the trees there, and a limit is one entry.

@@ -95,7 +95,7 @@ impl<R: Real> Region<R> {
     }
 }
 
-/// Modes of an unbounded force at a velocity: lanes at a limit, lanes on the curve of the motor, and lanes at the upper one of these bounds.
+/// Modes of an unbounded force at a velocity: lanes at a limit, lanes on the curve of the motor, and lanes at the upper bound.
 #[inline(always)]
 fn modes<R: Real>(compiled: &CompiledActuatorDynamics<R::Scalar>, numbers: &ActuatorDynamics<R>, force: R, velocity: R) -> [R::Mask; 3] {
     let never = R::Mask::splat(false);

@@ -14,21 +14,21 @@
 //! this added inertia gives the same stability.
 //!
 //! If a step does not resolve a spring or damper, the midpoint rule keeps its amplitude and reverses it in every step: its amplification
-//! tends to -1. With damping the true motion dies out. The step therefore evaluates more of it at its end, by s = z / (6 + z), z = h d / m
-//! with the inertia m of the diagonal of M:
+//! tends to -1. With damping the true motion dies out. The step therefore evaluates more of it at its end, by `s = z / (6 + z)`, `z = h d /
+//! m`, where m is the inertia from the diagonal of M:
 //!
 //! ```text
 //! f = -k (x_mid + h/4 a.dv - x0) - d (xdot + (1 + s)/2 a.dv) - 3/2 s h k (xdot + a.dv)
 //! ```
 //!
-//! For a damper alone, that is the Pade approximation (1 - z/3) / (1 + 2 z/3 + z^2/6) of exp(-z), Radau IIA's of third order (Hairer &
+//! For a damper alone, that is the Pade approximation `(1 - z/3) / (1 + 2 z/3 + z^2/6)` of exp(-z), Radau IIA's of third order (Hairer &
 //! Wanner, section IV.3): it tends to 0. For a stiff spring, the last term multiplies the area in the phase plane by 1 / (1 + 6 s) in a
 //! step. That is 1 - z + O(z^2), as in the true motion, exp(-z) (Liouville), and 1/7 at most. The added terms are of the order h^2, and
 //! zero without damping. The rule stays of second order, and keeps the energy of undamped springs.
 //!
 //! A servo at a bound of its force contributes the bound and no stiffness. The expected force at the end of the step decides whether it is
-//! at the bound: first with the impulses of the last step, then with an estimate of this step's impulses. A motor on its torque-speed curve
-//! contributes the curve: its stall torque, and the drag of its back-EMF as a damper.
+//! at the bound. The first pass uses the impulses of the last step, the second an estimate of this step's impulses. A motor on its
+//! torque-speed curve contributes the curve: its stall torque, and the drag of its back-EMF as a damper.
 
 use stepper_real::{Mask, Real};
 

@@ -388,8 +388,9 @@ impl ActuatorPipeline {
         R::select(part.gt(R::zero()), new + (old - new) * part, new)
     }
 
-    /// Effort of a servo for the set point `u`: the held effort, or for a continuous servo the part that does not depend on the motion
-    /// within the step.
+    /// Effort of a servo for the set point `u`.
+    ///
+    /// It is the held effort of a sampled servo. For a continuous servo it is the part that does not depend on the motion within the step.
     #[inline(always)]
     #[expect(clippy::too_many_arguments, reason = "what is given, to whom, and what is remembered")]
     fn follow<R: Real>(

@@ -69,8 +69,8 @@ pub fn overlaps(model: &Model) -> Vec<Overlap> {
 /// [`Description::excluded_overlaps`] lists the overlaps. As with SRDF and `<exclude>`, no geoms of the two bodies collide, because other
 /// geoms of them would jam as soon as a joint moves. World geoms are excluded one by one, because the world is not a link.
 ///
-/// Overlaps with the ground stay, because their remedy is another pose: of planes and height fields with anything, and of fixed geoms with
-/// a body that has a free joint.
+/// Overlaps with the ground stay, because their remedy is another pose. These are overlaps of planes and height fields with anything, and
+/// of fixed geoms with a body on a free joint.
 pub fn exclude(model: &Model) -> Model {
     let mut model = model.clone();
     loop {

@@ -35,10 +35,10 @@ pub(super) fn check_memory(num_envs: usize, bytes_per_env: usize) -> Result<(), 
 
 /// Contact capacity of an environment: the number in the options, else an estimate.
 ///
-/// The estimate is the number of contacts that can exist, but at most 16 plus some per body, or twice the number in the model's stored
-/// states. A link of a robot counts four. A floating body counts what a body in a heap has: half of the twelve balls around a ball, or of
-/// the six faces of a box with four points each. Mechanisms whose parts lie on one another (a puzzle, a gripper of many meshes) have more
-/// contacts in their reset state or a keyframe.
+/// The estimate is the number of contacts that can exist, with an upper bound. The bound is the larger of two numbers: 16 plus some per
+/// body, and twice the number in the model's stored states. A link of a robot counts four. A floating body counts as a body in a heap. That
+/// is half of the twelve balls around a ball, or of the six faces of a box with four points each. Mechanisms whose parts lie on one another
+/// (a puzzle, a gripper of many meshes) have more contacts in their reset state or a keyframe.
 pub(super) fn contact_capacity<S: LaneScalar>(model: &Model, compiled: &CompiledModel<S>, settings: &StepSettings, level: Level) -> usize {
     if let Some(n) = settings.max_contacts {
         return (n as usize).min(compiled.contact_points);

@@ -167,7 +167,7 @@ impl<S: Scalar> DynamicPairs<S> {
 const NEIGHBOUR_POINTS: usize = 48;
 /// Number of pairs of ordinary-sized geoms above which detection finds these pairs in every step.
 const LISTED_PAIRS: usize = 3000;
-/// Ratio of a geom's size to the median above which its pairs are listed: a grid with cells of its size would have all geoms in one cell.
+/// Ratio of a geom's size to the median above which its pairs are listed. A grid with cells of its size would have all geoms in one cell.
 const LARGE: f64 = 8.0;
 
 /// Geoms, listed pairs and dynamic pairs.

@@ -1,4 +1,4 @@
-//! Compiled model: what the step reads, and no more than this scene needs.
+//! Compiled model: the numbers that the step reads, and no more than this scene needs.
 //!
 //! Bodies that cannot move relative to their parent are merged into one *link*. A *frame* is anything to which a geom can be fixed: frame 0
 //! is the world, frames `1..=links` the links, the rest mocap bodies. Pairs that can never collide are not in the list.

@@ -21,8 +21,10 @@ pub(crate) struct CompliantRow<R: Real> {
 }
 
 impl<R: Real> RowBuilder<R> {
-    /// The contacts in slot `k` that are springs, whose normal velocities without constraints and before the step are `free` and `before`;
-    /// the normal's row is the first of `column`, half solved.
+    /// Compliant normal row of slot `k`, in the lanes whose contact has a spring.
+    ///
+    /// `free` and `before` are the normal velocities without constraints and before the step. The first component of `column` has the
+    /// half-solved normal row.
     pub(crate) fn comply(
         &self,
         input: RowInput<'_, R>,

@@ -1,6 +1,6 @@
 //! Rows of equalities: J v = 0 along the whole step, so that closed loops stay closed.
 //!
-//! With the error e(q), its Jacobian J and kappa = J' v (J' the rate of J), a step changes the error as follows, to third order in h:
+//! Let e(q) be the error, J its Jacobian and kappa = J' v (J' the rate of J). To third order in h, a step changes the error as follows:
 //!
 //! ```text
 //! Euler (q+ = q + h v+, rows at q):                             e+ = e + h J v+ + h^2/2 kappa

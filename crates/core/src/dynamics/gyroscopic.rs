@@ -23,8 +23,9 @@ use crate::dynamics::kinematics::Kinematics;
 use crate::math::spatial::*;
 use crate::model::JointKind;
 
-/// Number of iterations. At a turn of 0.1 rad in half a step the last one changes w by 1e-8 of the remaining error of the corrector, some
-/// 1e-4 of w.
+/// Number of iterations.
+///
+/// At a turn of 0.1 rad in half a step the last iteration changes w by 1e-8 of the corrector's remaining error, which is some 1e-4 of w.
 const ITERATIONS: usize = 8;
 
 /// Corrects the free velocities `v_free` of single bodies, which were computed with the gyroscopic force at the velocity `v_eval`.

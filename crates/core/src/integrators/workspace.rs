@@ -103,10 +103,10 @@ impl<R: Real> Workspace<R> {
         self.evaluation.poses.update_static_poses(compiled);
     }
 
-    /// Fills with NaN the vectors that a step computes before it reads them, so that numbers of the last step are not mistaken for those of
-    /// this step (as in Drake's `icf_data.h`).
+    /// Fills with NaN the vectors that a step computes before it reads them, as Drake's `icf_data.h` does.
     ///
-    /// Kinematics, contacts, mass matrix, actuator forces and constraint rows are not filled.
+    /// Numbers of the last step are then not mistaken for those of this step. Kinematics, contacts, mass matrix, actuator forces and
+    /// constraint rows are not filled.
     pub(crate) fn poison(&mut self) {
         self.evaluation.poison();
         self.free_motion.poison();

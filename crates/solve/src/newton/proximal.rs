@@ -1,7 +1,7 @@
 //! Outer loop: proximal steps of one island, from its warm start to the tolerance.
 //!
 //! With De Saxce's terms constant the problem is convex, and proximal steps converge if it has a solution. After k steps the residual is at
-//! most the distance from the first impulses to the nearest solution, over kappa and the root of k (Rockafellar 1976, theorem 1; Guler
+//! most `D / (kappa sqrt(k))`, where D is the distance from the first impulses to the nearest solution (Rockafellar 1976, theorem 1; Guler
 //! 1991, theorem 2.1). The solutions of nearly dependent rows are far away. Kappa therefore grows until the residual falls by a factor at
 //! every step. Rounding bounds kappa, see [`largest_kappa`].
 //!
@@ -27,9 +27,9 @@ const LEAST_KAPPA: f64 = 1e2;
 
 /// Ratio kappa of the first steps of [`ProximalPoint::solve_exact`], in islands of at most [`SMALL`] coordinates and in larger ones.
 ///
-/// Measured on 53 problems of a wall hit by a ball and of a heap of thirty boxes, which sweeps and convex steps had not solved. A first
-/// kappa of 10 or 1000, growth by 4, or 10 instead of [`MOST_STEPS`] take within 15 % as many Newton steps. They also solve all problems.
-/// In small islands, of 280 problems, 300 or 3000 take up to 20 % more.
+/// Measured on 53 problems of a wall hit by a ball and of a heap of thirty boxes that sweeps and convex steps had not solved. A first kappa
+/// of 10 or 1000, growth by 4, or 10 instead of [`MOST_STEPS`] take within 15 % as many Newton steps. They also solve all problems. In
+/// small islands, of 280 problems, 300 or 3000 take up to 20 % more.
 const FIRST_EXACT_KAPPA: [f64; 2] = [1e3, 1e2];
 const LEAST_EXACT_KAPPA: f64 = 0.3;
 const MOST_EXACT_KAPPA: f64 = 1e6;
@@ -38,8 +38,9 @@ const MOST_STEPS: u32 = 6;
 const FEW_STEPS: u32 = 4;
 /// Largest number of Newton steps of the proximal step after one that meets the tolerance.
 const LAST_STEPS: u32 = 2;
-/// Ratio of the Newton steps of a search with the exact law to the limit in the settings: half of those 53 problems need more than 75, the
-/// hardest 280.
+/// Ratio of the Newton steps of a search with the exact law to the limit in the settings.
+///
+/// Half of those 53 problems need more than 75 steps, the hardest 280.
 pub const EXACT_RATIO: u32 = 6;
 
 /// Number of steps in an attempt of the exact law that need not lower its error.

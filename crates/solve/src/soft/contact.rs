@@ -13,10 +13,9 @@ pub struct SoftContact<R: Real, const N: usize> {
     pub(super) entries: Range<usize>,
     /// Reference acceleration of every row.
     pub reference: [R; N],
-    /// Inverse regularisation of every row of an elliptic cone, or of the two edges along each friction row of a pyramid (the first entry
-    /// is unused).
+    /// Inverse regularisation of every row of an elliptic cone, or of the two edges along each friction row of a pyramid.
     ///
-    /// All are 0 in lanes without the contact.
+    /// The first entry of a pyramid is unused. All are 0 in lanes without the contact.
     pub weight: [R; N],
     /// Friction of the regularised cone, then the coefficient of friction of every other row; (1, 0, ...) without friction.
     pub scale: [R; N],

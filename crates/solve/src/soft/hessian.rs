@@ -24,7 +24,8 @@ pub(super) struct Hessian<R: Real> {
     sets: Vec<u64>,
     /// Columns as ranges, ascending. A tree's row has few, and work on a range needs no index for every entry.
     runs: Vec<Vec<Range<usize>>>,
-    /// Whether a row has the columns of the previous row, that row's index, and no others, as the joints of a body or of a limb do.
+    /// Whether a row has the columns of the previous row, that row's index, and no others. The joints of a body or of a limb have such
+    /// rows.
     follows: Vec<bool>,
     /// Multiplications of a factorisation, see [`Hessian::work`].
     work: usize,

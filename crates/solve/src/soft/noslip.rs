@@ -571,10 +571,11 @@ impl<R: Real, const N: usize> Friction<R, N> {
     }
 }
 
-/// Minimises 1/2 x^T A x + b^T x over the ball |x| <= r in the lanes `lanes`: Newton's method for the multiplier from 0, whose equation
-/// |(A + l)^-1 b|^2 = r^2 is convex in it, so that it rises to the solution. What is outside at last is put on the sphere, whatever stopped
-/// the method. Where A is singular to [`LEAST_DETERMINANT`] the answer is 0, as MuJoCo has it: by each pivot in the lanes `single`,
-/// in the others by its determinant.
+/// Minimises 1/2 x^T A x + b^T x over the ball |x| <= r in the lanes `lanes`.
+///
+/// Newton's method finds the multiplier l from 0. Its equation `|(A + l)^-1 b|^2 = r^2` is convex, so that l rises to the solution. A
+/// result outside the ball is scaled to the sphere. Where A is singular to [`LEAST_DETERMINANT`] the result is 0, as in MuJoCo. The test
+/// uses each pivot in the lanes `single`, and the determinant in the others.
 #[inline(always)]
 fn minimise_in_ball<R: Real, const N: usize>(matrix: &[[R; N]; N], b: &[R; N], r: R, lanes: R::Mask, single: R::Mask) -> [R; N] {
     let regular = is_regular(matrix, single);

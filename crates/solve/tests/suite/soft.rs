@@ -253,8 +253,9 @@ proptest! {
         }
     }
 
-    /// Lanes in which other bodies touch, each a few of many contacts, have the bits of each alone: accelerations, forces of the joints and
-    /// of the contacts.
+    /// Lanes in which other bodies touch, each a few of many contacts, have the bits of each alone.
+    ///
+    /// These are accelerations, forces of the joints and of the contacts.
     #[test]
     fn lanes_that_touch_differently_are_as_each_alone(
         touches in prop::collection::vec(prop::collection::vec((0..BODIES, 0..BODIES), 1..7), F64Lanes::LANES),

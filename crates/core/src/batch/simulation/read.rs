@@ -183,8 +183,9 @@ impl Simulation {
         Certificate { residual: outcome.residual, sweeps: outcome.sweeps as u32, newton_steps: outcome.newton_steps as u32 }
     }
 
-    /// Row with the largest residual in the last unsolved step ([`Status::NOT_CONVERGED`](crate::Status)) of the last call; none if all
-    /// steps were solved or no row exceeds the tolerance.
+    /// Row with the largest residual in the last unsolved step ([`Status::NOT_CONVERGED`](crate::Status)) of the last call.
+    ///
+    /// `None` if all steps were solved or no row exceeds the tolerance.
     ///
     /// # Panics
     /// When there is no such environment.

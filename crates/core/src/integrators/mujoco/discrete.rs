@@ -4,9 +4,9 @@
 //! (M + h D + h^2 K) a = f(q, v) - h K v + J^T f_c,    v+ = v + h a,    q+ = q (+) h v+
 //! ```
 //!
-//! D is the damping and K the stiffness of joints, tendons, actuators and drag, as far as they dissipate energy or restore the
-//! configuration (MuJoCo's documentation, computation chapter, "Integrators"). A single body on a free joint without contacts also has the
-//! derivative of its gyroscopic force.
+//! D is the damping and K the stiffness of joints, tendons, actuators and drag (MuJoCo's documentation, computation chapter,
+//! "Integrators"). They count only if they dissipate energy or restore the configuration. A single body on a free joint without contacts
+//! also has the derivative of its gyroscopic force.
 
 use stepper_real::{Mask, Real};
 

@@ -38,8 +38,9 @@ impl<S: Scalar> Errors<S> {
         Work { due: vec![R::Mask::splat(false); self.sensors.len()], drawn: vec![R::zero(); drawn] }
     }
 
-    /// Computes the readings of the lanes `lanes` of a group from the truth: the first ones of their episodes if `start`, else those of the
-    /// next step of length `h`.
+    /// Computes the readings of the lanes `lanes` of a group from the truth.
+    ///
+    /// With `start` they are the first ones of their episodes, else those of the next step of length `h`.
     #[expect(clippy::too_many_arguments, reason = "what is read, by whom, and what is remembered")]
     pub fn observe<R: Real<Scalar = S>>(
         &self,

@@ -124,7 +124,7 @@ pub(crate) const BALANCE_RELATIVE_CHANGE: f64 = 0.05;
 /// impacts.
 pub(crate) const MAX_GROWTH_RATE: f64 = 10.0;
 
-/// Upper bound on this growth in one step, relative to the kinetic energy.
+/// Upper bound on the relative growth of the kinetic energy by the error of one step; see [`MAX_GROWTH_RATE`].
 pub(crate) const MAX_GROWTH: f64 = 0.1;
 
 /// Change of the velocity by constraints, relative to the velocity, above which the allowed growth is doubled. Impulses act at one
@@ -197,7 +197,7 @@ pub(crate) const CORRECTION_ARM: f64 = 0.1;
 /// of 1 m/s, half a radian takes 0.07 s.
 pub(crate) const LIMIT_RETURN: f64 = 10.0;
 
-/// Error of an equality that is not corrected, m or rad. A loop at rest then needs no position solve.
+/// Error of an equality below which the step does not correct it, m or rad. A loop at rest then needs no position solve.
 pub(crate) const NEGLIGIBLE_ERROR: f64 = 1e-11;
 
 /// Smallest relative decrease of the overlap penalty (`overlap_progress.rs`) with which a correction is kept. A wheel 0.1 m inside the

@@ -6,15 +6,15 @@ use crate::actuation::affine_force::{ActuatorDynamics, EffectiveInertia};
 use crate::compile::CompiledActuatorDynamics;
 use crate::dynamics::implicit_weights::ImplicitWeights;
 
-/// Region of an actuator's dynamics within a step.
+/// Force limits of an actuator within a step: the affine force of its control, clamped to its effort and to the curve of its motor.
 ///
-/// The force is `f = clamp(clamp(law, limits), +-stall - drag v)`: piecewise affine in the motion, and decreasing where the law restores.
-/// The step treats one piece implicitly. Semismooth Newton finds it: solve with the present piece, then go to the piece in which the
-/// solution lies (Qi & Sun 1993).
+/// The force is `f = clamp(clamp(affine, limits), +-stall - drag v)`. It is piecewise affine in the motion, and decreasing where the
+/// affine force opposes the motion. The step treats one piece implicitly. Semismooth Newton finds it: solve with the present piece, then
+/// go to the piece in which the solution lies (Qi & Sun 1993).
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Region<R: Real> {
-    /// Force and added inertia of the unbounded law.
-    law: (R, R),
+    /// Affine force without bounds, and its added inertia.
+    affine: (R, R),
     /// Velocity before the step.
     before: R,
     /// Effective inertia that the actuator moves.
@@ -31,15 +31,15 @@ impl<R: Real> Default for Region<R> {
     fn default() -> Self {
         let never = R::Mask::splat(false);
         let effective_inertia = EffectiveInertia { mobility: R::zero(), slowing: R::zero() };
-        Self { law: (R::zero(), R::zero()), before: R::zero(), effective_inertia, held: never, curve: never, upper: never }
+        Self { affine: (R::zero(), R::zero()), before: R::zero(), effective_inertia, held: never, curve: never, upper: never }
     }
 }
 
 impl<R: Real> Region<R> {
-    /// Stores the unbounded law (its force and added inertia), the velocity before the step, and the effective inertia.
+    /// Stores the affine force with its added inertia, the velocity before the step, and the effective inertia.
     #[inline(always)]
-    pub(super) fn take(&mut self, law: (R, R), before: R, effective_inertia: EffectiveInertia<R>) {
-        (self.law, self.before, self.effective_inertia) = (law, before, effective_inertia);
+    pub(super) fn take(&mut self, affine: (R, R), before: R, effective_inertia: EffectiveInertia<R>) {
+        (self.affine, self.before, self.effective_inertia) = (affine, before, effective_inertia);
     }
 
     /// Initial modes of a step. A force without stiffness has the mode at the velocity before the step; one with stiffness is free.
@@ -47,13 +47,14 @@ impl<R: Real> Region<R> {
     pub(super) fn guess(&mut self, compiled: &CompiledActuatorDynamics<R::Scalar>, numbers: &ActuatorDynamics<R>) {
         let never = R::Mask::splat(false);
         (self.held, self.curve, self.upper) = (never, never, never);
-        let plain = self.law.1.eq(R::zero());
-        let [held, curve, upper] = modes(compiled, numbers, self.law.0, self.before);
+        let plain = self.affine.1.eq(R::zero());
+        let [held, curve, upper] = modes(compiled, numbers, self.affine.0, self.before);
         (self.held, self.curve, self.upper) = (held.and(plain), curve.and(plain), upper.and(plain));
     }
 
-    /// Moves each lane to the piece in which the law lies at a change of velocity `along` h. `back` allows a lane to leave a bound. Returns
-    /// the lanes that moved.
+    /// Moves each lane to the piece in which the affine force lies at a change of velocity `along` h. Returns the lanes that moved.
+    ///
+    /// `back` allows a lane to leave a bound.
     #[inline(always)]
     pub(super) fn place(
         &mut self,
@@ -64,7 +65,7 @@ impl<R: Real> Region<R> {
         back: bool,
     ) -> R::Mask {
         let [mut held, mut curve, mut upper] =
-            modes(compiled, numbers, self.law.0 - self.law.1 * along, self.before + weights.damping * along);
+            modes(compiled, numbers, self.affine.0 - self.affine.1 * along, self.before + weights.damping * along);
         if !back {
             let stays = self.held.or(self.curve).and_not(held.or(curve));
             held = held.or(self.held.and(stays));
@@ -88,8 +89,8 @@ impl<R: Real> Region<R> {
     pub(super) fn force(&self, numbers: &ActuatorDynamics<R>, weights: ImplicitWeights<R>) -> (R, R) {
         let held = R::select(self.upper, numbers.limits[1], numbers.limits[0]);
         let curve = R::select(self.upper, numbers.stall, -numbers.stall) - numbers.drag * self.before;
-        let force = R::select(self.curve, curve, R::select(self.held, held, self.law.0));
-        let weight = R::select(self.held, R::zero(), self.law.1);
+        let force = R::select(self.curve, curve, R::select(self.held, held, self.affine.0));
+        let weight = R::select(self.held, R::zero(), self.affine.1);
         let drag = numbers.drag * weights.damping * (R::one() + weights.share(self.effective_inertia.rate(numbers.drag)));
         (force, R::select(self.curve, drag, weight))
     }
@@ -129,7 +130,7 @@ pub(crate) fn exceeds<R: Real>(
     held.or(curve)
 }
 
-/// Force within the limits and under the curve of its dynamics.
+/// Force of an actuator clamped to its limits and to the torque-speed curve of its motor.
 #[inline(always)]
 pub(crate) fn bounded<R: Real>(compiled: &CompiledActuatorDynamics<R::Scalar>, numbers: &ActuatorDynamics<R>, force: R, velocity: R) -> R {
     let [held, curve, upper] = modes(compiled, numbers, force, velocity);

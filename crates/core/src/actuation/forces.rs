@@ -86,7 +86,7 @@ pub struct ForceState<'a, R: Real> {
 }
 
 impl<'a, R: Real> ForceState<'a, R> {
-    /// Evaluation point at a state.
+    /// Evaluation point with all quantities at one state, and explicit servos.
     pub fn state(q: &'a [R], v: &'a [R], act: &'a [R], ctrl: &'a [R], actuator_dynamics: &'a [ActuatorDynamics<R>]) -> Self {
         Self { q, v, v_at: v, act, ctrl, actuator_dynamics }
     }

@@ -69,7 +69,7 @@ pub struct ActuatorPipelines<S> {
     tables: Vec<Vec<S>>,
     lanes: usize,
     num_envs: usize,
-    /// Number of numbers that survive a step, per lane.
+    /// Memory that survives a step, in numbers per lane.
     pub memory: usize,
     /// Number of delay lines.
     pub lines: usize,

@@ -64,7 +64,7 @@ impl Numbers<'_> {
         }
     }
 
-    /// Number of numbers.
+    /// Length of the array.
     pub fn len(&self) -> usize {
         match self {
             Self::F64(x) => x.len(),

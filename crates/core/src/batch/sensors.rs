@@ -81,7 +81,7 @@ impl<R: Real, P: Probe> Reader<'_, R, P> {
         }
     }
 
-    /// Reads the true sensors of the state in the workspace.
+    /// Reads the ideal sensors at the state in the workspace.
     fn read_truth(&self, s: &mut Workspace<R>) {
         let Workspace { state, inputs, evaluation, velocity, sensors, alive, .. } = s;
         let input = StepInput { compiled: self.compiled, options: self.call.settings, state, inputs, alive: *alive };

@@ -124,7 +124,7 @@ impl Merged {
         &self.chain[start..start + len]
     }
 
-    /// Set of dofs that move each frame.
+    /// For each frame, the set of dofs that move it.
     pub(crate) fn moved_dofs(&self, nv: usize) -> Vec<Vec<u64>> {
         let set = |last: &Option<usize>| {
             let mut words = vec![0u64; nv.div_ceil(64)];

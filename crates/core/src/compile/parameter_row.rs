@@ -2,7 +2,7 @@
 
 /// Row of a table of parameters. It defines how many numbers the row has, and their order in memory.
 pub(super) trait ParameterRow<T: Copy>: Copy {
-    /// Number of numbers of a row.
+    /// Length of a row.
     const WIDTH: usize;
 
     /// Row from the first numbers of a slice.

@@ -175,7 +175,7 @@ fn write_table<T: Copy, Row: ParameterRow<T>>(rows: Vec<Row>, numbers: &mut Vec<
 }
 
 impl<T: Copy> Params<T> {
-    /// Number of numbers.
+    /// Total number of parameters.
     pub fn len(&self) -> usize {
         self.numbers.len()
     }

@@ -20,7 +20,7 @@ use crate::model::{
 pub struct CompiledSensing<S> {
     /// Sensors in the model's order.
     pub sensors: Vec<CompiledSensor<S>>,
-    /// Number of numbers of all readings.
+    /// Total length of all readings.
     pub width: usize,
     /// Magnetic field in the world, T.
     pub magnetic: [S; 3],
@@ -70,7 +70,7 @@ pub struct Needs {
 pub struct CompiledSensor<S> {
     /// Address of the first reading.
     pub at: usize,
-    /// Number of numbers of the reading.
+    /// Length of the reading.
     pub dim: usize,
     /// Kind of quantity, which determines how errors act on it.
     pub quantity: Quantity,

@@ -57,7 +57,7 @@ pub struct Dof {
     pub link: usize,
     /// Kinematic tree of the degree of freedom.
     pub tree: usize,
-    /// Start of the chain, and of the row in the mass matrix.
+    /// Start of the dof's chain in the list of chains, and of its row among the entries of the mass matrix.
     pub chain: usize,
     /// Length of the chain.
     pub depth: usize,

@@ -230,7 +230,9 @@ impl<R: Real> MassMatrix<R> {
         }
     }
 
-    /// Kinetic energy of all degrees of freedom that move with `speed` one at a time, while their descendants are free to follow, J.
+    /// Sum over the degrees of freedom of the kinetic energy if that one alone moves with `speed`, J.
+    ///
+    /// Its descendants are free to follow, so that its inertia is the entry of D.
     #[inline(always)]
     pub fn energy_at(&self, speed: R) -> R {
         let mut inertia = R::zero();

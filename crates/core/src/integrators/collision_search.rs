@@ -49,7 +49,9 @@ pub(crate) struct CollisionQuery<'a, R: Real> {
     pub(crate) options: &'a StepSettings,
     /// Lanes to search.
     pub(crate) lanes: R::Mask,
-    /// Fraction of the linearised overlap that the overlap on the path must exceed. 0 for a solved motion; a prediction has an error.
+    /// Least overlap on the path that counts as a collision, as a fraction of the linearised overlap.
+    ///
+    /// It is 0 for a solved motion, and positive for a prediction, which has an error.
     pub(crate) margin: f64,
     /// Whether every colliding pair counts, also behind an earlier collision of the same trees.
     pub(crate) ignores_order: bool,

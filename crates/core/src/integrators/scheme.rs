@@ -45,12 +45,12 @@ impl<R: Real> Scheme<R> {
         )
     }
 
-    /// Implicit servos of stage 1. A scheme that does not correct makes only servos of actuator dynamics implicit, with joint damping.
+    /// Implicit servos of stage 1: all servos if the scheme `corrects`, else those of actuator dynamics alone.
     pub(crate) fn servos(&self) -> Option<ImplicitServos<R>> {
         Some(ImplicitServos { weights: self.weights, all: self.corrects })
     }
 
-    /// Implicit shares of joint damping and stiffness. In a scheme that does not correct, damping is explicit if the model selects it.
+    /// Implicit shares of joint damping and stiffness. Without `corrects`, damping is explicit in models that select it.
     pub(crate) fn joints(&self, compiled: &LaneModel<R>) -> ImplicitWeights<R> {
         let explicit = compiled.explicit_damping && !self.corrects;
         ImplicitWeights { damping: if explicit { R::zero() } else { self.weights.damping }, ..self.weights }

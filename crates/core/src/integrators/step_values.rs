@@ -163,7 +163,7 @@ pub(crate) struct Scratch<R: Real> {
     pub(crate) v_free_corrected: Vec<R>,
     /// Difference between the corrected and the previous free velocity.
     pub(crate) free_change: Vec<R>,
-    /// Free velocity in the middle of an impact.
+    /// Free velocity after the first half of the step, or at an impact, nv.
     pub(crate) v_half: Vec<R>,
     /// Velocity before impacts, or its change.
     pub(crate) before_impact: Vec<R>,

@@ -73,7 +73,7 @@ pub struct DelayLine {
     pub at: usize,
     /// Number of samples; 0 without a line.
     pub samples: usize,
-    /// Number of numbers of a sample.
+    /// Length of a sample.
     pub width: usize,
 }
 

@@ -88,7 +88,7 @@ pub struct Errors<S> {
     tables: Vec<Vec<S>>,
     /// Number of lanes of a row of the tables: 1 if all environments have the same numbers.
     lanes: usize,
-    /// Number of numbers that survive a step, per lane.
+    /// Memory that survives a step, in numbers per lane.
     pub memory: usize,
     /// Number of delay lines.
     pub lines: usize,

@@ -32,7 +32,7 @@ pub struct RollingSolver<R: Real> {
     /// Principal values of A, bounded away from zero.
     a: [R; T],
     inv_a: [R; T],
-    /// G_tn / G_nn in the principal axes.
+    /// Coupling G_tn / G_nn in the principal axes.
     coupling: [R; T],
     /// Step of the weaker update.
     step: R,

@@ -11,7 +11,7 @@ pub type SlidingContact<R> = FrictionContact<R, 3, SlidingSolver<R>>;
 /// Contacts with sliding friction.
 pub type SlidingContacts<R> = FrictionContacts<R, 3, SlidingSolver<R>>;
 
-/// Solver of one contact with sliding friction, in closed form but for one scalar equation.
+/// Solver of one contact with sliding friction, in closed form except for one scalar equation.
 ///
 /// With the normal impulse eliminated, the tangential problem is `A lambda_t + c = -s lambda_t`, where
 /// `A = G_tt - G_tn G_nt / G_nn`. It is solved in the principal axes of A, where it is two independent scalar equations coupled by s.
@@ -27,7 +27,7 @@ pub struct SlidingSolver<R: Real> {
     /// Principal values of A, bounded away from zero.
     a: [R; 2],
     inv_a: [R; 2],
-    /// G_tn / G_nn in the principal axes.
+    /// Coupling G_tn / G_nn in the principal axes.
     coupling: [R; 2],
 }
 

@@ -2,7 +2,7 @@
 //!
 //! A sweep maps x to T(x). With f = T(x) - x, the next sweep starts from `T(x) - sum_j c_j dT_j`. Here c minimises `|f - sum_j c_j df_j|`
 //! over the changes of f and of T(x) between the last sweeps. Lengths are those of w, so |f|^2 is twice the kinetic energy of the change. A
-//! lane discards its history if a sweep changes more than the one before.
+//! lane discards its history if a sweep changes more than the previous one.
 
 use crate::constraints::constraint_set::Impulse;
 use crate::constraints::each_kind;

@@ -25,13 +25,13 @@ pub(super) const MEMORY: usize = 4;
 pub(crate) struct History<R: Real> {
     /// Scaled velocity change w before the sweep.
     pub(super) start: Vec<R>,
-    /// Change f of w by the sweep before.
+    /// Change f of w by the previous sweep.
     pub(super) f: Vec<R>,
     /// Squared length |f|^2 of that change.
     pub(super) length: R,
-    /// Unknowns (w and all impulses) after the sweep before.
+    /// Unknowns (w and all impulses) after the previous sweep.
     pub(super) image: Vec<R>,
-    /// Lanes that made the sweep before.
+    /// Lanes that made the previous sweep.
     pub(super) ran: R::Mask,
     /// Changes of f.
     pub(super) df: [Vec<R>; MEMORY],
@@ -134,7 +134,7 @@ impl<R: Real> History<R> {
         change
     }
 
-    /// Clears the history of lanes that are not `running`, and of those whose sweep changed more than the one before. Returns the number of
+    /// Clears the history of lanes that are not `running`, and of those whose sweep changed more than the previous one. Returns the number of
     /// changes in any lane.
     #[inline(always)]
     pub(super) fn forget(&mut self, running: R::Mask, length: R) -> usize {

@@ -13,9 +13,9 @@ use crate::vectors::{TILE, add_to_tiles, dot, inner};
 pub(super) struct Block {
     /// Set of its admissible impulses.
     pub(super) set: AdmissibleSet,
-    /// Places of the tiles that its rows touch in [`Island::tiles`].
+    /// Range of the tiles that its rows touch in [`Island::tiles`].
     tiles: Range<usize>,
-    /// Places of its entries in [`Island::y`], one row after the other, tile by tile.
+    /// Range of its entries in [`Island::y`], one row after the other, tile by tile.
     pub(super) y: Range<usize>,
     /// Range of its rows in [`Island::g`] and [`Island::lambda`].
     pub(super) rows: Range<usize>,

@@ -14,7 +14,7 @@ const NONE: u32 = u32::MAX;
 pub(super) struct Islands {
     /// Parent of every coordinate in the forest of the union.
     parent: Vec<u32>,
-    /// Island of every root.
+    /// Island of every root of that forest.
     name: Vec<u32>,
     /// Island of every block.
     pub(super) of_block: Vec<u32>,

@@ -26,7 +26,7 @@ struct ContactLaw<R: Real> {
     friction_damping: R,
     /// Coefficients of friction: sliding twice, torsional, rolling twice.
     friction: [R; 5],
-    /// Number of rows minus one.
+    /// Number of friction rows.
     frictions: R,
     /// Divisor of the normal row's regularisation and its lower bound, over its weight: 1 and 0 except in discrete steps.
     end: [R; 2],

@@ -5,7 +5,7 @@ use stepper_real::{Mask, Real};
 /// Sources of gathered lanes: lane i of the half has the numbers of lane `sources[i]` of the whole.
 #[derive(Clone, Copy, Debug)]
 pub struct LaneMap {
-    /// Source of every lane of the half; beyond the count it is lane 0, whose copy nothing reads.
+    /// Source of every lane of the half. Unused lanes of the half copy lane 0, and their copy is never read.
     sources: [u32; 16],
     /// Place in the half of every lane of the whole; 0 for a lane that is not gathered.
     places: [u32; 32],

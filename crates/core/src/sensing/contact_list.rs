@@ -1,4 +1,4 @@
-//! List of the present contacts for sensors.
+//! List of the contacts of a step for the sensors.
 
 use crate::math::lanes::MAX_LANES;
 
@@ -18,7 +18,7 @@ pub(crate) struct Contact {
     pub(super) torque: [f64; 3],
 }
 
-/// Contacts of one time, lane by lane.
+/// Contacts of a step for the sensors, lane by lane.
 #[derive(Clone, Debug)]
 pub(crate) struct Felt {
     pub(super) contacts: Vec<Contact>,

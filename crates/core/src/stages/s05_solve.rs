@@ -79,7 +79,8 @@ pub fn store_impulses<R: Real>(problem: &ConstraintProblem<R>, velocity: &mut Ve
 
 /// Distributes the loads of redundant supports that slip in the lanes `solved` evenly (see [`crate::constraints::redundant_supports`]).
 ///
-/// A contact group that turns while it slips changes its velocity by this. Its lanes are solved again from the shared loads.
+/// This changes the velocity of a contact group that turns while it slips. The lanes of such groups are solved again from the shared
+/// loads.
 #[inline(always)]
 fn share_loads<R: Real>(
     problem: &ConstraintProblem<R>,

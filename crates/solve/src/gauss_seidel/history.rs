@@ -134,8 +134,8 @@ impl<R: Real> History<R> {
         change
     }
 
-    /// Clears the history of lanes that are not `running`, and of those whose sweep changed more than the previous one. Returns the number of
-    /// changes in any lane.
+    /// Clears the history of lanes that are not `running`, and of those whose sweep changed more than the previous one. Returns the number
+    /// of changes in any lane.
     #[inline(always)]
     pub(super) fn forget(&mut self, running: R::Mask, length: R) -> usize {
         let goes = running.and(length.le(self.length));

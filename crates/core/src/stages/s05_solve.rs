@@ -163,7 +163,9 @@ impl<R: Real> Estimate<R> {
             stepper_solve::gauss_seidel::sweep_from_none(rows, impulses, ROUGH_ITERATIONS, rough);
         }
         if solved.any() {
-            let sweeps = (ESTIMATE_ITERATIONS * options.refinement()) as u32;
+            // Rounding may prevent a small tolerance from being met, so the limit of the solve applies too.
+            let limit = f64::from(options.iterations).max(ESTIMATE_ITERATIONS);
+            let sweeps = (ESTIMATE_ITERATIONS * options.refinement()).min(limit) as u32;
             let settings = stepper_solve::gauss_seidel::SweepSettings { sweeps, tolerance: self.tolerance };
             stepper_solve::gauss_seidel::estimate(rows, impulses, settings, solved, solved.and(self.moving));
         }

@@ -10,21 +10,29 @@
 
 use stepper_real::{Mask, Real};
 
-use crate::actuation::forces::ForceState;
-use crate::compile::LaneModel;
+use crate::constraints::ConstraintProblem;
+use crate::constraints::soft::EffectiveMass;
 use crate::dynamics::implicit_weights::ImplicitWeights;
-use crate::dynamics::kinematics::advance;
+use crate::dynamics::kinematics::{Kinematics, advance};
 use crate::integrators::mujoco::implicit::solve_alone;
-use crate::integrators::workspace::Workspace;
+use crate::integrators::mujoco::workspace::StageState;
+use crate::integrators::step_values::{FreeMotion, StepInput};
 use crate::model::JointKind;
 use crate::stages::s01_actuate::servo_slopes;
 
 /// Computes the effective matrix of the step from the mass matrix, and adds the forces -h K v to the applied forces. Actuator forces must
 /// be computed before.
-pub(super) fn assemble_effective_mass<R: Real>(compiled: &LaneModel<R>, h: R, s: &mut Workspace<R>) {
-    let Some(effective) = &mut s.mujoco.effective else { unreachable!("made with the workspace for this integrator") };
-    let (motion, v) = (&mut s.free_motion, &s.state.v);
-    let (smooth, forces, applied) = (&mut motion.smooth, &mut motion.actuator_forces, &mut motion.applied);
+pub(super) fn assemble_effective_mass<R: Real>(
+    input: StepInput<'_, R>,
+    stage: &StageState<R>,
+    kinematics: &Kinematics<R>,
+    free: &mut FreeMotion<R>,
+    problem: &mut ConstraintProblem<R>,
+    effective: &mut Option<EffectiveMass<R>>,
+) {
+    let StepInput { compiled, options, inputs, .. } = input;
+    let (Some(effective), h, v) = (effective, R::of(options.timestep), &stage.v) else { unreachable!("made for this integrator") };
+    let (smooth, forces, applied) = (&mut free.smooth, &mut free.actuator_forces, &mut free.applied);
     R::vectorize(
         #[inline(always)]
         || {
@@ -36,7 +44,7 @@ pub(super) fn assemble_effective_mass<R: Real>(compiled: &LaneModel<R>, h: R, s:
             }
             for tendon in &compiled.tendons {
                 let Some((spring, rest)) = &tendon.spring else { continue };
-                let length = tendon.length.value(&s.state.q);
+                let length = tendon.length.value(&stage.q);
                 let taut = length.lt(R::splat(rest[0])).or(length.gt(R::splat(rest[1])));
                 let stiffness = R::select(taut, R::splat(spring.stiffness), R::zero());
                 let push = h * stiffness * tendon.length.rate(v);
@@ -46,7 +54,7 @@ pub(super) fn assemble_effective_mass<R: Real>(compiled: &LaneModel<R>, h: R, s:
                 }
                 effective.add(compiled, parts(), h * (R::splat(spring.damping) + h * stiffness), entries);
             }
-            let at = ForceState::state(&s.state.q, v, &s.state.act, &s.inputs.ctrl, &s.inputs.actuator_dynamics);
+            let at = stage.forces(inputs);
             for (k, servo) in compiled.servos.iter().enumerate() {
                 let actuator = &compiled.actuators[servo.actuator];
                 let [stiffness, damping] = servo_slopes(compiled, &at, servo.actuator, forces);
@@ -62,12 +70,12 @@ pub(super) fn assemble_effective_mass<R: Real>(compiled: &LaneModel<R>, h: R, s:
             }
         },
     );
-    smooth.damp(compiled, &s.evaluation.kinematics, [&[], &[]], v, h);
+    smooth.damp(compiled, kinematics, [&[], &[]], v, h);
     R::vectorize(
         #[inline(always)]
         || {
             effective.finish(compiled, &smooth.mass.entries);
-            if let Some(system) = &mut s.problem.soft {
+            if let Some(system) = &mut problem.soft {
                 system.mass.copy_from_slice(&smooth.mass.entries);
             }
             smooth.mass.factor(compiled);
@@ -76,14 +84,22 @@ pub(super) fn assemble_effective_mass<R: Real>(compiled: &LaneModel<R>, h: R, s:
 }
 
 /// Stage 6: v+ = v + h a.
-pub(super) fn integrate_velocity<R: Real>(compiled: &LaneModel<R>, h: R, s: &mut Workspace<R>) {
-    let Some(system) = &mut s.problem.soft else { return };
-    if let Some(effective) = &s.mujoco.effective {
+pub(super) fn integrate_velocity<R: Real>(
+    input: StepInput<'_, R>,
+    kinematics: &Kinematics<R>,
+    free: &mut FreeMotion<R>,
+    problem: &mut ConstraintProblem<R>,
+    effective: Option<&EffectiveMass<R>>,
+    v_next: &mut [R],
+) {
+    let StepInput { compiled, options, state, .. } = input;
+    let (Some(system), h) = (&mut problem.soft, R::of(options.timestep)) else { return };
+    if let Some(effective) = effective {
         for spinner in compiled.spinners.iter().filter(|spinner| spinner.kind == JointKind::Free) {
             let dofs = spinner.dof..spinner.dof + 6;
             let touched = system.problem.touches(dofs.start as u32..dofs.end as u32);
-            let (free, mat) = (&s.free_motion.smooth.acc, &s.evaluation.kinematics.mat[spinner.link + 1]);
-            let work = &mut s.free_motion.scratch.impulse;
+            let (acceleration, mat) = (&free.smooth.acc, &kinematics.mat[spinner.link + 1]);
+            let work = &mut free.scratch.impulse;
             R::vectorize(
                 #[inline(always)]
                 || {
@@ -92,11 +108,11 @@ pub(super) fn integrate_velocity<R: Real>(compiled: &LaneModel<R>, h: R, s: &mut
                         let mut sum = R::zero();
                         for j in 0..6 {
                             let (row, column) = (spinner.dof + i.max(j), i.abs_diff(j));
-                            sum += system.mass[compiled.dofs[row].chain + column] * free[spinner.dof + j];
+                            sum += system.mass[compiled.dofs[row].chain + column] * acceleration[spinner.dof + j];
                         }
                         work[spinner.dof + i] = sum;
                     }
-                    solve_alone(compiled, [&effective.mass, &system.mass], mat, &s.state.v, h, spinner.dof, work);
+                    solve_alone(compiled, [&effective.mass, &system.mass], mat, &state.v, h, spinner.dof, work);
                     for d in dofs {
                         system.acceleration[d] = R::select(touched, system.acceleration[d], work[d]);
                     }
@@ -104,5 +120,5 @@ pub(super) fn integrate_velocity<R: Real>(compiled: &LaneModel<R>, h: R, s: &mut
             );
         }
     }
-    advance(&s.state.v, &system.acceleration, h, &mut s.velocity.v);
+    advance(&state.v, &system.acceleration, h, v_next);
 }

@@ -4,9 +4,11 @@ use stepper_real::{Mask, Real};
 
 use crate::actuation::forces::ForceState;
 use crate::compile::{CompiledTendon, LaneModel};
+use crate::constraints::ConstraintProblem;
 use crate::dynamics::implicit_weights::ImplicitWeights;
-use crate::dynamics::kinematics::advance;
-use crate::integrators::workspace::Workspace;
+use crate::dynamics::kinematics::{Kinematics, advance};
+use crate::integrators::mujoco::unsymmetric::Unsymmetric;
+use crate::integrators::step_values::{FreeMotion, Scratch, StepInput};
 use crate::math::spatial::*;
 use crate::model::JointKind;
 use crate::options::Integrator;
@@ -20,12 +22,20 @@ use crate::stages::s01_actuate::servo_damping;
 ///
 /// D has the sparsity of MuJoCo's matrix. Tendons and actuators contribute the products of dofs on one branch. ImplicitFast has no entries
 /// between the dofs of a simple body, because MuJoCo's mass matrix has none.
-pub(super) fn integrate_velocity<R: Real>(compiled: &LaneModel<R>, h: R, integrator: Integrator, s: &mut Workspace<R>) {
-    let all = integrator != Integrator::Euler;
-    let Some(system) = &mut s.problem.soft else { return };
+pub(super) fn integrate_velocity<R: Real>(
+    input: StepInput<'_, R>,
+    kinematics: &Kinematics<R>,
+    free: &mut FreeMotion<R>,
+    problem: &mut ConstraintProblem<R>,
+    unsymmetric: &mut Option<Unsymmetric<R>>,
+    v_next: &mut [R],
+) {
+    let StepInput { compiled, options, state, inputs, .. } = input;
+    let (all, h) = (options.integrator != Integrator::Euler, R::of(options.timestep));
+    let Some(system) = &mut problem.soft else { return };
     let joints = (all || !compiled.explicit_damping) && compiled.params.dofs().iter().any(|dof| dof[0].gt(R::zero()).any());
-    let (work, v) = (&mut s.free_motion.scratch.impulse_change, &s.state.v);
-    let smooth = &mut s.free_motion.smooth;
+    let (FreeMotion { smooth, actuator_forces, scratch, .. }, v) = (free, &state.v);
+    let Scratch { impulse_change: work, impulse: alone, .. } = scratch;
     R::vectorize(
         #[inline(always)]
         || {
@@ -40,10 +50,9 @@ pub(super) fn integrate_velocity<R: Real>(compiled: &LaneModel<R>, h: R, integra
     );
     if joints || all {
         if all {
-            let forces = &mut s.free_motion.actuator_forces;
-            let at = ForceState::state(&s.state.q, v, &s.state.act, &s.inputs.ctrl, &s.inputs.actuator_dynamics);
-            servo_damping(compiled, &at, h, forces);
-            smooth.damp(compiled, &s.evaluation.kinematics, [&forces.weight, &forces.arms], v, h);
+            let at = ForceState::state(&state.q, v, &state.act, &inputs.ctrl, &inputs.actuator_dynamics);
+            servo_damping(compiled, &at, h, actuator_forces);
+            smooth.damp(compiled, kinematics, [&actuator_forces.weight, &actuator_forces.arms], v, h);
         }
         if all {
             R::vectorize(
@@ -51,27 +60,19 @@ pub(super) fn integrate_velocity<R: Real>(compiled: &LaneModel<R>, h: R, integra
                 || add_tendon_damping(compiled, h, &mut smooth.mass.entries),
             );
         }
-        if let Some(matrix) = &mut s.mujoco.unsymmetric {
-            matrix.solve(compiled, &s.evaluation.kinematics, &smooth.mass.entries, v, h, work);
-            advance(v, work, h, &mut s.velocity.v);
+        if let Some(matrix) = unsymmetric {
+            matrix.solve(compiled, kinematics, &smooth.mass.entries, v, h, work);
+            advance(v, work, h, v_next);
             return;
         }
         R::vectorize(
             #[inline(always)]
             || {
                 if all {
-                    s.free_motion.scratch.impulse.copy_from_slice(work);
+                    alone.copy_from_slice(work);
                     for spinner in compiled.spinners.iter().filter(|spinner| spinner.kind == JointKind::Free) {
-                        let mat = &s.evaluation.kinematics.mat[spinner.link + 1];
-                        solve_alone(
-                            compiled,
-                            [&system.mass, &smooth.mass.entries],
-                            mat,
-                            v,
-                            h,
-                            spinner.dof,
-                            &mut s.free_motion.scratch.impulse,
-                        );
+                        let mat = &kinematics.mat[spinner.link + 1];
+                        solve_alone(compiled, [&system.mass, &smooth.mass.entries], mat, v, h, spinner.dof, alone);
                     }
                 }
                 if all {
@@ -85,13 +86,13 @@ pub(super) fn integrate_velocity<R: Real>(compiled: &LaneModel<R>, h: R, integra
                 if all {
                     for spinner in compiled.spinners.iter().filter(|spinner| spinner.kind == JointKind::Free) {
                         let dofs = spinner.dof..spinner.dof + 6;
-                        work[dofs.clone()].copy_from_slice(&s.free_motion.scratch.impulse[dofs]);
+                        work[dofs.clone()].copy_from_slice(&alone[dofs]);
                     }
                 }
             },
         );
     }
-    advance(v, work, h, &mut s.velocity.v);
+    advance(v, work, h, v_next);
 }
 
 /// Adds h times the damping of fixed tendons to those entries that the mass matrix has.

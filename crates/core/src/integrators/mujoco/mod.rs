@@ -22,51 +22,69 @@ use stepper_real::{Mask, Real, Scalar};
 
 use crate::collision::tunnelling::{TakenStep, may_have_passed};
 use crate::compile::LaneModel;
-use crate::integrators::mujoco::acceleration::{accelerate, prepare};
+use crate::constraints::PositionSolution;
+use crate::integrators::mujoco::acceleration::Acceleration;
 use crate::integrators::mujoco::implicit::integrate_velocity;
 use crate::integrators::mujoco::runge_kutta::runge_kutta;
+use crate::integrators::mujoco::unsymmetric::Unsymmetric;
+use crate::integrators::mujoco::workspace::MujocoWorkspace;
 use crate::integrators::recomputed::Recomputed;
 use crate::integrators::step_outcome::StepOutcome;
+use crate::integrators::step_values::{Evaluation, StepInput};
 use crate::integrators::workspace::Workspace;
 use crate::options::{Integrator, StepSettings};
 use crate::probe::{Counter, NoProbe, Probe, Span};
 use crate::stages::s01_actuate::advance_activation;
 use crate::stages::s07_integrate_position::integrate_position;
 
-/// Stages 1 to 7 with MuJoCo's contact law. Writes the next state to `velocity.v`, `position.q` and `position.act`.
+/// Stages 1 to 7 with MuJoCo's contact law. Writes the next state to the velocity and position solutions.
 pub(crate) fn solve_step<R: Real>(
     compiled: &LaneModel<R>,
     options: &StepSettings,
     s: &mut Workspace<R>,
     probe: impl Probe,
 ) -> StepOutcome<R> {
-    let h = R::of(options.timestep);
-    let solver = match options.integrator {
-        Integrator::Rk4 => runge_kutta(compiled, options, h, s, probe),
-        _ => {
-            let outcome = accelerate(compiled, options, h, s, true, probe);
-            advance(compiled, options.integrator, h, s, probe);
-            outcome
-        }
+    let Workspace { state, inputs, evaluation, free_motion: free, problem, velocity, builder, position, alive, .. } = s;
+    let MujocoWorkspace { stage, runge_kutta: stages, unsymmetric, effective } = &mut s.mujoco;
+    let input = StepInput { compiled, options, state, inputs, alive: *alive };
+    stage.copy_from(state);
+    let mut acceleration = Acceleration { evaluation, free, problem, velocity, builder, effective };
+    let solver = if let Some(stages) = stages {
+        runge_kutta(input, (stage, stages), &mut acceleration, position, probe)
+    } else {
+        let solver = acceleration.compute(input, stage, true, probe);
+        advance(input, &mut acceleration, unsymmetric, position, probe);
+        solver
     };
-    [s.free_motion.unresolved, s.free_motion.gains] = [R::Mask::splat(false); 2];
-    let step = TakenStep { velocity: &s.velocity.v, is_free: false, h, contacts_at_end: options.integrator == Integrator::Rk4 };
-    let tunnelled =
-        probe.span(Span::Tunnelling, || may_have_passed(compiled, &s.evaluation.kinematics, step, s.alive, &mut s.evaluation.poses));
-    probe.count(Counter::NewtonSteps, || (0..R::LANES).map(|l| solver.newton_steps.lane(l).to_f64()).sum());
     let none = R::Mask::splat(false);
+    [free.unresolved, free.gains] = [none; 2];
+    let contacts_at_end = options.integrator == Integrator::Rk4;
+    let step = TakenStep { velocity: &velocity.v, is_free: false, h: R::of(options.timestep), contacts_at_end };
+    let Evaluation { kinematics, poses, .. } = evaluation;
+    let tunnelled = probe.span(Span::Tunnelling, || may_have_passed(compiled, kinematics, step, *alive, poses));
+    probe.count(Counter::NewtonSteps, || (0..R::LANES).map(|l| solver.newton_steps.lane(l).to_f64()).sum());
+    std::mem::swap(&mut state.impulse, &mut free.impulse);
     StepOutcome { solver, impulses_act: true, ambiguous: none, limited: none, infeasible: none, tunnelled }
 }
 
 /// Stages 6 and 7 with the constrained acceleration.
-fn advance<R: Real>(compiled: &LaneModel<R>, integrator: Integrator, h: R, s: &mut Workspace<R>, probe: impl Probe) {
-    probe.span(Span::IntegrateVelocity, || match integrator {
-        Integrator::Discrete => discrete::integrate_velocity(compiled, h, s),
-        _ => integrate_velocity(compiled, h, integrator, s),
+fn advance<R: Real>(
+    input: StepInput<'_, R>,
+    acceleration: &mut Acceleration<'_, R>,
+    unsymmetric: &mut Option<Unsymmetric<R>>,
+    position: &mut PositionSolution<R>,
+    probe: impl Probe,
+) {
+    let StepInput { compiled, options, state, inputs, .. } = input;
+    let Acceleration { evaluation, free, problem, velocity, effective, .. } = acceleration;
+    let (h, kinematics, v_next) = (R::of(options.timestep), &evaluation.kinematics, &mut velocity.v);
+    probe.span(Span::IntegrateVelocity, || match options.integrator {
+        Integrator::Discrete => discrete::integrate_velocity(input, kinematics, free, problem, effective.as_ref(), v_next),
+        _ => integrate_velocity(input, kinematics, free, problem, unsymmetric, v_next),
     });
     probe.span(Span::IntegratePosition, || {
-        integrate_position(compiled, &s.state.q, &s.velocity.v, h, &mut s.position.q);
-        advance_activation(compiled, &s.state.act, &s.state.act, &s.inputs.ctrl, h, &mut s.position.act);
+        integrate_position(compiled, &state.q, &velocity.v, h, &mut position.q);
+        advance_activation(compiled, &state.act, &state.act, &inputs.ctrl, h, &mut position.act);
     });
 }
 
@@ -78,11 +96,15 @@ pub(crate) fn respond_step<R: Real>(
     solution: &[R],
     recomputed: Recomputed,
 ) {
-    let h = R::of(options.timestep);
-    prepare(compiled, options, h, s, recomputed, NoProbe);
-    if let Some(system) = &mut s.problem.soft {
+    let Workspace { state, inputs, evaluation, free_motion: free, problem, velocity, builder, position, alive, .. } = s;
+    let MujocoWorkspace { stage, unsymmetric, effective, .. } = &mut s.mujoco;
+    let input = StepInput { compiled, options, state, inputs, alive: *alive };
+    stage.copy_from(state);
+    let mut acceleration = Acceleration { evaluation, free, problem, velocity, builder, effective };
+    acceleration.prepare(input, stage, recomputed, NoProbe);
+    if let Some(system) = &mut acceleration.problem.soft {
         system.acceleration.copy_from_slice(solution);
-        system.respond(compiled, &s.free_motion.smooth.mass, &s.free_motion.smooth.acc);
+        system.respond(compiled, &acceleration.free.smooth.mass, &acceleration.free.smooth.acc);
     }
-    advance(compiled, options.integrator, h, s, NoProbe);
+    advance(input, &mut acceleration, unsymmetric, position, NoProbe);
 }

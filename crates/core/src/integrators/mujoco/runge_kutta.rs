@@ -1,62 +1,52 @@
-//! The classical Runge-Kutta method of order 4 with constraints.
+//! Classical Runge-Kutta method of order 4 with constraints.
 //!
 //! The unknowns are a displacement theta from the configuration at the beginning, the velocity and the activations. A displacement of a
-//! rotation follows theta' = dexpinv(omega) with angular velocities in the body's frame (Munthe-Kaas 1998; so MuJoCo has it since 4.0).
+//! rotation follows theta' = dexpinv(omega) with angular velocities in the body's frame (Munthe-Kaas 1998; MuJoCo uses it since 4.0).
 
 use stepper_real::Real;
 use stepper_solve::Outcome;
 
 use crate::compile::LaneModel;
+use crate::constraints::PositionSolution;
 use crate::dynamics::kinematics::displace;
-use crate::integrators::mujoco::acceleration::accelerate;
+use crate::integrators::mujoco::acceleration::Acceleration;
 use crate::integrators::mujoco::stages::RungeKuttaStages;
-use crate::integrators::workspace::Workspace;
+use crate::integrators::mujoco::workspace::StageState;
+use crate::integrators::step_values::{State, StepInput};
 use crate::math::spatial::*;
 use crate::model::JointKind;
-use crate::options::StepSettings;
 use crate::probe::Probe;
 use crate::stages::s01_actuate::{activation_rate, clamp_activation};
 
 /// Stages of the Runge-Kutta method: the time of each, as a fraction of the step, and its weight.
 const STAGES: [[f64; 2]; 4] = [[0.0, 1.0 / 6.0], [0.5, 1.0 / 3.0], [0.5, 1.0 / 3.0], [1.0, 1.0 / 6.0]];
 
-/// Stages 1 to 7 of the classical Runge-Kutta method of order 4.
+/// Stages 1 to 7 of the classical Runge-Kutta method of order 4. Writes the next state to `v_next` and `position`.
 pub(super) fn runge_kutta<R: Real>(
-    compiled: &LaneModel<R>,
-    options: &StepSettings,
-    h: R,
-    s: &mut Workspace<R>,
+    input: StepInput<'_, R>,
+    (stage, stages): (&mut StageState<R>, &mut RungeKuttaStages<R>),
+    acceleration: &mut Acceleration<'_, R>,
+    position: &mut PositionSolution<R>,
     probe: impl Probe,
 ) -> Outcome<R> {
-    let Some(mut stages) = s.mujoco.runge_kutta.take() else { unreachable!("made with the workspace for this integrator") };
-    for (kept, now) in stages.start.iter_mut().zip([&s.state.q, &s.state.v, &s.state.act]) {
-        kept.copy_from_slice(now);
-    }
+    let StepInput { compiled, options, state, inputs, .. } = input;
+    let h = R::of(options.timestep);
     stages.sum.iter_mut().for_each(|sum| sum.fill(R::zero()));
-    let mut outcome: Option<Outcome<R>> = None;
+    let mut outcome = Outcome { residual: R::zero(), sweeps: R::zero(), newton_steps: R::zero() };
     for (i, [part, weight]) in STAGES.into_iter().enumerate() {
         if i > 0 {
-            move_stage(compiled, h * R::of(part), &stages, s);
+            move_stage(compiled, h * R::of(part), stages, state, acceleration, stage);
         }
-        let now = accelerate(compiled, options, h, s, i == 0, probe);
-        outcome = Some(match outcome {
-            None => now,
-            Some(before) => R::vectorize(
-                #[inline(always)]
-                || Outcome {
-                    residual: before.residual.max(now.residual),
-                    sweeps: before.sweeps + now.sweeps,
-                    newton_steps: before.newton_steps + now.newton_steps,
-                },
-            ),
-        });
-        activation_rate(compiled, &s.state.act, &s.inputs.ctrl, &mut stages.rate[1]);
-        find_rates(compiled, h * R::of(part), &s.state.v, &mut stages.rate[0]);
-        let acceleration = s.problem.soft.as_ref().map_or(&s.free_motion.smooth.acc, |system| &system.acceleration);
+        let now = acceleration.compute(input, stage, i == 0, probe);
+        activation_rate(compiled, &stage.act, &inputs.ctrl, &mut stages.rate[1]);
+        find_rates(compiled, h * R::of(part), &stage.v, &mut stages.rate[0]);
         R::vectorize(
             #[inline(always)]
             || {
-                let rates = [&stages.rate[0], acceleration, &stages.rate[1]];
+                outcome.residual = outcome.residual.max(now.residual);
+                outcome.sweeps = outcome.sweeps + now.sweeps;
+                outcome.newton_steps = outcome.newton_steps + now.newton_steps;
+                let rates = [&stages.rate[0], acceleration.constrained(), &stages.rate[1]];
                 for (sum, rate) in stages.sum.iter_mut().zip(rates) {
                     for (sum, &rate) in sum.iter_mut().zip(rate) {
                         *sum += R::of(weight) * rate;
@@ -65,25 +55,20 @@ pub(super) fn runge_kutta<R: Real>(
             },
         );
     }
-    let [q, v, act] = &mut stages.start;
-    s.state.q.copy_from_slice(q);
-    s.state.v.copy_from_slice(v);
-    s.state.act.copy_from_slice(act);
     R::vectorize(
         #[inline(always)]
         || {
-            for ((next, &v), &a) in s.velocity.v.iter_mut().zip(&*v).zip(&stages.sum[1]) {
+            for ((next, &v), &a) in acceleration.velocity.v.iter_mut().zip(&state.v).zip(&stages.sum[1]) {
                 *next = v + h * a;
             }
-            for ((next, &act), &rate) in s.position.act.iter_mut().zip(&*act).zip(&stages.sum[2]) {
+            for ((next, &act), &rate) in position.act.iter_mut().zip(&state.act).zip(&stages.sum[2]) {
                 *next = act + h * rate;
             }
-            clamp_activation(compiled, &mut s.position.act);
+            clamp_activation(compiled, &mut position.act);
         },
     );
-    displace(compiled, q, &stages.sum[0], h, &mut s.position.q);
-    s.mujoco.runge_kutta = Some(stages);
-    outcome.unwrap_or(Outcome { residual: R::zero(), sweeps: R::zero(), newton_steps: R::zero() })
+    displace(compiled, &state.q, &stages.sum[0], h, &mut position.q);
+    outcome
 }
 
 /// Computes the displacement rates at a stage, with the velocity `v`. `rates` holds those of the previous stage, which led to this one in
@@ -111,18 +96,23 @@ fn find_rates<R: Real>(compiled: &LaneModel<R>, time: R, v: &[R], rates: &mut [R
     )
 }
 
-/// Moves `s.state` to the next stage, `time` seconds after the beginning, with the rates of the last stage.
-fn move_stage<R: Real>(compiled: &LaneModel<R>, time: R, stages: &RungeKuttaStages<R>, s: &mut Workspace<R>) {
-    let [q, v, act] = &stages.start;
-    let acceleration = s.problem.soft.as_ref().map_or(&s.free_motion.smooth.acc, |system| &system.acceleration);
-    displace(compiled, q, &stages.rate[0], time, &mut s.state.q);
+/// Moves the stage to `time` seconds after the beginning of the step, with the rates of the last stage.
+fn move_stage<R: Real>(
+    compiled: &LaneModel<R>,
+    time: R,
+    stages: &RungeKuttaStages<R>,
+    state: &State<R>,
+    acceleration: &Acceleration<'_, R>,
+    stage: &mut StageState<R>,
+) {
+    displace(compiled, &state.q, &stages.rate[0], time, &mut stage.q);
     R::vectorize(
         #[inline(always)]
         || {
-            for ((next, &v), &a) in s.state.v.iter_mut().zip(v).zip(acceleration) {
+            for ((next, &v), &a) in stage.v.iter_mut().zip(&state.v).zip(acceleration.constrained()) {
                 *next = v + time * a;
             }
-            for ((next, &act), &rate) in s.state.act.iter_mut().zip(act).zip(&stages.rate[1]) {
+            for ((next, &act), &rate) in stage.act.iter_mut().zip(&state.act).zip(&stages.rate[1]) {
                 *next = act + time * rate;
             }
         },

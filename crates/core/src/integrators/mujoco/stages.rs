@@ -5,8 +5,6 @@ use stepper_real::Real;
 /// Workspace of the Runge-Kutta method.
 #[derive(Clone, Debug)]
 pub(crate) struct RungeKuttaStages<R: Real> {
-    /// State at the beginning: q, v, act.
-    pub(super) start: [Vec<R>; 3],
     /// Weighted sums of velocities, accelerations and rates of activations.
     pub(super) sum: [Vec<R>; 3],
     /// Velocity of the last stage, and its rate of activations.
@@ -14,8 +12,8 @@ pub(crate) struct RungeKuttaStages<R: Real> {
 }
 
 impl<R: Real> RungeKuttaStages<R> {
-    pub(crate) fn new(nq: usize, nv: usize, na: usize) -> Self {
+    pub(crate) fn new(nv: usize, na: usize) -> Self {
         let zeros = |n: usize| vec![R::zero(); n];
-        Self { start: [nq, nv, na].map(zeros), sum: [nv, nv, na].map(zeros), rate: [nv, na].map(zeros) }
+        Self { sum: [nv, nv, na].map(zeros), rate: [nv, na].map(zeros) }
     }
 }

@@ -85,7 +85,7 @@ impl<R: Real> Unsymmetric<R> {
         );
     }
 
-    /// difference <- bias - difference
+    /// Computes difference <- bias - difference.
     fn subtract(&mut self) {
         R::vectorize(
             #[inline(always)]

@@ -2,15 +2,45 @@
 
 use stepper_real::Real;
 
+use crate::actuation::forces::ForceState;
 use crate::compile::LaneModel;
 use crate::constraints::soft::EffectiveMass;
+use crate::integrators::inputs::Inputs;
 use crate::integrators::mujoco::stages::RungeKuttaStages;
 use crate::integrators::mujoco::unsymmetric::Unsymmetric;
+use crate::integrators::step_values::State;
 use crate::options::{ContactLaw, Integrator, StepSettings};
+
+/// State at which the acceleration is evaluated: that before the step, or that of a Runge-Kutta stage.
+#[derive(Clone, Debug)]
+pub(crate) struct StageState<R: Real> {
+    /// Configuration, nq.
+    pub(crate) q: Vec<R>,
+    /// Velocity, nv.
+    pub(crate) v: Vec<R>,
+    /// Activations, na.
+    pub(crate) act: Vec<R>,
+}
+
+impl<R: Real> StageState<R> {
+    /// Copies the state before the step.
+    pub(crate) fn copy_from(&mut self, state: &State<R>) {
+        self.q.copy_from_slice(&state.q);
+        self.v.copy_from_slice(&state.v);
+        self.act.copy_from_slice(&state.act);
+    }
+
+    /// State at which explicit forces are evaluated.
+    pub(crate) fn forces<'a>(&'a self, inputs: &'a Inputs<R>) -> ForceState<'a, R> {
+        ForceState::state(&self.q, &self.v, &self.act, &inputs.ctrl, &inputs.actuator_dynamics)
+    }
+}
 
 /// Workspace of the integrator that the options select; empty with hard contact.
 #[derive(Clone, Debug)]
 pub(crate) struct MujocoWorkspace<R: Real> {
+    /// State at which the acceleration is evaluated.
+    pub(crate) stage: StageState<R>,
     /// Stages of the Runge-Kutta method.
     pub(crate) runge_kutta: Option<RungeKuttaStages<R>>,
     /// Matrix of the fully implicit rule.
@@ -23,8 +53,10 @@ impl<R: Real> MujocoWorkspace<R> {
     /// Workspace for a compiled model and the integrator of `options`.
     pub(crate) fn new(compiled: &LaneModel<R>, options: &StepSettings) -> Self {
         let uses = |integrator| options.contact == ContactLaw::Mujoco && options.integrator == integrator;
+        let zeros = |n: usize| vec![R::zero(); n];
         Self {
-            runge_kutta: uses(Integrator::Rk4).then(|| RungeKuttaStages::new(compiled.nq, compiled.nv, compiled.na)),
+            stage: StageState { q: zeros(compiled.nq), v: zeros(compiled.nv), act: zeros(compiled.na) },
+            runge_kutta: uses(Integrator::Rk4).then(|| RungeKuttaStages::new(compiled.nv, compiled.na)),
             unsymmetric: uses(Integrator::Implicit).then(|| Unsymmetric::new(compiled)),
             effective: uses(Integrator::Discrete).then(|| EffectiveMass::new(compiled)),
         }

@@ -65,7 +65,7 @@ pub enum Error {
         found: usize,
         /// Required length.
         must: usize,
-        /// Derivation of that number, for the text; may be empty.
+        /// Explanation of the required length, for the message; may be empty.
         detail: String,
     },
     /// List without one entry for every element of the model.

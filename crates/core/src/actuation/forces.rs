@@ -125,7 +125,7 @@ pub struct ActuatorForces<R: Real> {
     pub(super) regions: Vec<Region<R>>,
     /// Whether the regions of this step are unknown.
     pub(crate) fresh: bool,
-    /// Friction losses of actuator dynamics, see [`crate::constraints::AssemblyInput::losses`].
+    /// Friction losses of actuator dynamics, see [`crate::constraints::assembler::AssemblyInput::losses`].
     pub losses: Vec<[R; 2]>,
 }
 

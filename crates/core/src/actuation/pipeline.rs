@@ -136,7 +136,7 @@ impl<S: Scalar> ActuatorPipelines<S> {
         self.pipelines.is_empty()
     }
 
-    /// Loads the numbers of the pipelines that act within a step, at its end.
+    /// Loads the numbers that act within a step, as they are at the end of the step.
     pub fn load<R: Real<Scalar = S>>(&self, compiled: &ModelStructure<S>, group: usize, specs: &mut [ActuatorDynamics<R>]) {
         R::vectorize(
             #[inline(always)]

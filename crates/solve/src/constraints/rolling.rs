@@ -281,7 +281,7 @@ fn principal_axes<R: Real>(m: &mut [[R; T]; T]) -> [[R; T]; T] {
     axes
 }
 
-/// Rotates the axes p and q so that m[p][q] becomes zero, where they are not `aligned`.
+/// Rotates the axes p and q so that `m[p][q]` becomes zero, where they are not `aligned`.
 #[inline(always)]
 fn rotate<R: Real>(m: &mut [[R; T]; T], axes: &mut [[R; T]; T], p: usize, q: usize, aligned: R) {
     let off = m[p][q];

@@ -1,7 +1,7 @@
 //! Factors of a matrix with a symmetric pattern, stored between the first entry of every row and the diagonal (Jennings 1966).
 //!
 //! Elimination fills nothing outside this skyline. Its area is all the memory, and an order of the coordinates that keeps it low
-//! ([`crate::newton::order`]) is all the sparsity. `A = L U` with a unit diagonal in U. L is stored by rows, U by columns, both below the
+//! ([`crate::newton::ordering`]) is all the sparsity. `A = L U` with a unit diagonal in U. L is stored by rows, U by columns, both below the
 //! same skyline, in tiles of four rows or columns. There is no pivoting, because the matrices are the identity plus a positive semidefinite
 //! part, or close to that. For other matrices the caller checks the pivots.
 
@@ -172,7 +172,7 @@ impl Skyline {
         for (l, u) in self.lower[first..here].iter().zip(&self.upper[first..here]) {
             subtract_outer(&mut d, l, u);
         }
-        // Entry d[c][r] is row r, column c.
+        // Entry `d[c][r]` is row r, column c.
         for c in 0..TILE {
             let pivot = d[c][c];
             // This form also holds for a NaN.
@@ -234,7 +234,7 @@ impl Skyline {
     }
 }
 
-/// Subtracts d[c][r] -= a[r] b[c].
+/// Subtracts `d[c][r] -= a[r] b[c]`.
 #[inline(always)]
 fn subtract_outer(d: &mut [Tile; TILE], a: &Tile, b: &Tile) {
     for c in 0..TILE {
@@ -244,7 +244,7 @@ fn subtract_outer(d: &mut [Tile; TILE], a: &Tile, b: &Tile) {
     }
 }
 
-/// Adds out[c][k] += sum_r a_r[k] b_r[column + c], over N rows; those of b have n numbers.
+/// Adds `out[c][k] += sum_r a_r[k] b_r[column + c]`, over N rows; those of b have n numbers.
 #[inline(always)]
 fn add_tile<const N: usize>(out: &mut [Tile], a: &[Tile; N], b: &[f64], n: usize, column: usize) {
     // Four by four in registers. Over single columns the compiler would vectorise the wrong dimension.

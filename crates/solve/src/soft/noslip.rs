@@ -332,7 +332,7 @@ impl<R: Real> NoSlip<R> {
         sweeps
     }
 
-    /// Computes the response of the acceleration to every swept force, by `metric`: once, before [`Noslip::sweep`].
+    /// Computes the response of the acceleration to every swept force, by `metric`: once, before [`NoSlip::sweep`].
     #[inline(always)]
     pub(super) fn find_responses(&mut self, problem: &SoftProblem<R>, metric: &mut impl Responds<R>, constraints: usize) {
         let Self { rows, contacts, rolling, trees, work, .. } = self;

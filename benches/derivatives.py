@@ -1,4 +1,4 @@
-"""Figures of docs/derivatives.md: agreement of differences, the horizon of a hopper, and time. One process, one pinned core.
+"""Figures of docs/benchmarks/derivatives.md: agreement of differences, the horizon of a hopper, and time. One process, one pinned core.
 
 python benches/derivatives.py                 # all
 python benches/derivatives.py agreement time  # of agreement, implicit, smoothness, horizon, time, effort
@@ -20,11 +20,11 @@ import numpy as np
 import stepper
 from numpy.typing import NDArray
 from stepper import Options
-from stepper._stepper import cpu_levels
 from stepper.derivatives import Linearization, rollout
 from stepper.derivatives.copies import nominal_of, parts_of
 from stepper.derivatives.linearize import TOLERANCE
 from stepper.derivatives.perturbations import blocks_of, stencil_of
+from stepper.doctor import cpu_levels
 from stepper.shared.machine import cpu_name, one_core
 
 Array = NDArray[np.float64]

@@ -52,7 +52,7 @@ def batch_of(engine: str, model: Any, num_envs: int, threads: int = 1) -> Any:
 
 def reads_contact_forces(task: Task) -> bool:
     """Whether a task observes `cfrc_ext`."""
-    return any(row.name == "cfrc_ext" for row in task.quantities())
+    return any(row.name == "cfrc_ext" for row in task.observations())
 
 
 def mujoco_model(model: Model, *, with_contact_forces: bool) -> Any:

@@ -13,7 +13,7 @@ import mujoco
 import numpy as np
 import stepper
 from derivatives import median_time
-from stepper._stepper import cpu_levels
+from stepper.doctor import cpu_levels
 from stepper.shared.machine import cpu_name, one_core
 
 ENVS = 256

@@ -1,7 +1,7 @@
 """What it costs to keep a state and to go back to it, beside a step: dm_control's quadruped on the floor, one pinned core.
 
 python benches/states.py          # whole states
-python benches/states.py --some   # states of some environments: docs/quantities.md
+python benches/states.py --some   # states of some environments: docs/benchmarks/components.md
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import numpy as np
 import stepper
 from derivatives import median_time, touching
 from stepper import Options
-from stepper._stepper import cpu_levels
+from stepper.doctor import cpu_levels
 from stepper.shared.machine import cpu_name, one_core
 
 

@@ -23,7 +23,7 @@ from stepper.sysid import episodes_of
 POLICY = Path(__file__).parent / "policies/half_cheetah.npz"
 MASS, FRICTION = 7.5, 0.3
 """The robot's, of its torso in kg and of all that touches the floor."""
-PARAMETERS = ("mass:torso", "friction:floor,?foot")
+PARAMETERS = ("body_mass[torso]", "geom_friction[floor,?foot][0]")
 NOISE = {"qpos": 1e-3, "qvel": 0.02}
 SECONDS, ROWS = 1.0, 3
 

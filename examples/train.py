@@ -126,6 +126,17 @@ SMALL: Mapping[str, Any] = {
 }
 """Many small gradient steps, and actions that are far apart at first: for tasks whose episodes end with a fall."""
 
+ROUGH: Mapping[str, Any] = {
+    "steps": 100_000_000,
+    "horizon": 24,
+    "minibatch": 6144,
+    "epochs": 5,
+    "hidden": 256,
+    "entropy": 0.005,
+    "initial_std": 0.5,
+}
+"""Those of mjlab's rough velocity tasks, with smaller networks."""
+
 
 TASKS: Mapping[str, Mapping[str, Any]] = {
     "Hopper-v5": SMALL,
@@ -140,6 +151,8 @@ TASKS: Mapping[str, Mapping[str, Any]] = {
     "InvertedDoublePendulum-v5": {"steps": 3_000_000},
     "Go1Velocity-v0": {"steps": 13_000_000, "epochs": 5},
     "Go1VelocityReal-v0": {"steps": 13_000_000, "epochs": 5},
+    "Go1Rough-v0": ROUGH,
+    "G1Rough-v0": {**ROUGH, "steps": 200_000_000},
     "G1Velocity-v0": {"steps": 40_000_000, "epochs": 5, "contact": "mujoco", "hidden": 128, "initial_std": 0.5},
 }
 """Settings of a task in place of those above, whichever engine steps it; options of the command line go before both."""

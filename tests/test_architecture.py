@@ -30,8 +30,14 @@ CORE_FOLDERS = {
         "stages",
     },
     "step": {"options", "probe", "compile", "constraints", "stages", "integrators"},
-    "step_derivative": {"math", "model", "options", "probe", "compile", "dynamics", "collision", "constraints", "tuning", "stages", "integrators", "step"},
-    "analysis": {"math", "model", "error", "probe", "compile", "dynamics", "collision", "actuation", "sensing", "stages", "integrators"},
+    "step_derivative": {
+        *("math", "model", "options", "tuning", "probe", "compile", "dynamics", "collision", "constraints", "stages", "integrators"),
+        "step",
+    },
+    "analysis": {
+        *("math", "model", "error", "options", "probe", "compile", "dynamics", "collision", "actuation", "sensing", "stages"),
+        "integrators",
+    },
     "batch": {
         *("math", "model", "error", "options", "probe", "compile", "dynamics", "collision", "actuation", "constraints", "sensing"),
         *("stages", "integrators", "step", "step_derivative", "analysis"),
@@ -53,10 +59,11 @@ FOLDERS = {
     "adapters": {"shared", "envs", "derivatives"},
     "sysid": {"shared", "actuators", "recording"},
     "policies": {"shared"},
-    "cli": {"shared", "loading", "recording", "lab", "viewer", "envs", "policies", "sysid"},
+    "doctor": {"shared"},
+    "cli": {"shared", "doctor", "loading", "recording", "lab", "viewer", "envs", "policies", "sysid"},
 }
 """Folders of the Python package, and the others that each may import."""
-BOTTOM = {"_stepper", "_options", "_status", "_hints", "_quantities"}
+BOTTOM = {"_stepper", "_options", "_status", "_hints", "_other_names", "_quantities"}
 """Modules beside the folders that everything may import: the binary, what it is set to, what it says, what follows from that."""
 FACE = {"__main__"}
 """Modules beside the folders that are for users alone: nothing in a folder imports them, or the names of `stepper` itself."""

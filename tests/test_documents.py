@@ -1,19 +1,38 @@
-"""What documents say exists is there, and what they show runs."""
+"""What documents say exists is there, what they show runs, and their figures are those of the result files."""
 
+import importlib.util
 import re
+import sys
 from pathlib import Path
 
-import mujoco
+import command_line
+import gymnasium
+import page_blocks
 import pytest
-from models import SOURCES
+from field_table import PAGE as FIELDS
+from field_table import written
 
 ROOT = Path(__file__).parents[1]
 DOCUMENTS = sorted(
     [*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md"), *(ROOT / "benches").rglob("*.md"), *(ROOT / "examples").rglob("*.md")]
 )
+PAGES = sorted([ROOT / "README.md", *(ROOT / "docs").rglob("*.md")])
+WITH_CODE = [page for page in PAGES if any(block.language in ("python", "sh") for block in page_blocks.blocks(page.read_text()))]
 
 
-@pytest.mark.parametrize("document", DOCUMENTS, ids=lambda path: str(path.relative_to(ROOT)))
+def named(path):
+    return str(path.relative_to(ROOT))
+
+
+def figures():
+    """The module that computes figures of the documentation."""
+    spec = importlib.util.spec_from_file_location("figures", ROOT / "docs/hooks/figures.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+@pytest.mark.parametrize("document", DOCUMENTS, ids=named)
 def test_links_and_paths_lead_somewhere(document):
     text = document.read_text()
     links = re.findall(r"\]\((?!https?://|#)([^)#]+)", text)
@@ -24,14 +43,96 @@ def test_links_and_paths_lead_somewhere(document):
     assert missing == []
 
 
-def test_the_readmes_snippets_run(tmp_path, monkeypatch):
-    """One after the other, as they are, but for the number of environments, with a humanoid that others wrote."""
-    snippets = re.findall(r"```python\n(.*?)```", (ROOT / "README.md").read_text(), re.DOTALL)
-    humanoid = mujoco.MjSpec.from_file(str(SOURCES["dm_control/humanoid"]))
-    humanoid.compile()
-    (tmp_path / "humanoid.xml").write_text(humanoid.to_xml())
+def anchors(document):
+    """Anchors of the headings of a document, as GitHub and MkDocs make them of plain titles."""
+    text = re.sub(r"```.*?```", "", document.read_text(), flags=re.DOTALL)
+    titles = re.findall(r"^#+ (.+)$", text, re.MULTILINE)
+    return {re.sub(r"[^\w\- ]", "", re.sub(r"\[([^\]]*)\]\([^)]*\)", r"\1", title)).strip().lower().replace(" ", "-") for title in titles}
+
+
+@pytest.mark.parametrize("document", DOCUMENTS, ids=named)
+def test_anchors_of_links_exist(document):
+    links = re.findall(r"\]\((?!https?://)([^)#\s]*)#([^)\s]+)\)", document.read_text())
+    targets = {(document.parent / path if path else document, anchor) for path, anchor in links}
+    missing = [f"{path}#{anchor}" for path, anchor in targets if path.suffix == ".md" and anchor not in anchors(path)]
+    assert missing == []
+
+
+@pytest.mark.parametrize("page", WITH_CODE, ids=named)
+@pytest.mark.filterwarnings("ignore::stepper.ModelWarning", "ignore::UserWarning")
+def test_code_blocks_run(page, tmp_path, monkeypatch):
+    """All code blocks of a page run exactly as shown (page_blocks.py)."""
+    page_blocks.prepare(tmp_path)
     monkeypatch.chdir(tmp_path)
-    names = {}
-    for snippet in snippets:
-        exec(compile(snippet.replace("1024", "16"), "README.md", "exec"), names)
-    assert names["sim"].sensor_faults.shape == (16, len(names["model"].sensors), 2)
+    monkeypatch.syspath_prepend("")
+    before, known = set(sys.modules), set(gymnasium.registry)
+    try:
+        page_blocks.run(page, tmp_path)
+    finally:
+        for name in set(sys.modules) - before:
+            if (tmp_path / f"{name}.py").exists():
+                del sys.modules[name]
+        for name in set(gymnasium.registry) - known:
+            if not name.startswith("stepper/"):
+                del gymnasium.registry[name]
+
+
+@pytest.mark.parametrize("page", PAGES, ids=named)
+def test_languages_of_blocks_are_known(page):
+    """A block without a language, or with another one, would be neither run nor left out with a reason."""
+    assert [block.line for block in page_blocks.blocks(page.read_text()) if block.language not in page_blocks.RUN] == []
+
+
+@pytest.mark.parametrize("page", PAGES, ids=named)
+def test_indented_blocks_are_no_python_and_their_commands_exist(page):
+    """Formulas and commands may be indented; Python is fenced, so that it runs."""
+    text = re.sub(r"^[ ]*```.*?^[ ]*```$", "", page.read_text(), flags=re.DOTALL | re.MULTILINE)
+    lines = [line.strip() for line in re.findall(r"^(?: {4}|\t)(.+)$", text, re.MULTILINE)]
+    assert [line for line in lines if re.match(r"(import|from) \w|sim\.|\w+ = (stepper|sim|model)\.", line)] == []
+    for line in page_blocks.commands("\n".join(line for line in lines if line.startswith("stepper "))):
+        page_blocks.check_command(line, named(page))
+
+
+def test_figures_of_the_readme_are_those_of_the_result_files():
+    module = figures()
+    table = (ROOT / "README.md").read_text().partition(module.BEGIN)[2].partition(module.END)[0]
+    assert table.strip() == module.readme_table().strip(), "python docs/hooks/figures.py --update-docs writes it"
+
+
+def test_figures_of_pages_have_names_that_exist():
+    known = figures().figures()
+    used = {name for page in PAGES for name in re.findall(r"\{\{ ([\w.]+) \}\}", page.read_text())}
+    assert used <= known.keys()
+
+
+def test_the_readme_is_short():
+    """A stranger reads it in five minutes."""
+    assert len((ROOT / "README.md").read_text().split()) <= 900
+
+
+def test_the_readme_has_the_command_of_the_tests():
+    assert "make test " in (ROOT / "README.md").read_text()
+    assert "make test\n" in (ROOT / ".ci/run").read_text()
+
+
+def test_every_page_is_in_the_navigation():
+    listed = set(re.findall(r"([\w/-]+\.md)$", (ROOT / "mkdocs.yml").read_text(), re.MULTILINE))
+    assert listed == {str(page.relative_to(ROOT / "docs")) for page in (ROOT / "docs").rglob("*.md")}
+
+
+def test_the_commands_of_the_reference_are_those_of_the_command_line():
+    told = command_line.PAGE.read_text().partition(command_line.BEGIN)[2].partition(command_line.END)[0].strip()
+    assert told == command_line.table().strip(), "PYTHONPATH=python python tests/command_line.py writes it"
+
+
+def test_only_update_docs_writes_documentation():
+    """Every command of benches/ that names a folder of the documentation has the option."""
+    for path in (ROOT / "benches").rglob("*.py"):
+        text = path.read_text()
+        if re.search(r'"docs(/|")', text) and "ArgumentParser(" in text:
+            assert "--update-docs" in text, named(path)
+    assert "--update-docs" not in (ROOT / "Makefile").read_text().replace("=--update-docs", "")
+
+
+def test_the_table_of_what_can_vary_is_that_of_the_code():
+    assert written(FIELDS.read_text()) == FIELDS.read_text(), "run: PYTHONPATH=python python tests/field_table.py"

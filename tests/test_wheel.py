@@ -1,6 +1,8 @@
 """The wheel works where there is no compiler and no MuJoCo, and says what it is and what is in it."""
 
 import hashlib
+import json
+import re
 import tomllib
 import zipfile
 from email.message import Message
@@ -10,7 +12,8 @@ import numpy as np
 import pytest
 import stepper
 from models import stepper_model
-from wheel import PACKAGE, ROOT, built, install, run, sources
+from notices import linked
+from wheel import PACKAGE, ROOT, built, call, install, install_beside_tests, run, sources
 
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
 VERSION = tomllib.loads((ROOT / "Cargo.toml").read_text())["workspace"]["package"]["version"]
@@ -74,11 +77,50 @@ def test_it_steps_a_saved_model_where_there_is_only_numpy(wheel, tmp_path):
     assert 'pip install "stepper-sim[mjcf]"' in there["said"]
 
 
+API = [f"tests/api/test_{name}.py" for name in ("stepper", "state", "record", "doctor")]
+
+
+@pytest.fixture(scope="module")
+def equipped(wheel, tmp_path_factory):
+    """An environment of the wheel, beside the packages that the tests have."""
+    return install_beside_tests(wheel, tmp_path_factory.mktemp("equipped"))
+
+
+def test_the_readmes_code_and_the_tests_of_the_interface_run_with_it(equipped, tmp_path):
+    program = "import stepper, sys; assert stepper.__file__.startswith(sys.prefix); import pytest; sys.exit(pytest.main(sys.argv[1:]))"
+    options = ["-q", "-n", "0", "-p", "no:cacheprovider", f"--rootdir={ROOT}", f"--config-file={ROOT / 'pyproject.toml'}"]
+    tests = [*API, "tests/test_documents.py::test_the_readmes_snippets_run"]
+    said = call(equipped, "-P", "-c", program, *options, *(str(ROOT / test) for test in tests), cwd=tmp_path)
+    assert int(re.search(r"(\d+) passed", said)[1]) > 200
+
+
+def test_its_demo_runs(equipped, tmp_path):
+    call(equipped, str(equipped.with_name("stepper")), "demo", "--num-envs", "8", "--steps", "5", "--rest", "5", cwd=tmp_path)
+    assert json.loads((tmp_path / "out/demo.json").read_text())
+
+
+def test_its_binary_needs_no_newer_glibc_than_its_tag_says(wheel, contents):
+    (tag,) = re.findall(r"manylinux_2_(\d+)_x86_64", wheel.name)[:1]
+    (binary,) = (data for name, data in contents.items() if name.endswith(".so"))
+    needed = {int(minor) for minor in re.findall(rb"GLIBC_2\.(\d+)", binary)}
+    assert max(needed) <= int(tag)
+
+
+def test_it_has_a_list_of_the_linked_libraries_for_scanners(contents):
+    """CycloneDX, the libraries of NOTICES, under the folder of PEP 770."""
+    (name,) = (name for name in contents if name.startswith(f"stepper_sim-{VERSION}.dist-info/sboms/"))
+    told = json.loads(contents[name])
+    assert told["bomFormat"] == "CycloneDX"
+    listed = {(part["name"], part["version"]) for part in told["components"]}
+    assert {(package["name"], package["version"]) for package in linked()} <= listed
+
+
 def test_its_metadata_has_the_name_the_version_and_what_it_needs(metadata):
     assert (metadata["Name"], metadata["Version"]) == ("stepper-sim", VERSION)
     assert metadata["License-Expression"] == "MIT OR Apache-2.0"
     required = [line for line in metadata.get_all("Requires-Dist") if "extra ==" not in line]
     assert required == PROJECT["dependencies"] == ["numpy>=2.0"]
+    assert {line.partition(", ")[0] for line in metadata.get_all("Project-URL")} == set(PROJECT["urls"])
     assert set(metadata.get_all("Provides-Extra")) == set(PROJECT["optional-dependencies"])
 
 

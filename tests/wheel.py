@@ -4,6 +4,7 @@ import json
 import statistics
 import subprocess
 import sys
+import sysconfig
 import tempfile
 import zipfile
 from importlib import metadata
@@ -52,6 +53,26 @@ def install(wheel: Path, folder: Path) -> Path:
     # Whatever it asks for is there.
     subprocess.run([*pip, "check"], check=True, stdout=subprocess.DEVNULL)
     return python
+
+
+def install_beside_tests(wheel: Path, folder: Path) -> Path:
+    """Makes a virtual environment of a wheel, in which the other packages of this one can be imported, too: returns its Python.
+
+    The wheel comes first, so that `stepper` is that of the wheel. No compiler of this machine is on the path of `run` and `call`.
+    """
+    python = install(wheel, folder)
+    (site,) = folder.glob("lib/python*/site-packages")
+    (site / "others.pth").write_text(f"{sysconfig.get_path('purelib')}\n")
+    return python
+
+
+def call(python: Path, *arguments: str, cwd: Path) -> str:
+    """Output of a Python program, whose errors are an error. It finds no compiler."""
+    environment = {"PATH": str(python.parent), "HOME": str(cwd)}
+    done = subprocess.run([python, *arguments], env=environment, cwd=cwd, capture_output=True, text=True, check=False)
+    if done.returncode != 0:
+        raise RuntimeError(f"{done.stdout[-4000:]}\n{done.stderr[-4000:]}")
+    return done.stdout
 
 
 def run(python: Path, program: str, *arguments: str) -> list:

@@ -107,7 +107,7 @@ def pushed() -> Scene:
     """A springy finger behind a box touches it and pushes, faster and slower; a force sensor behind the finger, and where the box is."""
     t = np.arange(100) * 0.02
     ctrl = 0.022 + 0.12 * t + 0.008 * np.sin(2 * np.pi * 2.2 * t)
-    return Scene("pushed box", PUSHED, (1.3, 0.35), ("mass:box", "friction:floor,box"), ctrl[:, None], 0.02,
+    return Scene("pushed box", PUSHED, (1.3, 0.35), ("body_mass[box]", "geom_friction[floor,box][0]"), ctrl[:, None], 0.02,
                  {"wrist_force": 0.3, "box_x": 5e-4}, ((1.0, 0.5), (0.4, 1.0), (4.0, 0.1), (2.5, 0.9)))  # fmt: skip
 
 
@@ -116,7 +116,8 @@ def held() -> Scene:
     t = np.arange(100) * 0.02
     lift = 0.03 * (np.sin(2 * np.pi * 1.0 * t) + 0.5 * np.sin(2 * np.pi * 2.6 * t)) * np.minimum(1, t / 0.4)
     squeeze = np.full_like(t, 12.0)
-    return Scene("held box", HELD, (0.8, 0.45), ("mass:box", "friction:left,right,box"), np.stack([lift, squeeze, squeeze], axis=1), 0.02,
+    sought = ("body_mass[box]", "geom_friction[left,right,box][0]")
+    return Scene("held box", HELD, (0.8, 0.45), sought, np.stack([lift, squeeze, squeeze], axis=1), 0.02,
                  {"wrist_force": 0.3, "wrist_torque": 0.02}, ((0.5, 0.6), (0.2, 1.2), (2.0, 0.3), (1.2, 0.9)))  # fmt: skip
 
 

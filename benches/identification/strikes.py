@@ -98,7 +98,16 @@ def struck() -> Strike:
     noise = {"wrist_force": 0.3, "box_x": 5e-4}
     marks = {8: "struck", 9: "struck", 10: "pushed", 12: "let go", 16: "slides", 30: "rests", 50: "struck again", 75: "struck a third time"}
     return Strike(
-        "struck box", STRUCK, ("mass:box", "friction:floor,box"), (1.3, 0.35), (0.1, 0.05), (1.0, 0.5), ctrl[:, None], noise, {}, marks
+        "struck box",
+        STRUCK,
+        ("body_mass[box]", "geom_friction[floor,box][0]"),
+        (1.3, 0.35),
+        (0.1, 0.05),
+        (1.0, 0.5),
+        ctrl[:, None],
+        noise,
+        {},
+        marks,
     )
 
 
@@ -118,7 +127,7 @@ def thrown() -> Strike:
     return Strike(
         "thrown box",
         THROWN,
-        ("mass:box", "friction:plate,box"),
+        ("body_mass[box]", "geom_friction[plate,box][0]"),
         (0.4, 0.3),
         (0.1, 0.05),
         (0.6, 0.5),
@@ -140,7 +149,7 @@ def grasped() -> Strike:
     return Strike(
         "grasped box",
         GRASPED,
-        ("mass:box", "friction:left,right,box"),
+        ("body_mass[box]", "geom_friction[left,right,box][0]"),
         (0.8, 0.45),
         (0.1, 0.05),
         (0.5, 0.6),
@@ -160,7 +169,7 @@ def stopped() -> Strike:
     return Strike(
         "pendulum against a stop",
         STOPPED,
-        ("mass:arm", "stiffness:stop"),
+        ("body_mass[arm]", "jnt_stiffness[stop]"),
         (0.5, 600.0),
         (0.1, 0.1),
         (0.8, 1000.0),

@@ -1,4 +1,4 @@
-"""dm_control's fish (`pip install --no-deps dm_control`) with random controls in its water: docs/studies.md."""
+"""dm_control's fish (`pip install --no-deps dm_control`) with random controls in its water: docs/benchmarks/studies.md."""
 
 from __future__ import annotations
 
@@ -14,11 +14,9 @@ study = stepper.lab.Study(
         stepper.lab.Outcome(name="speed", measure="jointvel tail1", over="max", success=">= 5", unit="rad/s"),
     ],
     parameters={
-        "density": stepper.lab.Parameter(
-            target="density", low=500.0, high=5000.0, unit="kg/m3", source="half of water to what the file has"
-        ),
-        "mass": stepper.lab.Parameter(target="body_mass", how="scale", low=0.5, high=2.0, source="a guess"),
-        "damping": stepper.lab.Parameter(target="dof_damping", how="scale", low=0.2, high=5.0, source="a guess"),
+        "density": stepper.lab.Parameter("density", low=500.0, high=5000.0, unit="kg/m3", source="half of water to what the file has"),
+        "mass": stepper.lab.Parameter("body_mass", how="scale", low=0.5, high=2.0, source="a guess"),
+        "damping": stepper.lab.Parameter("dof_damping", how="scale", low=0.2, high=5.0, source="a guess"),
     },
     seconds=2.0,
     episodes=8,

@@ -1,4 +1,4 @@
-"""Unitree's G1 of mjlab (`pip install --no-deps mjlab`) on a plane, held by position servos: docs/studies.md.
+"""Unitree's G1 of mjlab (`pip install --no-deps mjlab`) on a plane, held by position servos: docs/benchmarks/studies.md.
 
 It begins a hair above the floor, with its legs straight, and velocities that are a little off. Its wrists have no armature here, so that
 the servos' damping is stiff: Euler's rule, which takes it explicitly, diverges at every time step of 0.125 ms and more.
@@ -36,11 +36,11 @@ study = stepper.lab.Study(
         stepper.lab.Outcome(name="way", measure="body pelvis x", over="change", unit="m"),
     ],
     parameters={
-        "friction": stepper.lab.Parameter(
-            target="geom_friction", names=("floor", "*_foot*"), column=0, low=0.2, high=1.0, source="wet tiles to rubber on concrete"
+        "friction": stepper.lab.Parameter("geom_friction[floor,*_foot*][0]", low=0.2, high=1.0, source="wet tiles to rubber on concrete"),
+        "payload": stepper.lab.Parameter("body_mass[torso_link]", how="scale", low=0.8, high=1.8, source="a rucksack"),
+        "stiffness": stepper.lab.Parameter(
+            "actuator_kp", how="scale", low=0.05, high=1.5, source="gains that people use: 10 to 300 N m/rad"
         ),
-        "payload": stepper.lab.Parameter(target="body_mass", names=("torso_link",), how="scale", low=0.8, high=1.8, source="a rucksack"),
-        "stiffness": stepper.lab.Parameter(target="kp", how="scale", low=0.05, high=1.5, source="gains that people use: 10 to 300 N m/rad"),
     },
     seconds=0.5,
     episodes=4,

@@ -47,7 +47,7 @@ def thrown(now: Any, _: list[np.random.Generator]) -> tuple[Any, Any]:
 
 def lost(now: Any) -> np.ndarray[Any, Any]:
     """Share of the horizontal speed that is gone."""
-    gone: np.ndarray[Any, Any] = 1.0 - now.joint_velocity("x")[:, 0] / now.theta["speed"]
+    gone: np.ndarray[Any, Any] = 1.0 - now.read("qvel", "x")[:, 0] / now.theta["speed"]
     return gone
 
 
@@ -57,9 +57,9 @@ study = stepper.lab.Study(
     start=thrown,
     outcomes=stepper.lab.Outcome(name="lost at the first touch", measure=lost, success=f"<= {LOSS}"),
     parameters={
-        "friction": stepper.lab.Parameter(target="geom_friction", column=0, nominal=THEORY, low=0.0, high=0.08, source="the exercise"),
-        "speed": stepper.lab.Parameter(target="drive", nominal=SPEED, low=0.5, high=2.0, unit="m/s", source="the exercise"),
-        "restitution": stepper.lab.Parameter(target="geom_restitution", names=("block",), low=0.3, high=0.5, source="the exercise"),
+        "friction": stepper.lab.Parameter("geom_friction[*][0]", nominal=THEORY, low=0.0, high=0.08, source="the exercise"),
+        "speed": stepper.lab.Parameter("drive", nominal=SPEED, low=0.5, high=2.0, unit="m/s", source="the exercise"),
+        "restitution": stepper.lab.Parameter("geom_restitution[block]", low=0.3, high=0.5, source="the exercise"),
     },
     seconds=0.3,  # after the first touch at 0.19 s, before the second at 0.39 s
     control=0.01,

@@ -78,21 +78,21 @@ def balancing(name: str, file: str) -> Any:
         drive=Balance(file),
         outcomes=[
             stepper.lab.Outcome(name="lowest tip", measure="site tip z", over="min", success=f">= {TIP}", unit="m"),
-            stepper.lab.Outcome(name="time upright", measure=lambda now: 10.0 * (now.site("tip")[:, 2] > TIP), over="mean", unit="s"),
+            stepper.lab.Outcome(
+                name="time upright", measure=lambda now: 10.0 * (now.read("site_xpos", "tip")[:, 2] > TIP), over="mean", unit="s"
+            ),
         ],
         parameters={
             "angle noise": stepper.lab.Parameter(
-                target="sensor.noise_std", names=ANGLES, low=0.0, high=0.06, unit="rad", source="potentiometers and magnets: 0.001 to 0.05"
+                "sensor.noise_std[angle1,angle2]", low=0.0, high=0.06, unit="rad", source="potentiometers and magnets: 0.001 to 0.05"
             ),
             "rate noise": stepper.lab.Parameter(
-                target="sensor.noise_std", names=RATES, low=0.0, high=0.6, unit="rad/s", source="differences of encoders over 5 to 20 ms"
+                "sensor.noise_std[rate1,rate2]", low=0.0, high=0.6, unit="rad/s", source="differences of encoders over 5 to 20 ms"
             ),
             "drift": stepper.lab.Parameter(
-                target="sensor.drift_std", names=ANGLES, low=0.0, high=0.03, unit="rad/sqrt(s)", source="angles that are integrated"
+                "sensor.drift_std[angle1,angle2]", low=0.0, high=0.03, unit="rad/sqrt(s)", source="angles that are integrated"
             ),
-            "delay": stepper.lab.Parameter(
-                target="sensor.delay", names=("*",), low=0.0, high=0.04, unit="s", source="buses and filters: 1 to 50 ms"
-            ),
+            "delay": stepper.lab.Parameter("sensor.delay[*]", low=0.0, high=0.04, unit="s", source="buses and filters: 1 to 50 ms"),
         },
         options=stepper.Options(contact="mujoco", integrator="rk4"),
         seconds=10.0,

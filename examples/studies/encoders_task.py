@@ -18,7 +18,7 @@ sys.path[:0] = [str(HERE), str(HERE.parent)]
 import encoders  # type: ignore[import-not-found]  # noqa: E402
 import gymnasium  # noqa: E402
 import stepper  # noqa: E402
-from stepper.envs.task import Quantity  # noqa: E402
+from stepper.envs.task import Observation  # noqa: E402
 from stepper.envs.tasks.inverted_double_pendulum import InvertedDoublePendulum  # noqa: E402
 
 
@@ -34,9 +34,9 @@ class Encoders(InvertedDoublePendulum):
         """Those of the study's table."""
         return encoders.encoders()
 
-    def quantities(self) -> Any:
+    def observations(self) -> Any:
         """What the policy of the study sees: (9,)."""
-        return (Quantity("encoders", of=lambda now: encoders.seen(now.sensordata)),)
+        return (Observation("encoders", func=lambda now: encoders.seen(now.sensordata)),)
 
 
 def register() -> None:

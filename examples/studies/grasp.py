@@ -43,7 +43,7 @@ MODEL = f"""
 
 def lift(now: Any) -> np.ndarray[Any, Any]:
     """Closes with a force, then lifts with the force that gives all of it the acceleration."""
-    t = now.time + 1e-9
+    t = now.time[0] + 1e-9
     if t < CLOSE:
         vertical = (HAND + 2 * FINGER) * G
     else:
@@ -55,7 +55,7 @@ def lift(now: Any) -> np.ndarray[Any, Any]:
 
 def slip(now: Any) -> np.ndarray[Any, Any]:
     """How far the box is below where the hand holds it, m."""
-    fallen: np.ndarray[Any, Any] = now.body("hand")[:, 2] - now.body("box")[:, 2]
+    fallen: np.ndarray[Any, Any] = now.read("xpos", "hand")[:, 2] - now.read("xpos", "box")[:, 2]
     return fallen
 
 
@@ -65,14 +65,14 @@ study = stepper.lab.Study(
     drive=lift,
     outcomes=[
         stepper.lab.Outcome(name="slip", measure=slip, over="max", success="<= 0.0005", unit="m"),
-        stepper.lab.Outcome(name="force at a pad", measure=lambda now: np.abs(now.contact_force("left")[:, 0]), over="end", unit="N"),
+        stepper.lab.Outcome(
+            name="force at a pad", measure=lambda now: np.abs(now.read("body_contact_force", "left")[:, 0]), over="end", unit="N"
+        ),
         stepper.lab.Outcome(name="rise", measure="body box z", over="change", unit="m"),
     ],
     parameters={
         "friction": stepper.lab.Parameter(
-            target="geom_friction",
-            names=("box", "*_pad"),
-            column=0,
+            "geom_friction[box,*_pad][0]",
             values=tuple(float(x) for x in np.linspace(0.2, 1.0, 9).round(3)),
             source="rubber and plastics, dry: 0.2 to 1.0",
         )

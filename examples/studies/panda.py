@@ -119,8 +119,8 @@ class Pick:
 
     def __call__(self, now: Any) -> Any:
         """Targets of seven joints and two fingers."""
-        closed = now.time >= TIMES[2]
-        return np.array([*self.arm(now.time), *((0.0, 0.0) if closed else (0.04, -0.04))])
+        closed = now.time[0] >= TIMES[2]
+        return np.array([*self.arm(now.time[0]), *((0.0, 0.0) if closed else (0.04, -0.04))])
 
 
 pick = Pick()
@@ -141,14 +141,15 @@ study = stepper.lab.Study(
     outcomes=[
         stepper.lab.Outcome(name="rise", measure="body cube z", over="change", success=">= 0.1", unit="m"),
         stepper.lab.Outcome(
-            name="slip", measure=lambda now: now.site("hand_grip_site")[:, 2] - now.body("cube")[:, 2], over="end", unit="m"
+            name="slip",
+            measure=lambda now: now.read("site_xpos", "hand_grip_site")[:, 2] - now.read("xpos", "cube")[:, 2],
+            over="end",
+            unit="m",
         ),
     ],
     parameters={
         "friction": stepper.lab.Parameter(
-            target="geom_friction",
-            names=("cube", "hand_finger*"),
-            column=0,
+            "geom_friction[cube,hand_finger*][0]",
             values=(0.3, 0.4, 0.5, 0.7, 0.95, 1.2),
             source="0.3 to 1.2: the task",
         )

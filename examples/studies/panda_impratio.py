@@ -20,8 +20,8 @@ study = replace(
     name="panda_impratio",
     parameters={
         "friction": replace(cones.parameters["friction"], values=(0.46,), nominal=0.46),
-        "impratio": stepper.lab.Parameter(target="impratio", values=(1.0, 10.0, 100.0), source="MuJoCo's guide against slip: 10 to 100"),
-        "time step": stepper.lab.Parameter(target="options.timestep", values=(0.002, 0.001, 0.0005), unit="s"),
+        "impratio": stepper.lab.Parameter("impratio", values=(1.0, 10.0, 100.0), source="MuJoCo's guide against slip: 10 to 100"),
+        "time step": stepper.lab.Parameter("options.timestep", values=(0.002, 0.001, 0.0005), unit="s"),
     },
     settings={name: cones.settings[name] for name in ("MuJoCo's law, elliptic", "MuJoCo, elliptic", "MuJoCo, pyramidal")},
 )

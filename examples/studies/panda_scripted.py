@@ -22,16 +22,16 @@ class Scripted:
 
     def begin(self, now: Any) -> None:
         """Sees the hand and the cube, which lies along the hand's y and x from it."""
-        self._hand = now.sensor("hand")[:, :2].copy()
-        self._aside = now.sensor("cube")[:, [1, 0]].copy()
+        self._hand = now.read("sensordata", "hand")[:, :2].copy()
+        self._aside = now.read("sensordata", "cube")[:, [1, 0]].copy()
 
     def __call__(self, now: Any) -> Any:
         """Targets of seven joints and two fingers."""
-        k, done = panda.way(now.time)
+        k, done = panda.way(now.time[0])
         height = panda.HALF + panda.HEIGHTS[k] + done * (panda.HEIGHTS[k + 1] - panda.HEIGHTS[k])
         place = self._hand + (done if k == 0 else 1.0) * self._aside
         target = np.concatenate([place, np.full((now.num_envs, 1), height)], axis=1)
-        return hand.controls(target, np.full(now.num_envs, now.time >= panda.TIMES[2]))
+        return hand.controls(target, now.time >= panda.TIMES[2])
 
 
 study = hand.picking("panda_scripted", Scripted(), 0.02)

@@ -21,7 +21,7 @@ import numpy as np  # noqa: E402
 import panda  # type: ignore[import-not-found]  # noqa: E402
 import panda_hand as lab  # type: ignore[import-not-found]  # noqa: E402
 import stepper  # noqa: E402
-from stepper.envs.task import Quantity, Task  # noqa: E402
+from stepper.envs.task import Observation, Task  # noqa: E402
 
 LENGTH = 80
 """Actions of an episode: 4 s."""
@@ -60,35 +60,35 @@ class PandaPick(Task):
         """Of the moves and of the fingers."""
         return -np.ones(4), np.ones(4)
 
-    def quantities(self) -> Any:
+    def observations(self) -> Any:
         """What the policy of the study sees: (10,)."""
-        return (Quantity("seen", of=lambda now: lab.seen(now.sensordata, now.memory["target"], now.memory["closed"])),)
+        return (Observation("seen", func=lambda now: lab.seen(now.sensordata, now.episode_state["target"], now.episode_state["closed"])),)
 
-    def memory(self, num_envs: int) -> Any:
+    def episode_state(self, num_envs: int) -> Any:
         """The target of the hand, and whether the fingers close."""
         return {"target": np.zeros((num_envs, 3)), "closed": np.zeros(num_envs)}
 
-    def start(self, qpos: Any, qvel: Any, draws: Any) -> None:
+    def sample_state(self, qpos: Any, qvel: Any, rng: Any) -> None:
         """Above the middle, the cube beside it."""
-        lab.ready(qpos, draws.uniform(-lab.SPREAD, lab.SPREAD, 2))
+        lab.ready(qpos, rng.uniform(-lab.SPREAD, lab.SPREAD, 2))
 
-    def prepare(self, sim: Any, memory: Any, mask: Any, draws: Any) -> None:
+    def on_reset(self, sim: Any, episode_state: Any, mask: Any, rng: Any) -> None:
         """A friction of the cube and the fingers."""
-        memory["target"][mask], memory["closed"][mask] = np.array([*panda.PLACE, panda.HALF + lab.ABOVE]), 0.0
+        episode_state["target"][mask], episode_state["closed"][mask] = np.array([*panda.PLACE, panda.HALF + lab.ABOVE]), 0.0
         model = sim.model
         grips = [k for k, name in enumerate(model.geom_names) if name == "cube" or name.startswith("hand_finger")]
         rows = np.tile(np.asarray(model.geom_friction), (len(mask), 1, 1))
         drawn = np.zeros((len(mask), 1))
-        drawn[mask] = draws.uniform(*self.friction, 1)
+        drawn[mask] = rng.uniform(*self.friction, 1)
         rows[:, grips, 0] = drawn
         sim.randomize(mask, geom_friction=rows)
 
     def advance(self, now: Any) -> None:
         """Moves the target, and steps with the servos that follow it."""
-        memory = now.memory
-        memory["target"][:] = lab.moved(memory["target"], now.action)
-        memory["closed"][:] = now.action[:, 3] > 0.0
-        now.sim.step(lab.controls(memory["target"], memory["closed"]), self.frame_skip)
+        episode_state = now.episode_state
+        episode_state["target"][:] = lab.moved(episode_state["target"], now.action)
+        episode_state["closed"][:] = now.action[:, 3] > 0.0
+        now.sim.step(lab.controls(episode_state["target"], episode_state["closed"]), self.frame_skip)
 
     def healthy(self, now: Any) -> Any:
         """The cube is within reach."""
@@ -100,7 +100,7 @@ class PandaPick(Task):
         distance = np.linalg.norm(readings[:, 3:6], axis=1)
         height = np.clip((now.qpos[:, 11] - panda.HALF) / panda.RISE, 0.0, 1.0)
         narrow = np.minimum(readings[:, 6], -readings[:, 7])
-        held = (now.memory["closed"] > 0.0) & (distance < 0.02) & (narrow > 0.8 * panda.HALF) & (narrow < 1.1 * panda.HALF)
+        held = (now.episode_state["closed"] > 0.0) & (distance < 0.02) & (narrow > 0.8 * panda.HALF) & (narrow < 1.1 * panda.HALF)
         terms = {
             "reach": 0.5 * (1.0 - np.tanh(8.0 * distance)),
             "hold": 0.5 * held,

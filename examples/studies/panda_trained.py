@@ -37,7 +37,7 @@ class Trained:
 
     def begin(self, now: Any) -> None:
         """The target is where the hand is."""
-        self._target, self._closed = now.sensor("hand").copy(), np.zeros(now.num_envs)
+        self._target, self._closed = now.read("sensordata", "hand").copy(), np.zeros(now.num_envs)
 
     def __call__(self, now: Any) -> Any:
         """Targets of seven joints and two fingers."""

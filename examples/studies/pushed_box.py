@@ -49,7 +49,7 @@ class Stop:
         """The speed of the plate."""
         looks = now.time >= self._next - 1e-9
         self._next = np.where(looks, self._next + 1.0 / now.theta["rate"], self._next)
-        said = now.sensor("camera")
+        said = now.read("sensordata", "camera")
         # An ideal camera sees everything.
         self._box = said if now.ideal else self._view.detect(said, self._box)
         self._moving &= ~(looks & (self._box[:, 0] >= LINE))
@@ -58,7 +58,7 @@ class Stop:
 
 def beyond(now: Any) -> np.ndarray[Any, Any]:
     """How far beyond the line the box is, m."""
-    far: np.ndarray[Any, Any] = np.abs(now.body("box")[:, 0] - LINE)
+    far: np.ndarray[Any, Any] = np.abs(now.read("xpos", "box")[:, 0] - LINE)
     return far
 
 
@@ -69,24 +69,18 @@ study = stepper.lab.Study(
     outcomes=stepper.lab.Outcome(name="from the line", measure=beyond, success=f"<= {WIDE}", margin=1e-5, unit="m"),
     sensors=stepper.SensorModel({"camera": stepper.Transfer(noise_std=0.001, delay=0.01)}),
     parameters={
-        "friction": stepper.lab.Parameter(
-            target="geom_friction", names=("table", "box"), column=0, nominal=0.5, low=0.1, high=0.9, source="boxes on tables"
-        ),
-        "mass": stepper.lab.Parameter(target="body_mass", names=("box",), how="scale", low=0.5, high=2.0, source="what is in the box"),
-        "height": stepper.lab.Parameter(target="geom_size", names=("box",), column=2, how="scale", low=0.6, high=1.0, source="the box"),
-        "rate": stepper.lab.Parameter(target="drive", nominal=50.0, values=(5.0, 10.0, 25.0, 50.0), unit="Hz", source="controllers"),
-        "camera noise": stepper.lab.Parameter(target="sensor.noise_std", low=0.0, high=0.02, unit="m", source="detectors of markers"),
-        "camera delay": stepper.lab.Parameter(target="sensor.delay", low=0.0, high=0.1, unit="s", source="cameras of 30 to 100 Hz"),
-        "camera place": stepper.lab.Parameter(
-            target="body_pos", names=("camera",), column=0, how="add", low=-0.03, high=0.03, unit="m", source="a bracket, by eye"
-        ),
+        "friction": stepper.lab.Parameter("geom_friction[table,box][0]", nominal=0.5, low=0.1, high=0.9, source="boxes on tables"),
+        "mass": stepper.lab.Parameter("body_mass[box]", how="scale", low=0.5, high=2.0, source="what is in the box"),
+        "height": stepper.lab.Parameter("geom_size[box][2]", how="scale", low=0.6, high=1.0, source="the box"),
+        "rate": stepper.lab.Parameter("drive", nominal=50.0, values=(5.0, 10.0, 25.0, 50.0), unit="Hz", source="controllers"),
+        "camera noise": stepper.lab.Parameter("sensor.noise_std", low=0.0, high=0.02, unit="m", source="detectors of markers"),
+        "camera delay": stepper.lab.Parameter("sensor.delay", low=0.0, high=0.1, unit="s", source="cameras of 30 to 100 Hz"),
+        "camera place": stepper.lab.Parameter("body_pos[camera][0]", how="add", low=-0.03, high=0.03, unit="m", source="a bracket, by eye"),
         # About the camera's y axis: (0, 1, 0, 0) is turned by half the angle in its last number.
         "camera tilt": stepper.lab.Parameter(
-            target="body_quat", names=("camera",), column=3, how="add", low=-0.015, high=0.015, unit="rad/2", source="a bracket, by eye"
+            "body_quat[camera][3]", how="add", low=-0.015, high=0.015, unit="rad/2", source="a bracket, by eye"
         ),
-        "field of view": stepper.lab.Parameter(
-            target="drive", nominal=1.0, low=0.4, high=1.2, unit="rad", source="lenses of 23 to 69 degrees"
-        ),
+        "field of view": stepper.lab.Parameter("drive", nominal=1.0, low=0.4, high=1.2, unit="rad", source="lenses of 23 to 69 degrees"),
     },
     seconds=1.6,
     control=0.02,

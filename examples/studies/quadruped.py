@@ -68,11 +68,11 @@ def gait(time: Any, phase: float) -> tuple[Any, Any]:
 
 def trot(now: Any) -> Any:
     """Diagonal legs together; a push at the trunk."""
-    pushes = PUSHED - 1e-9 <= now.time < PUSHED + LASTS - 1e-9
+    pushes = (now.time >= PUSHED - 1e-9) & (now.time < PUSHED + LASTS - 1e-9)
     now.xfrc_applied[:, now.model.body("base").id, 1] = np.where(pushes, now.theta["push"], 0.0)
     out = []
     for phase in (0.0, 0.5, 0.5, 0.0):
-        thigh, knee = gait(np.full(now.num_envs, now.time), phase)
+        thigh, knee = gait(now.time, phase)
         out += [np.zeros(now.num_envs), thigh, knee]
     return np.stack(out, axis=1)
 
@@ -97,17 +97,15 @@ study = stepper.lab.Study(
         stepper.lab.Outcome(name="way", measure="body base x", over="change", unit="m"),
     ],
     parameters={
-        "push": stepper.lab.Parameter(target="drive", nominal=0.0, low=0.0, high=300.0, unit="N", source="a person, for 0.1 s"),
-        "friction": stepper.lab.Parameter(
-            target="geom_friction", names=("floor", "F?", "R?"), column=0, low=0.2, high=1.0, source="wet tiles to rubber on concrete"
+        "push": stepper.lab.Parameter("drive", nominal=0.0, low=0.0, high=300.0, unit="N", source="a person, for 0.1 s"),
+        "friction": stepper.lab.Parameter("geom_friction[floor,F?,R?][0]", low=0.2, high=1.0, source="wet tiles to rubber on concrete"),
+        "payload": stepper.lab.Parameter("body_mass[base]", how="scale", low=0.8, high=1.8, source="batteries and arms"),
+        "stiffness": stepper.lab.Parameter(
+            "actuator_kp", how="scale", low=0.5, high=1.5, source="gains that people use: 20 to 100 N m/rad"
         ),
-        "payload": stepper.lab.Parameter(target="body_mass", names=("base",), how="scale", low=0.8, high=1.8, source="batteries and arms"),
-        "stiffness": stepper.lab.Parameter(target="kp", how="scale", low=0.5, high=1.5, source="gains that people use: 20 to 100 N m/rad"),
-        "damping": stepper.lab.Parameter(target="kd", how="scale", low=0.5, high=1.5, source="gains that people use"),
-        "delay": stepper.lab.Parameter(target="actuator.delay", low=0.0, high=0.02, unit="s", source="buses, 1 to 20 ms"),
-        "dry friction": stepper.lab.Parameter(
-            target="dof_frictionloss", names=("*_joint",), how="scale", low=0.5, high=2.0, source="gears, as they wear"
-        ),
+        "damping": stepper.lab.Parameter("actuator_kv", how="scale", low=0.5, high=1.5, source="gains that people use"),
+        "delay": stepper.lab.Parameter("actuator.delay", low=0.0, high=0.02, unit="s", source="buses, 1 to 20 ms"),
+        "dry friction": stepper.lab.Parameter("dof_frictionloss[*_joint]", how="scale", low=0.5, high=2.0, source="gears, as they wear"),
     },
     seconds=4.0,
     control=0.02,

@@ -8,7 +8,7 @@ CONTROL, MASS, GRAVITY = 0.008, 0.3, 9.81
 """s that a push is held, as in tray.toml, kg and m/s^2."""
 
 
-def force(now: Any, time: float) -> Any:
+def force(now: Any, time: Any) -> Any:
     """Of the push at a time, N."""
     return now.theta["push"] * np.clip((now.theta["reaction"] - time) / CONTROL, 0.0, 1.0)
 

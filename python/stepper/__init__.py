@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING, Any
 from stepper._options import Options
 from stepper._status import Status
 from stepper._stepper import Model, ModelError, State, Stepper, __version__
-from stepper.actuators import ActuatorModel, Drive
-from stepper.loading import ModelWarning, load
-from stepper.recording import Recorder, replay
-from stepper.sensors import SensorModel, Transfer
 
 if TYPE_CHECKING:
-    from stepper import actuators, adapters, derivatives, envs, lab, policies, recording, sensors, sysid, viewer
+    from stepper import actuators, adapters, derivatives, doctor, envs, lab, policies, recording, sensors, sysid, viewer
+    from stepper.actuators import ActuatorModel, Drive
+    from stepper.loading import ModelWarning, load
+    from stepper.recording import Recorder, replay
+    from stepper.sensors import SensorModel, Transfer
 
 __all__ = [
     "ActuatorModel",
@@ -34,6 +34,7 @@ __all__ = [
     "actuators",
     "adapters",
     "derivatives",
+    "doctor",
     "envs",
     "lab",
     "load",
@@ -45,13 +46,24 @@ __all__ = [
     "viewer",
 ]
 
-_SUBMODULES = ("adapters", "derivatives", "envs", "lab", "policies", "sysid", "viewer")
-"""Submodules that are imported when they are first used: most are slow to import, and some need optional packages."""
+_SUBMODULES = ("actuators", "adapters", "derivatives", "doctor", "envs", "lab", "policies", "recording", "sensors", "sysid", "viewer")
+"""Submodules, imported at their first use: some are slow to import or need optional packages."""
+_MODULE_OF = {
+    **dict.fromkeys(("ActuatorModel", "Drive"), "actuators"),
+    **dict.fromkeys(("ModelWarning", "load"), "loading"),
+    **dict.fromkeys(("Recorder", "replay"), "recording"),
+    **dict.fromkeys(("SensorModel", "Transfer"), "sensors"),
+}
+"""Submodule of each name that is imported at its first use."""
 
 
 def __getattr__(name: str) -> Any:
     if name in _SUBMODULES:
         return importlib.import_module(f"stepper.{name}")
+    if name in _MODULE_OF:
+        value = getattr(importlib.import_module(f"stepper.{_MODULE_OF[name]}"), name)
+        globals()[name] = value
+        return value
     from stepper._hints import no_root_attribute  # noqa: PLC0415
 
     raise no_root_attribute(name, __all__)

@@ -4,13 +4,17 @@ from __future__ import annotations
 
 import difflib
 import functools
+import inspect
+import re
 from collections.abc import Callable, Collection, Iterable
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
+from stepper._other_names import EARLIER_SELECTORS, NEW_KEYWORDS, NEW_KEYWORDS_OF, NEW_NAMES, ROOT_NAMES
 from stepper._stepper import Model, Stepper
 
+T = TypeVar("T")
 _NOTHING = "nothing sets it: it says how things are"
 _STATE = ("qpos", "qvel", "act", "time")
 _REMEDIES = {
@@ -47,39 +51,10 @@ _REMEDIES = {
         _NOTHING,
     ),
 }  # fmt: skip
+_CALL = re.compile(r"[\w.]+(\([^()]*\)(\.\w+)?)?")
+"""A name or a call, without words."""
 _LISTED = 12
 """Names that a message lists."""
-_NEW_NAMES = {
-    "Options": {"of": "from_model"},
-    "Study": {"of": "from_model"},
-    "Stepper.randomize": {"mask": "envs"},
-    "Stepper": {
-        "observation": "sensordata",
-        "sensor_truth": "sensordata_ideal",
-        "depth": "max_penetration",
-        "penetration": "max_penetration",
-        "limit_overshoot": "max_limit_violation",
-        "sweeps": "iterations",
-        "solver_niter": "iterations",
-        "bias_force": "qfrc_bias",
-        "smooth_acceleration": "qacc_smooth",
-        "qM": "mass_matrix()",
-        "M": "mass_matrix()",
-        "contact": "contacts()",
-        "ncon": "contacts()",
-        "opt": "options",
-        "xmat": "xquat",
-        "geom_xmat": "geom_xquat",
-        "site_xmat": "site_xquat",
-        "xanchor": "xpos",
-        "qfrc_inverse": "inverse_dynamics(qacc)",
-        "copy": "copy_state(sources, envs)",
-        "restore": "set_state(states, envs)",
-        "render": "view()",
-        "forward": "qacc or another attribute: all follow from the state",
-    },
-}
-"""Present names of attributes by class and other name: earlier names, and those of MuJoCo and Gymnasium."""
 _OF_ENVIRONMENTS = "environments have it of their own: sim.randomize({}=...) sets it"
 
 _OPERATORS = ("add", "sub", "mul", "matmul", "truediv", "floordiv", "mod", "pow", "lshift", "rshift", "and", "or", "xor")
@@ -169,9 +144,9 @@ def _public_name(owner: type) -> str:
 
 def _place_of(owner: type, name: str) -> str:
     """Hint at an attribute that has a new name or belongs to another class, as the end of a message; empty if there is none."""
-    other = _NEW_NAMES.get(owner.__name__, {}).get(name)
+    other = NEW_NAMES.get(owner.__name__, {}).get(name)
     if other is not None:
-        return f"; did you mean {other}?"
+        return f"; did you mean {other}?" if _CALL.fullmatch(other) else f"; use {other}"
     if name.startswith("_"):
         return ""
     if owner is Model and hasattr(Stepper, name):
@@ -182,51 +157,16 @@ def _place_of(owner: type, name: str) -> str:
     return ""
 
 
-_IN = {
-    "actuators": ("PID", "DCMotor"),
-    "derivatives": ("Kink", "Linearization"),
-    "lab": (
-        *("Chart", "Comparison", "Outcome", "Parameter", "Policy", "Ranking", "Report", "Study", "Tuning"),
-        *("chart", "compare", "rank", "report", "sweep", "tune"),
-    ),
-    "recording": ("Difference", "RecordingError", "Replay"),
-    "sensors": ("Combination", "FieldOfView", "HeightField", "RayFan", "SensorSpec", "devices"),
-    "sysid": ("Episode", "FitParameter", "Identification", "Tracked", "Tracker", "identify"),
-    "viewer": ("Player", "Renderer", "View", "view"),
-}
-"""Names of submodules that are tried in `stepper` itself."""
-_ROOT_NAMES = {
-    **{name: f"stepper.{place}.{name}" for place, names in _IN.items() for name in names},
-    "Unknown": "stepper.sysid.FitParameter",
-    "Reading": "stepper.sensors.SensorSpec",
-    "experiments": "stepper.lab",
-    "identification": "stepper.sysid",
-    "bodies": "attributes of a stepper.Stepper, as sim.cinert",
-    "quantities": "attributes and methods of a stepper.Stepper, as sim.qpos, sim.read(...), sim.inverse_dynamics(...), sim.rays(...)",
-    "states": "methods of a stepper.Stepper with envs=, as sim.reset(envs=[3, 5]), and sim.copy_state(...)",
-    "cpu_levels": "stepper.shared.machine.cpu_levels()",
-    **dict.fromkeys(
-        ("MjModel", "from_xml_path", "from_xml_string", "load_model"), "stepper.load(path or text), which gives a stepper.Model"
-    ),
-    **dict.fromkeys(("MjData", "Simulation", "Simulator", "Sim"), "stepper.Stepper(model, num_envs)"),
-    "mj_step": "sim.step(ctrl) of a stepper.Stepper",
-    "mj_forward": "attributes of a stepper.Stepper, which follow from its state, as sim.qacc",
-    "mj_resetData": "sim.reset() of a stepper.Stepper",
-    "rollout": "sim.rollout(ctrl) of a stepper.Stepper; stepper.derivatives.rollout has gradients",
-    "linearize": "sim.linearize() of a stepper.Stepper",
-    **dict.fromkeys(("make", "make_vec"), "gymnasium.make and gymnasium.make_vec after import stepper.envs"),
-    **dict.fromkeys(("Env", "StepperEnv"), "stepper.envs.StepperEnv"),
-    **dict.fromkeys(("VectorEnv", "StepperVectorEnv"), "stepper.envs.StepperVectorEnv"),
-    "Task": "stepper.envs.Task",
-    "wrappers": "those of gymnasium.wrappers.vector",
-}
-"""Present places of names that are not in `stepper` itself: earlier names, and those of MuJoCo and Gymnasium."""
-
-
 def no_root_attribute(name: str, known: Iterable[str]) -> AttributeError:
     """Error for a name that `stepper` does not have: its present place, or similar names."""
-    hint = f"; use {_ROOT_NAMES[name]}" if name in _ROOT_NAMES else near(name, known)
+    hint = f"; use {ROOT_NAMES[name]}" if name in ROOT_NAMES else near(name, known)
     return AttributeError(f"module 'stepper' has no attribute {name!r}{hint}")
+
+
+def no_name(module: str, name: str, known: Iterable[str]) -> AttributeError:
+    """Error for a name that a submodule does not have: its present name, or similar names."""
+    new = NEW_NAMES.get(module, {}).get(name)
+    return AttributeError(f"module {module!r} has no attribute {name!r}{f'; did you mean {new}?' if new else near(name, known)}")
 
 
 class Hinting(type):
@@ -236,6 +176,40 @@ class Hinting(type):
 
         def __getattr__(cls, name: str) -> Any:
             raise no_attribute(cls, name)
+
+
+def present_keyword(call: str, name: str) -> str:
+    """Present keyword of a call for an earlier one of this call; empty if there is none."""
+    return NEW_KEYWORDS_OF.get(call, {}).get(name, "")
+
+
+def unknown_keyword(call: str, name: str, known: Collection[str]) -> str:
+    """Error message for a keyword that a call does not take: its present name, similar ones, or all keywords."""
+    if present := present_keyword(call, name):
+        return f"{call}() takes no {name!r}: use {present}"
+    present = NEW_KEYWORDS.get(name, "")
+    if present.partition("=")[0] in known:
+        return f"{call}() takes no {name!r}: use {present}"
+    return f"{call}() takes no {name!r}{near_or_all(name, known) if known else ': it has no arguments'}"
+
+
+def hint_keywords(call: str) -> Callable[[type[T]], type[T]]:
+    """Decorator of a dataclass whose constructor, as `call`, names the present keyword in the error of an unknown one."""
+
+    def with_hints(kind: type[T]) -> type[T]:
+        make: Callable[..., None] = kind.__init__
+
+        @functools.wraps(make)
+        def init(self: T, *given: Any, **named: Any) -> None:
+            known = list(inspect.signature(kind).parameters)
+            if other := next((name for name in named if name not in known), None):
+                raise TypeError(unknown_keyword(call, other, known))
+            make(self, *given, **named)
+
+        kind.__init__ = init  # type: ignore[method-assign,assignment]
+        return kind
+
+    return with_hints
 
 
 def unknown_field(where: str, name: str, known: Iterable[str], listed: str) -> str:
@@ -248,12 +222,14 @@ def unknown_field(where: str, name: str, known: Iterable[str], listed: str) -> s
         listed: What lists these names: "help(stepper.Stepper.randomize)".
     """
     hint = near(name, known) or f"; {listed} lists the fields"
-    if name in (other := _NEW_NAMES.get(where, {})):
+    if name in (other := NEW_NAMES.get(where, {})):
         hint = f"; did you mean {other[name]}?"
     if isinstance(getattr(Model, name, None), property):
         hint = f"; all environments of a stepper share this one: make a stepper.Stepper of model.replace({name}=...)"
     elif name in _REMEDIES:
         hint = f"; {_REMEDIES[name]}"
+    elif name in EARLIER_SELECTORS:
+        hint = f"; did you mean {EARLIER_SELECTORS[name].partition('[')[0]}?"
     return f"{where}: there is no field {name!r}{hint}"
 
 

@@ -27,14 +27,20 @@ KINDS: dict[str, str] = {
 """Kinds of elements that quantities belong to: a row each of a body, site, geom or actuator; columns of a joint or sensor."""
 
 
-def read(sim: Stepper, name: str, of: Key | Sequence[Key] | None = None) -> Array:
-    """Values of a quantity for all its elements, or for some: see `Stepper.read`."""
+def read(now: Any, name: str, of: Key | Sequence[Key] | None = None) -> Array:
+    """Values of a quantity for all its elements, or for some: see `Stepper.read`.
+
+    Args:
+        now: A stepper, a moment of an environment or the world of a study: all have its attributes.
+        name: The quantity.
+        of: Elements.
+    """
     if name not in KINDS:
         raise ValueError(f"there is no quantity {name!r}{near_or_all(name, sorted(KINDS))}")
-    values = np.asarray(getattr(sim, name))
+    values = np.asarray(getattr(now, name))
     if of is not None:
-        axis = 0 if sim.num_envs is None else 1
-        values = np.take(values, _places(sim.model, KINDS[name], name, of), axis=axis)
+        axis = 0 if now.num_envs is None else 1
+        values = np.take(values, _places(now.model, KINDS[name], name, of), axis=axis)
     found: Array = np.array(values)
     return found
 

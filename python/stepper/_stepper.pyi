@@ -36,6 +36,7 @@ __all__ = [
     "Tendon",
     "__version__",
     "cpu_levels",
+    "fields",
     "selected",
 ]
 __version__: Final[str]
@@ -44,6 +45,9 @@ _Array: TypeAlias = NDArray[Any]
 
 def cpu_levels() -> list[str]:
     """CPU levels of this machine, slowest first."""
+
+def fields() -> list[tuple[str, str, str, str, bool]]:
+    """Fields that `Model.replace` takes: name, shape ("(ngeom, 3)"), quantity, unit, and whether `Stepper.randomize` takes it."""
 
 def selected(envs: ArrayLike | None, num_envs: int) -> list[int]:
     """Environments that an argument `envs` selects, in its order: see `Stepper.reset`.
@@ -377,10 +381,10 @@ class Model:
         """Default time step, s."""
     @property
     def qpos0(self) -> _Array:
-        """Configuration at reset: (nq,)."""
+        """Configuration at reset, m or rad: (nq,)."""
     @property
     def qpos_spring(self) -> _Array:
-        """Configuration in which springs rest: (nq,)."""
+        """Configuration in which springs rest, m or rad: (nq,)."""
     @property
     def density(self) -> _Array:
         """Density of the medium, kg/m^3."""
@@ -437,7 +441,7 @@ class Model:
         """Weight of a geom's softness in a pair: (ngeom,)."""
     @property
     def geom_stiffness(self) -> _Array:
-        """Stiffness of the surface, N/m; infinity is rigid: (ngeom,)."""
+        """Stiffness of the surface; infinity is rigid, N/m: (ngeom,)."""
     @property
     def geom_damping(self) -> _Array:
         """Damping of the surface, N s/m: (ngeom,)."""
@@ -470,13 +474,13 @@ class Model:
         """Impedance of an explicit pair's contacts by MuJoCo's law: (npair, 5)."""
     @property
     def pair_stiffness(self) -> _Array:
-        """Stiffness of an explicit pair's contacts, N/m; infinity is rigid: (npair,)."""
+        """Stiffness of an explicit pair's contacts; infinity is rigid, N/m: (npair,)."""
     @property
     def pair_damping(self) -> _Array:
         """Damping of an explicit pair's contacts, N s/m: (npair,)."""
     @property
     def geom_size(self) -> _Array:
-        """Radius, half length; or half sizes; or semi-axes; 0 where the shape has no number; m: (ngeom, 3)."""
+        """Radius, half length; or half sizes; or semi-axes; 0 where the shape has no number, m: (ngeom, 3)."""
     @property
     def geom_pos(self) -> _Array:
         """Position in the body's frame, m: (ngeom, 3)."""
@@ -500,7 +504,7 @@ class Model:
         """Bounds of the sum of actuator forces, N or N m: (njnt, 2)."""
     @property
     def jnt_velocity_limit(self) -> _Array:
-        """Highest speed that the source allows, rad/s or m/s, not enforced; infinity is none: (njnt,)."""
+        """Highest speed that the source allows, not enforced; infinity is none, rad/s or m/s: (njnt,)."""
     @property
     def jnt_solref(self) -> _Array:
         """Reference acceleration of limits by MuJoCo's law: (njnt, 2)."""
@@ -608,8 +612,17 @@ class Model:
         absent elements, which cost nothing; limits of rigid-body models; excluded overlaps; convex hulls that are much larger than their
         mesh; overlaps and violated joint limits at the reference pose.
         """
-    def replace(self, **fields: ArrayLike) -> Model:
-        """A new model with other values in some fields, e.g. `geom_restitution=` (ngeom,); what derives from a field follows.
+    def replace(self, values: Mapping[str, ArrayLike] | None = None, /, **fields: ArrayLike) -> Model:
+        """A new model with other values in some fields; what derives from a field follows.
+
+            model.replace(geom_restitution=[0.2, 0.8])  # (ngeom,)
+            model.replace({"geom_friction[floor,box][0]": 0.5})
+
+        Args:
+            values: Values by selector, `field[names][columns]` (docs/reference/what_can_vary.md); other numbers of these
+                fields stay as they are. The
+                shape is that of the selected numbers: one name or index and one column have no axis. A single number is for all of them.
+            **fields: Whole fields, in the shape that the model has them.
 
         Contacts of an explicit pair use the fields of the pair (pair_friction, pair_restitution, ...) and ignore those of its geoms. A new
         geom_friction, geom_restitution, geom_margin, geom_gap, geom_condim, geom_solref, geom_solimp, geom_solmix, geom_stiffness or
@@ -1051,7 +1064,7 @@ class Stepper:
         """Sets configuration, velocity, activations or time; or, given a `State`, everything that survives a step.
 
         The next state is a function of `qpos`, `qvel`, `act` and the controls; what the solver starts from moves it by some 1e-7 of a
-        velocity (docs/decisions/visible_state.md). The other memory of an environment is that of its drives (delay lines, lags,
+        velocity (docs/development/decisions/visible_state.md). The other memory of an environment is that of its drives (delay lines, lags,
         integrals) and sensors (bias, drift, delay lines, samples held).
 
         Args:
@@ -1072,7 +1085,13 @@ class Stepper:
             ValueError: A wrong shape, a number that is not finite, a quaternion of zeros, a state of another model. Nothing is
                 changed then.
         """
-    def randomize(self, envs: ArrayLike | None = None, **fields: ArrayLike | ActuatorModel | None) -> None:
+    def randomize(
+        self,
+        values: Mapping[str, ArrayLike | None] | ArrayLike | None = None,
+        /,
+        envs: ArrayLike | None = None,
+        **fields: ArrayLike | ActuatorModel | None,
+    ) -> None:
         """Gives environments parameters of their own, as `Model.replace` would give them to a model; what derives from them follows.
 
         Every environment then moves as one of a `Stepper` of its own model, bit for bit. Parameters are not part of the state:
@@ -1084,7 +1103,15 @@ class Stepper:
         keep these contacts as they are. An earlier call counts for all environments, also for those that it did not select, whose pairs
         keep the model's values. Likewise geom_restitution and pair_restitution.
 
+            sim.randomize(geom_friction=friction)  # (num_envs, ngeom, 3)
+            sim.randomize({"geom_friction[floor,box][0]": sliding}, envs=[3, 5])  # (2, 2)
+
         Args:
+            values: Values by selector, `field[names][columns]` (docs/reference/what_can_vary.md); other numbers of these
+                fields stay as they are.
+                The shape is that of the selected numbers with num_envs in front: one name or index and one column have no axis of
+                their own. (num_envs,) is one number for all selected, a single number is the same in all environments, and None
+                gives the model's own numbers back. In place of values, `envs` may stand first.
             envs: The environments that change, as of `reset`.
             **fields: Arrays with num_envs in front of the shape that the field has in the model; None gives the model's own numbers
                 back, and so do all fields when none is named: gravity (num_envs, 3) m/s^2; body_mass (num_envs, nbody) kg, body_ipos
@@ -1205,12 +1232,12 @@ class Stepper:
         environments and columns are stepped together, in lanes and on the stepper's threads, with its options and all that environments
         have of their own, but to a tighter tolerance; the stepper is only read, and keeps room for copies for the next call. With contact
         the step is smooth only between kinks: see `Linearization.near_kink`
-        and docs/derivatives.md.
+        and docs/how-to/derivatives.md.
 
         Args:
-            wrt: "qpos", "qvel", "act", "ctrl", and fields of `Stepper.randomize`, whole ("body_mass") or of some elements
-                ("geom_friction:floor,box"; of the fields of degrees of freedom the joints'). Columns are zero where a mass, size, stiffness
-                or frictionloss of 0 says that the model has none. None is ("qpos", "qvel", "act", "ctrl").
+            wrt: "qpos", "qvel", "act", "ctrl", and fields of `Stepper.randomize`, whole ("body_mass") or in part, by selector
+                ("geom_friction[floor,box][0]", docs/reference/what_can_vary.md). Columns are zero where a mass, size, stiffness or
+                frictionloss of 0 says that the model has none. None is ("qpos", "qvel", "act", "ctrl").
             ctrl: Controls held during the steps, (num_envs, nu) or (nu,); None is those in force.
             nstep: Number of steps.
             method: "fd", finite differences of whole steps, or "implicit": the step is solved once, and its derivative is that at the

@@ -19,11 +19,11 @@ from typing import Any
 import pytest
 import stepper
 from stepper import _stepper
-from stepper._hints import _IN, _NEW_NAMES, _ROOT_NAMES
+from stepper._other_names import IN, NEW_NAMES, ROOT_NAMES
 
 LISTED = Path(__file__).with_name("public_names.txt")
 RENEW = "PYTHONPATH=python:tests .venv/bin/python tests/api/test_public_names.py"
-MODULES = ("actuators", "adapters", "derivatives", "envs", "lab", "policies", "recording", "sensors", "sysid", "viewer")
+MODULES = ("actuators", "adapters", "derivatives", "doctor", "envs", "lab", "policies", "recording", "sensors", "sysid", "viewer")
 ROOT = {
     *("load", "Model", "Stepper", "Options", "Status", "State", "ModelError", "ModelWarning", "SensorModel", "Transfer"),
     *("ActuatorModel", "Drive", "Recorder", "replay", "__version__"),
@@ -56,6 +56,8 @@ def lines_of(name: str, thing: Any) -> Iterator[str]:
                 yield from member(f"{name}.{attribute}", inspect.getattr_static(thing, attribute, None))
     elif inspect.ismodule(thing):
         yield f"{name} (module)"
+        for attribute in getattr(thing, "__all__", ()):
+            yield from lines_of(f"{name}.{attribute}", getattr(thing, attribute))
     elif callable(thing):
         yield f"{name}{signature_of(thing)}"
     else:
@@ -91,10 +93,10 @@ def test_the_root_has_the_engine_and_submodules_alone():
 
 
 def test_earlier_names_are_gone_and_the_message_says_where_they_are():
-    for place, names in _IN.items():
+    for place, names in IN.items():
         for name in names:
             assert hasattr(getattr(stepper, place), name), f"stepper.{place}.{name}"
-    for name, hint in _ROOT_NAMES.items():
+    for name, hint in ROOT_NAMES.items():
         assert not hasattr(stepper, name)
         with pytest.raises(AttributeError, match=f"^module 'stepper' has no attribute {name!r}; use {re.escape(hint)}$"):
             getattr(stepper, name)
@@ -102,9 +104,9 @@ def test_earlier_names_are_gone_and_the_message_says_where_they_are():
 
 def test_other_names_of_attributes_of_a_stepper_are_hints():
     sim = stepper.Stepper(stepper.load("<mujoco><worldbody><geom size='.1'/></worldbody></mujoco>"))
-    for name, present in _NEW_NAMES["Stepper"].items():
+    for name, present in NEW_NAMES["Stepper"].items():
         assert hasattr(stepper.Stepper, re.match(r"\w+", present)[0]), present
-        with pytest.raises(AttributeError, match=f"no attribute '{name}'; did you mean {re.escape(present)}\\?"):
+        with pytest.raises(AttributeError, match=f"no attribute '{name}'; (did you mean|use) {re.escape(present)}"):
             getattr(sim, name)
     with pytest.raises(stepper.ModelError, match=r"Stepper\.randomize: there is no field 'mask'; did you mean envs"):
         sim.randomize(mask=None)

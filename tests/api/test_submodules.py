@@ -1,5 +1,6 @@
 """Submodules are there after `import stepper`, and the command line is one of them."""
 
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -7,7 +8,7 @@ from pathlib import Path
 import pytest
 import stepper
 
-FOLDERS = ["actuators", "adapters", "derivatives", "envs", "lab", "policies", "recording", "sensors", "sysid", "viewer"]
+FOLDERS = ["actuators", "adapters", "derivatives", "doctor", "envs", "lab", "policies", "recording", "sensors", "sysid", "viewer"]
 ADAPTERS = sorted(file.stem for file in Path(stepper.__file__).parent.glob("adapters/*.py") if file.stem != "__init__")
 
 
@@ -23,8 +24,15 @@ def test_every_folder_is_an_attribute():
 
 
 def test_importing_stepper_imports_none_that_is_slow():
-    slow = ["adapters", "cli", "derivatives", "envs", "lab", "policies", "sysid", "viewer"]
-    assert said("-c", f"import stepper, sys; print([name for name in {slow} if f'stepper.{{name}}' in sys.modules])") == "[]\n"
+    """The binary and what belongs to its classes. `python tests/wheel.py` measures the time."""
+    found = said("-c", "import stepper, sys; print(*sorted(name for name in sys.modules if name.startswith('stepper')))")
+    assert found.split() == ["stepper", "stepper._hints", "stepper._options", "stepper._other_names", "stepper._status", "stepper._stepper"]
+
+
+@pytest.mark.parametrize("name", ["ActuatorModel", "ModelWarning", "SensorModel", "load", "replay"])
+def test_a_name_of_the_engine_can_be_imported_first(name):
+    """One name of each module that is imported at its first use."""
+    assert said("-c", f"from stepper import {name}; import stepper; assert stepper.{name} is {name}") == ""
 
 
 def test_every_adapter_is_an_attribute():
@@ -37,3 +45,11 @@ def test_every_adapter_is_an_attribute():
 @pytest.mark.parametrize("module", ["stepper", "stepper.cli"])
 def test_a_module_runs_the_command_line(module):
     assert "demo" in said("-m", module, "--help")
+
+
+def test_a_shell_completes_commands():
+    """`stepper --install-completion` adds to the shell's settings a call like this one."""
+    asked = {"_STEPPER_COMPLETE": "complete_bash", "COMP_WORDS": "stepper do", "COMP_CWORD": "1"}
+    program = "import sys; sys.argv[0] = 'stepper'; from stepper.cli import main; main()"
+    done = subprocess.run([sys.executable, "-c", program], env=os.environ | asked, capture_output=True, text=True, check=True)
+    assert done.stdout == "doctor\n"

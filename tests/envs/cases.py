@@ -8,7 +8,7 @@ from importlib.util import find_spec
 import numpy as np
 import pytest
 import stepper
-from stepper.envs import Quantity, Task, square_sum
+from stepper.envs import Observation, Task, square_sum
 
 needs_gymnasiums = pytest.mark.skipif(find_spec("imageio") is None, reason="gymnasium.envs.mujoco needs imageio, which is not installed")
 
@@ -44,8 +44,8 @@ class Strong(Task):
     def model(self):
         return stepper.load(SLIDER)
 
-    def quantities(self):
-        return (Quantity("qpos"),)
+    def observations(self):
+        return (Observation("qpos"),)
 
     def reward(self, now):
         return 1.0 - square_sum(now.action), {}

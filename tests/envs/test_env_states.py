@@ -14,7 +14,7 @@ from gymnasium.error import ResetNeeded
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from stepper.actuators import ActuatorModel, Drive
-from stepper.envs import Quantity, StepperEnv, StepperVectorEnv, Task
+from stepper.envs import Observation, StepperEnv, StepperVectorEnv, Task
 from stepper.envs.basic import FallingBlock
 from stepper.sensors import SensorModel, Transfer
 from stepper.shared.fields import APPLIED
@@ -31,7 +31,7 @@ SCENE = """<mujoco><worldbody>
 
 @dataclass(frozen=True, kw_only=True)
 class Everything(Task):
-    """A task with all that an episode can have: noise and delay of a sensor, a delay of the actuator, memory, a kept quantity, mocap."""
+    """A task with all that an episode can have: errors of a sensor, delays, episode_state, a kept quantity, noise, mocap."""
 
     frame_skip: int = 3
 
@@ -44,31 +44,31 @@ class Everything(Task):
     def actuators(self):
         return ActuatorModel(default=Drive(delay=0.004, friction=0.01))
 
-    def memory(self, num_envs):
+    def episode_state(self, num_envs):
         return {"drawn": np.zeros(num_envs), "last": np.zeros((num_envs, 1))}
 
     def position(self, now):
         return now.qpos[:, 0]
 
-    def quantities(self):
+    def observations(self):
         return (
-            *(Quantity(name) for name in ("sensordata", "qvel", "xpos", "mocap_pos", "time")),
-            Quantity("memory", of=lambda now: np.column_stack([now.memory["drawn"], now.memory["last"]])),
-            Quantity("step", of=lambda now: np.column_stack([now.action, now.velocity])),
+            *(Observation(name) for name in ("sensordata", "qvel", "xpos", "mocap_pos", "time")),
+            Observation("episode_state", func=lambda now: np.column_stack([now.episode_state["drawn"], now.episode_state["last"]])),
+            Observation("step", func=lambda now: np.column_stack([now.action, now.velocity])),
         )
 
-    def start(self, qpos, qvel, draws):
-        qpos += draws.uniform(-1.0, 1.0, 1)
+    def sample_state(self, qpos, qvel, rng):
+        qpos += rng.uniform(-1.0, 1.0, 1)
 
-    def prepare(self, sim, memory, mask, draws):
-        memory["drawn"][mask] = draws.normal(1)[:, 0]
+    def on_reset(self, sim, episode_state, mask, rng):
+        episode_state["drawn"][mask] = rng.normal(1)[:, 0]
         masses = np.tile(sim.model.body_mass, (len(mask), 1))
-        masses[mask, 1] *= draws.uniform(0.5, 2.0, 1)[:, 0]
+        masses[mask, 1] *= rng.uniform(0.5, 2.0, 1)[:, 0]
         sim.randomize(mask, body_mass=masses)
-        sim.mocap_pos[mask, 0, 2] = draws.uniform(0.5, 1.0, 1)[:, 0]
+        sim.mocap_pos[mask, 0, 2] = rng.uniform(0.5, 1.0, 1)[:, 0]
 
     def advance(self, now):
-        now.memory["last"][:] = now.action
+        now.episode_state["last"][:] = now.action
         now.sim.step(now.action, self.frame_skip - 1)
         now.keep("xpos", now.sim.xpos)
         now.sim.step(now.action)
@@ -77,7 +77,7 @@ class Everything(Task):
         return np.abs(now.velocity) < 1.5
 
     def reward(self, now):
-        return now.velocity + now.memory["drawn"], {"x_velocity": now.velocity}
+        return now.velocity + now.episode_state["drawn"], {"x_velocity": now.velocity}
 
 
 @functools.cache

@@ -10,7 +10,7 @@ import pytest
 import stepper
 from envs.cases import same
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
-from stepper.envs import TASKS, Quantity, StepperEnv, StepperVectorEnv, Task
+from stepper.envs import TASKS, Observation, StepperEnv, StepperVectorEnv, Task
 from stepper.sensors import SensorModel, Transfer
 
 LIMIT = 3
@@ -30,13 +30,13 @@ def watched(name):
     options = {"options": arguments.pop("options")} if "options" in arguments else {}
 
     class Watched(kind):
-        def quantities(self):
+        def observations(self):
             steps = (
-                Quantity("action", of=lambda now: now.action),
-                Quantity("velocity", of=lambda now: np.zeros(len(now.action)) if now.velocity is None else now.velocity),
-                *(Quantity(f"memory {key}", of=lambda now, key=key: now.memory[key]) for key in self.memory(1)),
+                Observation("action", func=lambda now: now.action),
+                Observation("velocity", func=lambda now: np.zeros(len(now.action)) if now.velocity is None else now.velocity),
+                *(Observation(f"episode_state {key}", func=lambda now, key=key: now.episode_state[key]) for key in self.episode_state(1)),
             )
-            return (*super().quantities(), *steps, *(Quantity(quantity) for quantity in SEEN))
+            return (*super().observations(), *steps, *(Observation(quantity) for quantity in SEEN))
 
     return Watched(**arguments), options
 
@@ -76,7 +76,7 @@ SCENE = """<mujoco><worldbody><body><joint name="x" type="slide" axis="1 0 0"/><
 
 @dataclass(frozen=True, kw_only=True)
 class Forgetful(Task):
-    """A task that observes its last step and its memory, of which it begins nothing anew itself."""
+    """A task that observes its last step and its episode_state, of which it begins nothing anew itself."""
 
     frame_skip: int = 2
 
@@ -86,21 +86,21 @@ class Forgetful(Task):
     def sensors(self):
         return SensorModel(default=Transfer(noise_std=1.0, bias_std=1.0, delay=0.004))
 
-    def memory(self, num_envs):
+    def episode_state(self, num_envs):
         return {"count": np.full(num_envs, 7)}
 
     def position(self, now):
         return now.qpos
 
-    def quantities(self):
+    def observations(self):
         return (
-            Quantity("sensordata"),
-            Quantity("step", of=lambda now: np.hstack([now.action, now.velocity])),
-            Quantity("count", of=lambda now: now.memory["count"]),
+            Observation("sensordata"),
+            Observation("step", func=lambda now: np.hstack([now.action, now.velocity])),
+            Observation("count", func=lambda now: now.episode_state["count"]),
         )
 
     def advance(self, now):
-        now.memory["count"] += 1
+        now.episode_state["count"] += 1
         super().advance(now)
 
     def reward(self, now):
@@ -108,7 +108,7 @@ class Forgetful(Task):
 
 
 @pytest.mark.parametrize("mode", AutoresetMode)
-def test_the_last_action_velocity_and_memory_are_forgotten(mode):
+def test_the_last_action_velocity_and_episode_state_are_forgotten(mode):
     envs = StepperVectorEnv(Forgetful(), 3, autoreset_mode=mode, max_episode_steps=LIMIT)
     first = envs.reset(seed=0)[0][:, 1:]
     np.testing.assert_array_equal(first, [[0.0, 0.0, 7.0]] * 3)
@@ -141,10 +141,10 @@ def test_actions_and_infos_are_no_views_of_each_other():
         assert each.now.action == 1.0
 
 
-def test_memory_of_another_shape_is_refused():
+def test_episode_state_of_another_shape_is_refused():
     class Shared(Forgetful):
-        def memory(self, num_envs):
+        def episode_state(self, num_envs):
             return {"table": np.zeros((num_envs + 1, 2))}
 
-    with pytest.raises(ValueError, match=r"memory has 'table' of shape \(3, 2\), must be \(2, \.\.\.\)"):
+    with pytest.raises(ValueError, match=r"episode_state has 'table' of shape \(3, 2\), must be \(2, \.\.\.\)"):
         StepperVectorEnv(Shared(), 2)

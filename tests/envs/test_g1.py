@@ -64,7 +64,7 @@ def test_it_stands_in_its_stance():
 def test_what_is_drawn_lies_within_its_ranges():
     envs = StepperVectorEnv(G1Velocity(), 200)
     envs.reset(seed=0)
-    own, model, memory = envs.sim.randomized, envs.sim.model, envs.now.memory
+    own, model, episode_state = envs.sim.randomized, envs.sim.model, envs.now.episode_state
     feet = [k for k, name in enumerate(model.geom_names) if "foot" in name]
     assert len(feet) == 14
     friction = own["geom_friction"][:, feet, 0]
@@ -74,15 +74,15 @@ def test_what_is_drawn_lies_within_its_ranges():
     gains = own["actuator_gain"][:, :, 0] / model.actuator_gain[:, 0]
     assert 0.9 <= gains.min() < 0.91 and 1.09 < gains.max() <= 1.1
     np.testing.assert_allclose(own["actuator_bias"][:, :, 1] / model.actuator_bias[:, 1], gains, rtol=1e-12)
-    assert sorted(set(memory["latency"])) == [0, 1, 2, 3, 4]
-    still = (memory["commands"] == 0.0).all(axis=2).mean()
+    assert sorted(set(episode_state["latency"])) == [0, 1, 2, 3, 4]
+    still = (episode_state["commands"] == 0.0).all(axis=2).mean()
     # One of ten of 400 commands; four standard deviations.
     assert abs(still - 0.1) < 0.06
 
 
 def test_commands_change_in_the_middle(envs):
-    commands = envs.now.memory["commands"].copy()
-    envs.now.memory["step"][:] = 498
+    commands = envs.now.episode_state["commands"].copy()
+    envs.now.episode_state["step"][:] = 498
     for expected in (0, 1):
         _, _, over, _, info = envs.step(stance(envs))
         assert not over.any()
@@ -93,7 +93,7 @@ def test_pushes_come_when_they_were_drawn():
     """In free flight, beside a batch without pushes but with the same seeds: velocities differ by the pushes so far alone."""
     pushed, calm = (StepperVectorEnv(G1Velocity(episode_steps=30, max_push=size), 3) for size in (0.5, 0.0))
     pushed.reset(seed=1), calm.reset(seed=1)
-    when, size = pushed.now.memory["push_steps"].copy(), pushed.now.memory["pushes"].copy()
+    when, size = pushed.now.episode_state["push_steps"].copy(), pushed.now.episode_state["pushes"].copy()
     qpos = np.array(pushed.sim.qpos)
     qpos[:, 2] = 30.0
     for each in (pushed, calm):
@@ -112,7 +112,7 @@ def test_pushes_come_when_they_were_drawn():
 def test_actions_are_late_by_whole_steps(latency):
     envs = StepperVectorEnv(G1Velocity(max_push=0.0), 2)
     envs.reset(seed=2)
-    envs.now.memory["latency"][:] = latency
+    envs.now.episode_state["latency"][:] = latency
     alone = stepper.Stepper(envs.sim.model, 2, options=envs.sim.options)
     alone.randomize(**envs.sim.randomized)
     alone.reset(qpos=envs.sim.qpos, qvel=envs.sim.qvel)
@@ -188,7 +188,7 @@ def test_rough_ground_is_where_the_task_says():
 def test_the_policy_that_is_kept_follows_its_commands():
     """Within 0.25 m/s in x and y, with pushes, under the law that it was trained in; one that stands in its stance falls."""
     policy = load(Path(__file__).parents[2] / "examples/policies/g1_velocity.npz")
-    standing = G1Velocity().memory(16)["last"]
+    standing = G1Velocity().episode_state(16)["last"]
     follows, stands = (
         evaluate(act, "stepper/G1Velocity-v0", episodes=16, seed=7, infos=("tracking_error",), contact="mujoco", precision="f32")
         for act in (policy, lambda observation: standing)

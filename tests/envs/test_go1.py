@@ -25,7 +25,7 @@ def envs():
 
 
 def stance(envs):
-    return np.tile(envs.task.memory(1)["last"], (envs.num_envs, 1))
+    return np.tile(envs.task.episode_state(1)["last"], (envs.num_envs, 1))
 
 
 def test_the_robot_is_a_go1():
@@ -82,7 +82,7 @@ def test_what_is_drawn_lies_within_its_ranges_and_is_drawn_anew():
     for name, values in envs.sim.randomized.items():
         changed = (np.asarray(values) != before[name]).reshape(400, -1).any(axis=1)
         np.testing.assert_array_equal(changed, mask)
-    still = (envs.now.memory["commands"] == 0.0).all(axis=2).mean()
+    still = (envs.now.episode_state["commands"] == 0.0).all(axis=2).mean()
     # 800 draws of 0.1: a deviation of 0.01.
     assert 0.05 < still < 0.15
 
@@ -91,7 +91,7 @@ def test_commands_change_in_the_middle(envs):
     task = envs.task
     mine = StepperVectorEnv(Go1Velocity(episode_steps=20, max_push=0.0), 4)
     _, info = mine.reset(seed=0)
-    commands = mine.now.memory["commands"].copy()
+    commands = mine.now.episode_state["commands"].copy()
     assert (commands[:, 0] != commands[:, 1]).any()
     for step in range(1, 20):
         _, _, _, _, info = mine.step(stance(mine))
@@ -103,9 +103,9 @@ def test_pushes_come_when_they_were_drawn(envs):
     """In free flight, beside a batch without pushes but with the same seeds: velocities differ by the pushes so far alone."""
     pushed, calm = (StepperVectorEnv(Go1Velocity(episode_steps=60, max_push=size), 4) for size in (0.5, 0.0))
     pushed.reset(seed=1), calm.reset(seed=1)
-    memory = pushed.now.memory
-    when, size = memory["push_steps"].copy(), memory["pushes"].copy()
-    np.testing.assert_array_equal(when, calm.now.memory["push_steps"])
+    episode_state = pushed.now.episode_state
+    when, size = episode_state["push_steps"].copy(), episode_state["pushes"].copy()
+    np.testing.assert_array_equal(when, calm.now.episode_state["push_steps"])
     qpos = np.array(pushed.sim.qpos)
     qpos[:, 2] = 30.0
     for each in (pushed, calm):
@@ -128,7 +128,7 @@ def test_strides_are_what_feet_are_in_the_air_when_they_land():
     qpos[:, 2] = [0.28, 0.3, 0.32, 0.35, 0.4, 0.5, 0.7, 0.9]  # Falls of nothing to 0.35 s.
     envs.set_state(qpos, np.zeros((8, 18)))
     sites = [envs.sim.model.site_names.index(name) for name in ("FR", "FL", "RR", "RL")]
-    air, gained, moves = np.zeros((8, 4)), [], np.linalg.norm(envs.now.memory["commands"][:, 0], axis=1) > 0.1
+    air, gained, moves = np.zeros((8, 4)), [], np.linalg.norm(envs.now.episode_state["commands"][:, 0], axis=1) > 0.1
     for _ in range(25):
         info = envs.step(stance(envs))[4]
         height = envs.sim.site_xpos[:, sites, 2] - 0.023
@@ -144,7 +144,7 @@ def test_strides_are_what_feet_are_in_the_air_when_they_land():
 def test_actions_are_late_by_whole_steps(latency):
     envs = StepperVectorEnv(Go1Velocity(max_push=0.0), 2)
     envs.reset(seed=2)
-    envs.now.memory["latency"][:] = latency
+    envs.now.episode_state["latency"][:] = latency
     alone = stepper.Stepper(envs.sim.model, 2, options=envs.sim.options)
     alone.randomize(**envs.sim.randomized)
     alone.reset(qpos=envs.sim.qpos, qvel=envs.sim.qvel)
@@ -267,13 +267,13 @@ def test_it_is_registered_and_ends_where_it_falls():
 
 
 def stance_of(env):
-    return env.unwrapped.task.memory(1)["last"][0]
+    return env.unwrapped.task.episode_state(1)["last"][0]
 
 
 def test_the_policy_that_is_kept_follows_its_commands():
     """Within 0.25 m/s in x and y, with pushes; one that stands in its stance does not."""
     policy = load(Path(__file__).parents[2] / "examples/policies/go1_velocity.npz")
-    standing = Go1Velocity().memory(32)["last"]
+    standing = Go1Velocity().episode_state(32)["last"]
     follows, stands = (
         evaluate(act, "stepper/Go1Velocity-v0", episodes=32, seed=7, infos=("tracking_error",), precision="f32").infos["tracking_error"]
         for act in (policy, lambda observation: standing)

@@ -14,7 +14,7 @@ from envs.cases import same
 from gymnasium.error import ResetNeeded
 from gymnasium.utils.env_checker import check_env
 from gymnasium.vector import AutoresetMode
-from stepper.envs import TASKS, Quantity, StepperEnv, StepperVectorEnv, Task
+from stepper.envs import TASKS, Observation, StepperEnv, StepperVectorEnv, Task
 from stepper.envs.locomotion import Go1Velocity, VelocityTask
 from stepper.sensors import SensorModel, Transfer
 
@@ -247,8 +247,8 @@ class Heard(Task):
     def sensors(self):
         return SensorModel(default=Transfer(noise_std=1.0))
 
-    def quantities(self):
-        return (Quantity("read", of=lambda now: now.sensordata),)
+    def observations(self):
+        return (Observation("read", func=lambda now: now.sensordata),)
 
     def reward(self, now):
         return np.zeros(now.sim.num_envs or 1), {}
@@ -336,8 +336,8 @@ class TwoHands(Task):
     def action_bounds(self, model):
         return -np.ones(2), np.ones(2)
 
-    def quantities(self):
-        return (Quantity("qpos"),)
+    def observations(self):
+        return (Observation("qpos"),)
 
     def advance(self, now):
         now.sim.step(now.action.sum(axis=1, keepdims=True), self.frame_skip)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import stepper
 from loading_scenes import arm
-from stepper.envs import Quantity, StepperVectorEnv, Task
+from stepper.envs import Observation, StepperVectorEnv, Task
 
 
 @dataclass(frozen=True)
@@ -20,8 +20,8 @@ class Arm(Task):
     def model(self):
         return stepper.load(arm(), actuators=self.actuators_of_joints)
 
-    def quantities(self):
-        return (Quantity("qpos"),)
+    def observations(self):
+        return (Observation("qpos"),)
 
     def reward(self, now):
         return np.zeros(now.sim.num_envs or 1), {}
@@ -56,7 +56,7 @@ def test_a_task_with_actions_of_its_own_does_not():
 
 def test_a_task_without_frame_skip_is_an_error_that_names_the_field():
     class Unskipped(Task):
-        model, quantities, reward = Arm.model, Arm.quantities, Arm.reward
+        model, observations, reward = Arm.model, Arm.observations, Arm.reward
         actuators_of_joints = "position"
 
     with pytest.raises(TypeError, match=r"Unskipped has no frame_skip, the number of steps per action: add the field"):

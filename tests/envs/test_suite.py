@@ -70,8 +70,8 @@ def follow(theirs, ours):
         named = physics.named.data
         ours.sim.mocap_pos[0, body.mocapid] = named.site_xpos["target"] if body.name == "target" else named.xpos[body.name]
         ours.sim.mocap_quat[0, body.mocapid] = [1.0, 0.0, 0.0, 0.0] if body.name == "target" else named.xquat[body.name]
-    if "directions" in ours.now.memory:
-        ours.now.memory["directions"][0] = np.reshape(physics.model.wrap_prm, (2, 2))
+    if "directions" in ours.now.episode_state:
+        ours.now.episode_state["directions"][0] = np.reshape(physics.model.wrap_prm, (2, 2))
     if model.na:
         ours.sim.set_state(act=physics.data.act[None].copy())
     ours.set_state(physics.data.qpos.copy(), physics.data.qvel.copy())

@@ -7,7 +7,7 @@ import json
 import pickle
 from pathlib import Path
 
-from stepper._stepper import cpu_levels
+from stepper.doctor import cpu_levels
 
 from golden import kept
 from golden.record import record

@@ -15,7 +15,7 @@ import functools
 
 import pytest
 import stepper
-from stepper._stepper import cpu_levels
+from stepper.doctor import cpu_levels
 
 from golden import kept
 from golden.record import LABELS, READINGS, Record, Trajectory, record

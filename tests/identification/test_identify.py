@@ -9,6 +9,7 @@ from identification.repetitions import noisy
 from identification.scenes import held, pushed
 from models import stepper_model
 from stepper.shared.rotations import matrices
+from stepper.shared.selectors import parse, places
 from stepper.sysid import parameters
 
 TIGHT = stepper.Options(tolerance=1e-9)
@@ -51,7 +52,7 @@ def test_exact_data_give_exact_numbers_and_the_answer_can_be_used(tmp_path):
     found = stepper.sysid.identify(scene.model(1.0, 0.5), [episode], scene.parameters, starts=2)
     np.testing.assert_allclose(found.values, scene.truth, rtol=1e-5)
     assert found.warnings == ()
-    assert found["mass:box"] == found.values[0]
+    assert found["body_mass[box]"] == found.values[0]
     estimate = found.estimate
     assert estimate.body("box").mass == pytest.approx(1.3, rel=1e-5)
     # A body of another mass keeps its shape: the inertia grows with it.
@@ -85,8 +86,8 @@ def test_what_never_moves_is_said(noise):
     readings = {name: rows + noise * rng.standard_normal(rows.shape) for name, rows in still.readings(TIGHT).items()}
     found = stepper.sysid.identify(scene.model(1.0, 0.5), [stepper.sysid.Episode(still.ctrl, readings, 0.02)], scene.parameters, starts=2)
     assert not found.determined.any()
-    assert any("mass:box is not determined" in text and "no reading depends on it" in text for text in found.warnings)
-    assert any("friction:{floor,box} is not determined" in text and "slide" in text for text in found.warnings)
+    assert any("body_mass[box] is not determined" in text and "no reading depends on it" in text for text in found.warnings)
+    assert any("geom_friction[floor,box][0] is not determined" in text and "slide" in text for text in found.warnings)
     assert "not determined" in found.table()
     # It is as wide as the bounds, and finite.
     low, high = found.interval()[0]
@@ -103,9 +104,13 @@ def test_a_search_that_begins_where_friction_never_slides():
     truth = truth.replace(actuator_gain=truth.actuator_gain / 20, actuator_bias=truth.actuator_bias / 20)
     ctrl = np.linspace(0, 0.6, 60)[:, None]
     episode = episode_of(truth, ctrl, 0.02, ("wrist_force", "box_x"))
-    found = stepper.sysid.identify(soft, [episode], [stepper.sysid.FitParameter("friction", ("floor", "box"), bounds=(0.05, 10))], starts=6)
+    found = stepper.sysid.identify(
+        soft, [episode], [stepper.sysid.FitParameter("geom_friction[floor,box][0]", bounds=(0.05, 10))], starts=6
+    )
     assert found.values[0] == pytest.approx(0.35, rel=1e-4)
-    alone = stepper.sysid.identify(soft, [episode], [stepper.sysid.FitParameter("friction", ("floor", "box"), bounds=(0.05, 10))], starts=1)
+    alone = stepper.sysid.identify(
+        soft, [episode], [stepper.sysid.FitParameter("geom_friction[floor,box][0]", bounds=(0.05, 10))], starts=1
+    )
     # From that start alone nothing is found, and that is said.
     assert alone.values[0] == pytest.approx(5.0, rel=0.1)
     assert any("not determined" in text for text in alone.warnings)
@@ -145,14 +150,14 @@ def shaken(T=120):
 
 
 @pytest.mark.parametrize(("text", "change"), [
-    ("damping:shoulder", {"dof_damping": (0, 0.7)}),
-    ("armature:shoulder", {"dof_armature": (0, 0.05)}),
-    ("frictionloss:elbow", {"dof_frictionloss": (1, 0.25)}),
-    ("stiffness:elbow", {"jnt_stiffness": (1, 4.0)}),
-    ("gain:a", {"actuator_gain": ((0, 0), 1.3)}),
-    ("kp:b", {"actuator_gain": ((1, 0), 55.0), "actuator_bias": ((1, 1), -55.0)}),
-    ("kv:b", {"actuator_bias": ((1, 2), -2.5)}),
-    ("mass:fore", {"body_mass": (2, 0.9)}),
+    ("dof_damping[shoulder]", {"dof_damping": (0, 0.7)}),
+    ("dof_armature[shoulder]", {"dof_armature": (0, 0.05)}),
+    ("dof_frictionloss[elbow]", {"dof_frictionloss": (1, 0.25)}),
+    ("jnt_stiffness[elbow]", {"jnt_stiffness": (1, 4.0)}),
+    ("actuator_gain[a]", {"actuator_gain": ((0, 0), 1.3)}),
+    ("actuator_kp[b]", {"actuator_gain": ((1, 0), 55.0), "actuator_bias": ((1, 1), -55.0)}),
+    ("actuator_kv[b]", {"actuator_bias": ((1, 2), -2.5)}),
+    ("body_mass[fore]", {"body_mass": (2, 0.9)}),
 ])  # fmt: skip
 def test_kinds_of_an_arm(text, change):
     """Each from the model's own number, without noise."""
@@ -182,11 +187,11 @@ def test_an_inertia_stays_physical_and_is_found():
     truth["body_iquat"][body] = np.array([0.8, 0.3, 0.1, 0.5]) / np.linalg.norm([0.8, 0.3, 0.1, 0.5])
     true = model.replace(**truth)
     episode = episode_of(true, shaken(), 0.01, ("force", "torque", "qpos", "qvel"))
-    found = stepper.sysid.identify(model, [episode], ["inertia:load"], starts=1)
+    found = stepper.sysid.identify(model, [episode], ["body_inertial[load]"], starts=1)
     moments = np.asarray(found.estimate.body("load").inertia)
     np.testing.assert_allclose(np.sort(moments), [0.0026, 0.003, 0.0048], rtol=1e-2)
-    assert found["inertia:load.mass"] == pytest.approx(0.7, rel=1e-3)
-    np.testing.assert_allclose([found[f"inertia:load.com.{axis}"] for axis in "xyz"], [0.02, 0.015, -0.01], atol=1e-4)
+    assert found["body_inertial[load].mass"] == pytest.approx(0.7, rel=1e-3)
+    np.testing.assert_allclose([found[f"body_inertial[load].com.{axis}"] for axis in "xyz"], [0.02, 0.015, -0.01], atol=1e-4)
     with pytest.raises(ValueError, match=r"body_iquat.*result\.models"):
         found.sample(4)
     for drawn in found.models(4):
@@ -195,7 +200,7 @@ def test_an_inertia_stays_physical_and_is_found():
         assert c < a + b
     true = model.replace(**{name: truth[name] for name in ("body_mass", "body_ipos")}, body_inertia=model.body_inertia)
     episode = episode_of(true, shaken(), 0.01, ("force", "torque", "qpos", "qvel"))
-    found = stepper.sysid.identify(model, [episode], ["mass:load", "com:load", "moments:load"], starts=1)
+    found = stepper.sysid.identify(model, [episode], ["body_mass[load]", "body_ipos[load]", "body_inertia[load]"], starts=1)
     np.testing.assert_allclose(found.values[:4], [0.7, 0.02, 0.015, -0.01], rtol=1e-3)
     np.testing.assert_allclose(found.values[4:], model.body("load").inertia, rtol=1e-2)
     found.sample(4)
@@ -211,13 +216,15 @@ def test_delay_bias_scale_and_lag():
     readings["torque"] = 1.1 * readings["torque"]
     readings["q"] = np.concatenate([readings["q"][:1], readings["q"][:-1]])
     episode = dataclasses.replace(episode, readings=readings)
-    found = stepper.sysid.identify(model, [episode], ["delay:b", "bias:force", "scale:torque", "lag:q"], starts=8)
+    found = stepper.sysid.identify(
+        model, [episode], ["actuator.delay[b]", "sensor.bias[force]", "sensor.scale[torque]", "sensor.delay[q]"], starts=8
+    )
     values = dict(zip(found.labels, found.values, strict=True))
-    assert values["delay:b"] == pytest.approx(0.0132, abs=1e-5)
-    assert [values[f"bias:force[{k}]"] for k in range(3)] == pytest.approx([0.5, -0.2, 0.1], abs=1e-4)
-    assert values["scale:torque"] == pytest.approx(1.1, rel=1e-4)
+    assert values["actuator.delay[b]"] == pytest.approx(0.0132, abs=1e-5)
+    assert [values[f"sensor.bias[force][{k}]"] for k in range(3)] == pytest.approx([0.5, -0.2, 0.1], abs=1e-4)
+    assert values["sensor.scale[torque]"] == pytest.approx(1.1, rel=1e-4)
     # The first reading was held for a period.
-    assert values["lag:q"] == pytest.approx(0.01, abs=2e-4)
+    assert values["sensor.delay[q]"] == pytest.approx(0.01, abs=2e-4)
     assert found.drives().drive_of("b").delay == pytest.approx(0.0132, abs=1e-5)
     known = stepper.ActuatorModel({"a": stepper.Drive(delay=0.02)}, default=stepper.Drive(lag=0.004))
     drives = found.drives(known)
@@ -234,28 +241,27 @@ def test_an_unknown_start_is_estimated():
     rng = np.random.default_rng(2)
     readings = {"qpos": np.asarray(episode.readings["qpos"]) + 1e-3 * rng.standard_normal((60, 3))}
     given = dataclasses.replace(episode, qpos=None, qvel=None, readings=readings)
-    off = stepper.sysid.identify(model, [given], ["damping:roll"], starts=1)
-    found = stepper.sysid.identify(model, [dataclasses.replace(given, start_std=(0.1, 3.0))] * 2, ["damping:roll"], starts=1)
+    off = stepper.sysid.identify(model, [given], ["dof_damping[roll]"], starts=1)
+    found = stepper.sysid.identify(model, [dataclasses.replace(given, start_std=(0.1, 3.0))] * 2, ["dof_damping[roll]"], starts=1)
     assert abs(off.values[0] / 0.05 - 1) > 0.1
     low, high = found.interval()[0]
     assert low < 0.05 < high
     assert abs(found.values[0] / 0.05 - 1) < 0.05
 
 
-@pytest.mark.parametrize(("name", "text", "field"), [
-    ("gymnasium/reacher", "damping:joint1", "dof_damping"),
-    ("dm_control/acrobot", "mass:lower_arm", "body_mass"),
-    ("dm_control/cartpole", "mass:pole_1", "body_mass"),
+@pytest.mark.parametrize(("name", "text"), [
+    ("gymnasium/reacher", "dof_damping[joint1]"),
+    ("dm_control/acrobot", "body_mass[lower_arm]"),
+    ("dm_control/cartpole", "body_mass[pole_1]"),
 ])  # fmt: skip
-def test_arms_that_others_wrote(name, text, field):
+def test_arms_that_others_wrote(name, text):
     """Half as much again as in the file, found from the joints' positions alone, with noise of a milliradian."""
     model = stepper_model(name, strict=False)
-    kind, element = text.split(":")
+    field, place = parse(text).field, places(model, parse(text))
     changed = np.array(getattr(model, field))
-    place = model.joint(element).dofadr if kind == "damping" else model.body(element).id
     changed[place] *= 1.5
     fields = {field: changed}
-    if kind == "mass":
+    if field == "body_mass":
         fields["body_inertia"] = np.array(model.body_inertia)
         fields["body_inertia"][place] *= 1.5
     t = np.arange(100) * 0.02

@@ -89,7 +89,7 @@ def test_a_recording_with_resets_forces_and_a_mask(tmp_path):
     # The mask: environment 0 goes on, with the force that applies to it.
     assert episodes[2].qvel[0] > 0
     assert episodes[3].qvel.tolist() == [0, 1, 0, 0, 0, 0]
-    found = stepper.sysid.identify(model.replace(body_mass=[0, 5.0]), episodes[:3], ["mass:b"], starts=1)
+    found = stepper.sysid.identify(model.replace(body_mass=[0, 5.0]), episodes[:3], ["body_mass[b]"], starts=1)
     assert found.values[0] == pytest.approx(2.0, rel=1e-6)
 
 
@@ -109,7 +109,7 @@ def test_logs_that_do_not_fit(tmp_path, change, message):
         message = message.replace("0.002", "0.0021")
     np.savez(tmp_path / "log.npz", **table)
     with pytest.raises(ValueError, match=message) as caught:
-        stepper.sysid.identify(MODEL, tmp_path / "log.npz", ["mass:box"], starts=1)
+        stepper.sysid.identify(MODEL, tmp_path / "log.npz", ["body_mass[box]"], starts=1)
     assert "log.npz" in str(caught.value)
 
 
@@ -117,56 +117,69 @@ def test_cells_lines_and_names(tmp_path):
     file = tmp_path / "log.csv"
     file.write_text("time,ctrl,box_x\n0,0,0\n0.02,0,abc\n")
     with pytest.raises(ValueError, match=r"log.csv, line 3, column 'box_x': 'abc' is no number"):
-        stepper.sysid.identify(MODEL, file, ["mass:box"])
+        stepper.sysid.identify(MODEL, file, ["body_mass[box]"])
     file.write_text("time,ctrl,box_x\n0,0,0\n0.02,0\n")
     with pytest.raises(ValueError, match="line 3: 2 cells, must be 3"):
-        stepper.sysid.identify(MODEL, file, ["mass:box"])
+        stepper.sysid.identify(MODEL, file, ["body_mass[box]"])
     file.write_text("time,ctrl,box_y\n0,0,0\n0.02,0,0\n0.04,0,0\n")
     with pytest.raises(KeyError, match="no sensor or coordinate is named 'box_y'; did you mean box_x"):
-        stepper.sysid.identify(MODEL, file, ["mass:box"])
+        stepper.sysid.identify(MODEL, file, ["body_mass[box]"])
     with pytest.raises(FileNotFoundError):
-        stepper.sysid.identify(MODEL, tmp_path / "none.csv", ["mass:box"])
+        stepper.sysid.identify(MODEL, tmp_path / "none.csv", ["body_mass[box]"])
     good = Episode(SCENE.ctrl, SCENE.readings(stepper.Options()), 0.02)
     for parameters, error, message in (
         ([], ValueError, "no parameter"),
-        (["mas:box"], ValueError, "did you mean mass"),
-        (["mass"], ValueError, "write kind:element"),
-        (["mass:boxx"], KeyError, "no body is named 'boxx'; did you mean box"),
-        (["mass:box", "inertia:box"], ValueError, "same number"),
-        (["mass:box=3..1"], ValueError, "bounds"),
-        (["pair_friction:p"], KeyError, "no pair is named 'p'; the model has no pair"),
-        (["kp:push"], KeyError, "no actuator is named"),
-        (["frictionloss:x"], ValueError, "give a start above 0"),
-        (["bias:torque"], KeyError, "no sensor is named"),
+        (["mas:box"], ValueError, r"write 'field\[box\]'; did you mean mass"),
+        (["mass"], ValueError, "did you mean body_mass"),
+        (["body_mass[boxx]"], ValueError, "no body 'boxx'; did you mean box"),
+        (["body_mass[box]", "body_inertial[box]"], ValueError, "same number"),
+        (["body_mass[box]=3..1"], ValueError, "bounds"),
+        (["pair_friction[p][0]"], ValueError, "no pair 'p': this model has no pair"),
+        (["actuator_kp[push]"], ValueError, "no actuator 'push'"),
+        (["dof_frictionloss[x]"], ValueError, "give a start above 0"),
+        (["sensor.bias[torque]"], ValueError, "no sensor 'torque'"),
     ):
         with pytest.raises(error, match=message):
             stepper.sysid.identify(MODEL, good, parameters)
     with pytest.raises(ValueError, match="noise is given of 'q'"):
-        stepper.sysid.identify(MODEL, good, ["mass:box"], noise={"q": 1.0})
+        stepper.sysid.identify(MODEL, good, ["body_mass[box]"], noise={"q": 1.0})
     with pytest.raises(TypeError, match=r"stepper\.sysid\.Episode or the path"):
-        stepper.sysid.identify(MODEL, 3, ["mass:box"])
+        stepper.sysid.identify(MODEL, 3, ["body_mass[box]"])
 
 
 def test_a_log_without_a_start_says_so(tmp_path):
     table = log()
     del table["qpos"], table["qvel"]
     np.savez(tmp_path / "log.npz", **table)
-    found = stepper.sysid.identify(MODEL, tmp_path / "log.npz", ["mass:box"], starts=1)
+    found = stepper.sysid.identify(MODEL, tmp_path / "log.npz", ["body_mass[box]"], starts=1)
     assert sum("does not say" in text for text in found.warnings) == 2
-    assert not stepper.sysid.identify(MODEL, tmp_path / "log.npz", ["mass:box"], starts=1, start=(MODEL.qpos0, np.zeros(MODEL.nv))).warnings
+    assert not stepper.sysid.identify(
+        MODEL, tmp_path / "log.npz", ["body_mass[box]"], starts=1, start=(MODEL.qpos0, np.zeros(MODEL.nv))
+    ).warnings
 
 
 def test_the_command(tmp_path):
     np.savez(tmp_path / "log.npz", **log())
     (tmp_path / "scene.xml").write_text(SCENE.text(1.0, 0.5))
-    command = [sys.executable, "-m", "stepper.cli", "identify", "scene.xml", "log.npz", "-p", "mass:box", "-p", "friction:floor,box"]
+    command = [
+        sys.executable,
+        "-m",
+        "stepper.cli",
+        "identify",
+        "scene.xml",
+        "log.npz",
+        "-p",
+        "body_mass[box]",
+        "-p",
+        "geom_friction[floor,box][0]",
+    ]
     code = "import sys; from stepper.cli.app import main; sys.argv = sys.argv[1:]; main()"
     ran = subprocess.run([sys.executable, "-c", code, *command[2:]], cwd=tmp_path, capture_output=True, text=True, check=False)
     assert ran.returncode == 0, ran.stderr
-    assert "| mass:box | 1.3 |" in ran.stdout
+    assert "| body_mass[box] | 1.3 |" in ran.stdout
     assert stepper.load(tmp_path / "out/identified.stepper").body("box").mass == pytest.approx(1.3, rel=1e-5)
     ran = subprocess.run(
-        [sys.executable, "-c", code, *command[2:-1], "mass:bok"], cwd=tmp_path, capture_output=True, text=True, check=False
+        [sys.executable, "-c", code, *command[2:-1], "body_mass[bok]"], cwd=tmp_path, capture_output=True, text=True, check=False
     )
     assert ran.returncode == 1
-    assert ran.stderr.startswith("stepper: no body is named 'bok'")
+    assert ran.stderr.startswith("stepper: parameters has 'body_mass[bok]': no body 'bok'")

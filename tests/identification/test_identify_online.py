@@ -29,11 +29,11 @@ def test_a_held_box_is_weighed_at_once_and_its_friction_is_known_when_it_slips()
             assert now.determined.tolist() == [True, False]
             assert 0.2 < low < 0.327 * 1.05
             assert high > 1.0
-            assert abs(now["mass:box"] / mass - 1) < 0.02  # four standard deviations
+            assert abs(now["body_mass[box]"] / mass - 1) < 0.02  # four standard deviations
     assert now.determined.all()
     # Four standard deviations of the mass, and of friction as `make identify IDENTIFY='--only online'` finds it just after a slip.
-    assert abs(now["mass:box"] / mass - 1) < 0.015
-    assert abs(now["friction:{left,right,box}"] / friction - 1) < 0.05
+    assert abs(now["body_mass[box]"] / mass - 1) < 0.015
+    assert abs(now["geom_friction[left,right,box][0]"] / friction - 1) < 0.05
     assert now.surprise < 4
     assert now.untrusted == 0
     drawn = tracker.sample(50)
@@ -47,17 +47,17 @@ def test_an_estimate_leaves_the_bound_that_it_begins_at(start, bounds):
     """There the slope is that of the side within bounds."""
     clean = readings(np.full(200, 0.8), 0.45)
     tracker = stepper.sysid.Tracker(
-        SCENE.model(start, 0.6), [stepper.sysid.FitParameter("mass", "box", bounds=bounds)], noise=NOISE, period=PERIOD
+        SCENE.model(start, 0.6), [stepper.sysid.FitParameter("body_mass[box]", bounds=bounds)], noise=NOISE, period=PERIOD
     )
     for k, row in enumerate(controls()[:20]):
         now = tracker.update(row, {name: rows[k] for name, rows in clean.items()})
     # The readings are exact: a standard deviation of the mass after 20 samples of 0.3 N on a weight of 8 N, which the prior may still pull.
-    assert now["mass:box"] == pytest.approx(0.8, rel=0.01)
+    assert now["body_mass[box]"] == pytest.approx(0.8, rel=0.01)
     assert now.interval[0, 0] < 0.8 < now.interval[0, 1]
 
 
 def test_readings_that_are_absent_say_nothing():
-    tracker = stepper.sysid.Tracker(MODEL, ["mass:box"], noise=NOISE, period=PERIOD)
+    tracker = stepper.sysid.Tracker(MODEL, ["body_mass[box]"], noise=NOISE, period=PERIOD)
     now = tracker.update([0.0, 12.0, 12.0], {"wrist_force": [np.nan] * 3})
     np.testing.assert_allclose(now.values, 0.5, rtol=1e-9)
     assert now.covariance[0, 0] == pytest.approx(1.0)
@@ -68,8 +68,8 @@ def test_surprise_is_that_of_columns_with_noise():
     """Columns of infinite noise are not looked at: the mean square is that of the others, as if they had not been read."""
     row, force = controls()[0], [0.0, 0.0, 40.0]
     noise = {"wrist_force": [np.inf, np.inf, 0.3]}
-    whole = stepper.sysid.Tracker(MODEL, ["mass:box"], noise=noise, period=PERIOD).update(row, {"wrist_force": force})
-    part = stepper.sysid.Tracker(MODEL, ["mass:box"], noise=noise, period=PERIOD).update(row, {"wrist_force": [np.nan, np.nan, 40.0]})
+    whole = stepper.sysid.Tracker(MODEL, ["body_mass[box]"], noise=noise, period=PERIOD).update(row, {"wrist_force": force})
+    part = stepper.sysid.Tracker(MODEL, ["body_mass[box]"], noise=noise, period=PERIOD).update(row, {"wrist_force": [np.nan, np.nan, 40.0]})
     assert whole.surprise > 100  # of 30 N where noise is 0.3 N
     assert whole.surprise == part.surprise
     np.testing.assert_array_equal(whole.values, part.values)
@@ -82,7 +82,7 @@ def test_surprise_is_that_of_columns_with_noise():
     ({"period": 0.0213}, ValueError, "must be a whole number of time steps"),
     ({"window": 0.01}, ValueError, "window is 0.01 s"),
     ({"drift": -1.0}, ValueError, "drift is -1.0, must be standard deviations"),
-    ({"drift": [0.0, 0.1]}, ValueError, r"drift has shape \(2,\), must be one number, or one for each of mass:box"),
+    ({"drift": [0.0, 0.1]}, ValueError, r"drift has shape \(2,\), must be one number, or one for each of body_mass\[box\]"),
     ({"state_noise": 1.0}, ValueError, r"state_noise has shape \(\), must be two numbers, of displacement"),
     ({"start_std": 1e-3}, ValueError, r"start_std has shape \(\), must be two numbers, of displacement"),
     ({"start_std": (1e-3, np.inf)}, ValueError, "start_std is .* finite and not negative"),
@@ -93,17 +93,17 @@ def test_surprise_is_that_of_columns_with_noise():
     ({"qvel": np.zeros((3, MODEL.nv))}, ValueError, rf"qvel at the start has shape \(3, {MODEL.nv}\)"),
     ({"qpos": np.zeros(MODEL.nq + 1)}, ValueError, rf"qpos at the start has shape \({MODEL.nq + 1},\), must be \({MODEL.nq},\)"),
     ({"qpos": np.full(MODEL.nq, np.nan)}, ValueError, r"qpos\[0\] at the start is not finite"),
-    ({"parameters": ["inertia:box"]}, ValueError, "inertia:box cannot be followed sample by sample"),
-    ({"parameters": ["delay:left"]}, KeyError, "no actuator"),
+    ({"parameters": ["body_inertial[box]"]}, ValueError, r"body_inertial\[box\] cannot be followed sample by sample"),
+    ({"parameters": ["actuator.delay[left]"]}, ValueError, "no actuator"),
 ])  # fmt: skip
 def test_trackers_that_cannot_be(change, error, message):
-    settings = {"parameters": ["mass:box"], "noise": NOISE, "period": PERIOD} | change
+    settings = {"parameters": ["body_mass[box]"], "noise": NOISE, "period": PERIOD} | change
     with pytest.raises(error, match=message):
         stepper.sysid.Tracker(MODEL, settings.pop("parameters"), **settings)
 
 
 def test_samples_that_do_not_fit():
-    tracker = stepper.sysid.Tracker(MODEL, ["mass:box"], noise=NOISE, period=PERIOD)
+    tracker = stepper.sysid.Tracker(MODEL, ["body_mass[box]"], noise=NOISE, period=PERIOD)
     with pytest.raises(ValueError, match=r"ctrl has shape \(1,\), must be \(3,\)"):
         tracker.update([0.0], {})
     with pytest.raises(KeyError, match="no noise was given of channel 'torque'"):
@@ -142,7 +142,9 @@ def test_what_to_measure_next():
 def test_experiments_whose_noise_is_no_standard_deviation(value):
     scene = pushed()
     readings = {name: rows[:20] for name, rows in scene.readings(TIGHT).items()}
-    found = stepper.sysid.identify(scene.model(1.3, 0.35), [stepper.sysid.Episode(scene.ctrl[:20], readings, 0.02)], ["mass:box"], starts=1)
+    found = stepper.sysid.identify(
+        scene.model(1.3, 0.35), [stepper.sysid.Episode(scene.ctrl[:20], readings, 0.02)], ["body_mass[box]"], starts=1
+    )
     with pytest.raises(ValueError, match=r"noise of 'wrist_force' is .*, must be above 0, one number or \d"):
         design(found, [stepper.sysid.Episode(scene.ctrl[:20], {}, 0.02)], noise={"wrist_force": value}, threads=1)
 

@@ -62,7 +62,7 @@ def swing() -> np.ndarray:
 
 def identified(rows, angle=ANGLE, **settings):
     episode = stepper.sysid.Episode(np.zeros((100, 0)), {"hinge": rows}, 0.02, qpos=[angle], **settings)
-    return stepper.sysid.identify(PENDULUM, [episode], ["damping:hinge"], noise={"hinge": 1e-3}, starts=2, threads=1)
+    return stepper.sysid.identify(PENDULUM, [episode], ["dof_damping[hinge]"], noise={"hinge": 1e-3}, starts=2, threads=1)
 
 
 def test_a_wrong_initial_state_is_not_taken_for_a_shift():

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 import stepper
 from models import contact_bits, mujoco_model, random_state, stepper_model
-from stepper._stepper import cpu_levels
+from stepper.doctor import cpu_levels
 
 ROBOT = "dm_control/humanoid"
 # One thread steps groups of sixteen lanes, two threads groups of eight, and some lanes of the last group are none.

@@ -153,15 +153,15 @@ def test_derivatives_by_friction_of_a_pair_are_those_of_its_contacts():
     sim = stepper.Stepper(model(), options=stepper.Options(tolerance=1e-12))
     sim.set_state(qvel=[1.0, 0, 0, 0, 0, 0] * 2)
     sim.step(nstep=2)
-    found = sim.linearize(("pair_friction:sole", "geom_friction:loose"))
+    found = sim.linearize(("pair_friction[sole]", "geom_friction[loose]"))
     # Sliding takes mu g h of the speed in a step.
     slope = -9.81 * 0.002
-    velocities = found.blocks["pair_friction:sole"][sim.model.nv :]
-    assert np.isclose(velocities[0, 0, 0], slope, rtol=1e-6)
+    velocities = found.blocks["pair_friction[sole]"][sim.model.nv :]
+    assert np.isclose(velocities[0, 0], slope, rtol=1e-6)
     assert np.abs(velocities[6:]).max() < 1e-6
     with pytest.raises(stepper.ModelError, match="explicit pair"):
-        sim.linearize(("geom_friction:paired",))
-    assert np.abs(sim.linearize(("geom_friction:paired", "pair_friction")).blocks["geom_friction:paired"]).max() < 1e-6
+        sim.linearize(("geom_friction[paired]",))
+    assert np.abs(sim.linearize(("geom_friction[paired]", "pair_friction")).blocks["geom_friction[paired]"]).max() < 1e-6
 
 
 def test_kinks_are_seen_at_the_friction_of_the_pair():
@@ -185,20 +185,20 @@ def test_identification_has_the_same_rule():
     from stepper.sysid.parameters import bind
 
     scene = model(name="")
-    with pytest.raises(ValueError, match=r'friction:paired.*explicit pair "#0".*identify "pair_friction:#0"'):
-        bind(["friction:paired"], scene)
-    assert [block.labels for block in bind(["friction:loose"], scene)] == [("friction:loose",)]
-    blocks = bind(["friction:paired", "pair_friction:#0", "pair_restitution:#0"], scene)
-    assert [block.labels[0] for block in blocks] == ["friction:paired", "pair_friction:#0", "pair_restitution:#0"]
+    with pytest.raises(ValueError, match=r"geom_friction\[paired\]\[0\].*explicit pair \"#0\".*identify 'pair_friction\[0\]\[0\]' too"):
+        bind(["geom_friction[paired][0]"], scene)
+    assert [block.labels for block in bind(["geom_friction[loose][0]"], scene)] == [("geom_friction[loose][0]",)]
+    blocks = bind(["geom_friction[paired][0]", "pair_friction[0][0]", "pair_restitution[0]"], scene)
+    assert [block.labels[0] for block in blocks] == ["geom_friction[paired][0]", "pair_friction[0][0]", "pair_restitution[0]"]
 
 
 def test_a_study_has_the_same_rule():
     from stepper.lab.study.parameters import Parameter, check
 
-    friction = Parameter(target="geom_friction", names=("paired",), column=0, low=0.1, high=1.0)
-    with pytest.raises(ValueError, match=r"parameter 'mu'.*explicit pair \"sole\".*target \"pair_friction\""):
+    friction = Parameter("geom_friction[paired][0]", low=0.1, high=1.0)
+    with pytest.raises(ValueError, match=r"parameter 'mu'.*explicit pair \"sole\".*give a parameter \"pair_friction\[sole\]"):
         check({"mu": friction}, model())
-    of_pair = Parameter(target="pair_friction", names=("floor/paired",), column=0, low=0.1, high=1.0)
+    of_pair = Parameter("pair_friction[floor/paired][0]", low=0.1, high=1.0)
     check({"mu": friction, "nu": of_pair}, model())
 
 

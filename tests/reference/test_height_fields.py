@@ -6,6 +6,8 @@ import mujoco
 import numpy as np
 import pytest
 import stepper
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from models import SOURCES, stepper_model
 from stepper.sensors import HeightField
 
@@ -91,6 +93,67 @@ def test_what_falls_comes_to_rest_on_the_ground():
     assert (above < 0.2).all()
 
 
+def plain(top, half, x, y):
+    """Height at one place, of the triangle that it lies in."""
+    rows, columns = top.shape
+    u, v = (x + half[0]) / (2 * half[0]) * (columns - 1), (y + half[1]) / (2 * half[1]) * (rows - 1)
+    if not (0 <= u <= columns - 1 and 0 <= v <= rows - 1):
+        return np.nan
+    c, r = min(int(u), columns - 2), min(int(v), rows - 2)
+    a, b = u - c, v - r
+    low, high, corner = top[r, c], top[r + 1, c + 1], top[r, c + 1] if a >= b else top[r + 1, c]
+    return low + max(a, b) * (corner - low) + min(a, b) * (high - corner)
+
+
+@settings(deadline=None)
+@given(st.integers(2, 6), st.integers(2, 6), st.integers(0, 2**32), st.tuples(st.floats(0.1, 9.0), st.floats(0.1, 9.0)))
+def test_heights_are_those_of_the_triangles(rows, columns, seed, half):
+    rng = np.random.default_rng(seed)
+    top, half = rng.uniform(-1, 1, (rows, columns)), np.array(half)
+    places = rng.uniform(-1.2, 1.2, (3, 40, 2)) * half
+    found = HeightField.from_elevation(top, half).heights(None, places)
+    expected = np.array([plain(top, half, x, y) for x, y in places.reshape(-1, 2)]).reshape(3, 40)
+    # Ten operations of rounding error, of numbers up to 10.
+    np.testing.assert_allclose(found, expected, atol=1e-13)
+
+
+@settings(deadline=None)
+@given(st.integers(1, 40), st.integers(0, 300), st.integers(0, 2**32), st.floats(-3.0, 3.0))
+def test_scans_are_heights_of_turned_offsets_in_any_batch(n, k, seed, angle):
+    """Rows do not depend on the others: a batch has the bits of its robots one by one. Some of the places are beyond the border."""
+    rng = np.random.default_rng(seed)
+    ground = HeightField.from_elevation(rng.uniform(-1, 1, (20, 30)), (3.0, 2.0), pos=(0.5, -0.2, 0.1), angle=angle)
+    places, angles, offsets = rng.uniform(-3, 3, (n, 2)), rng.uniform(-4, 4, n), rng.uniform(-1, 1, (k, 2))
+    found = ground.around(places, angles, offsets)
+    c, s = np.cos(angles)[:, None], np.sin(angles)[:, None]
+    x, y = c * offsets[:, 0] - s * offsets[:, 1], s * offsets[:, 0] + c * offsets[:, 1]
+    expected = ground.heights(None, places[:, None] + np.stack([x, y], axis=-1))
+    # Two ways to turn a place, each within some rounding errors of 5 m and cells of 0.2 m between heights of 2 m.
+    np.testing.assert_allclose(found, expected, atol=1e-13)
+    for row in range(n):
+        np.testing.assert_array_equal(ground.around(places[[row]], angles[[row]], offsets)[0], found[row])
+    assert (np.nan_to_num(ground.around(places, angles, offsets, beyond=-7.0), nan=99.0) != 99.0).all()
+
+
+def test_heights_without_a_simulation_are_those_of_the_models_place():
+    model = stepper.load(scene())
+    ground, sim = HeightField(model, "ground"), stepper.Stepper(model, 3)
+    places = np.random.default_rng(3).uniform(-1.5, 1.5, (3, 50, 2))
+    np.testing.assert_array_equal(ground.heights(None, places), ground.heights(sim, places))
+    pos = np.array(model.geom(0).pos)
+    angle = np.radians(30.0)
+    same = HeightField.from_elevation(ground.elevation, ground.half, pos=pos, angle=angle)
+    np.testing.assert_allclose(same.heights(None, places), ground.heights(None, places), atol=1e-13)
+
+
+def test_a_field_that_a_moving_body_carries_is_refused():
+    """Also where the geom's own body has no joint."""
+    xml = scene().replace('<geom name="ground"', '<body><freejoint/><geom size=".1"/><body><geom name="ground"')
+    xml = xml.replace('euler="0 0 30.0"/>', 'euler="0 0 30.0"/></body></body>')
+    with pytest.raises(ValueError, match="is inclined or on a joint"):
+        HeightField(stepper.load(xml), "ground")
+
+
 def test_a_field_of_a_package_is_read():
     """dm_control's quadruped escapes over a field."""
     model = stepper_model("dm_control/quadruped", strict=False)
@@ -108,6 +171,10 @@ def test_a_field_of_a_package_is_read():
     (lambda model: HeightField(model, "ground", source="<mujoco/>"), "the source is of another model"),
     (lambda model: HeightField(model, 0).heights(stepper.Stepper(model, 2), np.zeros((3, 4, 2))), r"places has shape \(3, 4, 2\)"),
     (lambda model: HeightField(model, "ground").scan(stepper.Stepper(model, 2), 1, np.zeros(2)), r"offsets has shape \(2,\)"),
+    (lambda model: HeightField.from_elevation(np.zeros((1, 5)), (1, 1)), r"elevation has shape \(1, 5\)"),
+    (lambda model: HeightField.from_elevation(np.zeros((2, 5)), (1, 0)), "half is"),
+    (lambda model: HeightField(model, "ground").around(np.zeros((2, 2)), np.zeros(3), np.zeros((1, 2))), r"places has shape \(2, 2\)"),
+    (lambda model: HeightField(model, "ground").heights(None, 1.0), r"places has shape \(\)"),
     (lambda model: HeightField(stepper.load(scene().replace('euler="0 0 30.0"', 'euler="20 0 0"')), "ground"), "is inclined"),
 ])  # fmt: skip
 def test_what_is_wrong_is_said(call, said):

@@ -298,7 +298,7 @@ def saves(monkeypatch):
 
 
 def test_what_a_scene_does_not_need(tmp_path, saves):
-    motor = stepper.lab.Parameter(target="drive", nominal=0.01, low=0.0, high=0.02)
+    motor = stepper.lab.Parameter("drive", nominal=0.01, low=0.0, high=0.02)
     study = scene(drive=lambda now: now.theta["motor"][:, None], parameters={"motor": motor})
     found = stepper.lab.tune(study, tmp_path, error="1 mm", horizon="0.1 s", coverage=0.5)
     spare = {own.what: own for own in found.spare}
@@ -345,7 +345,7 @@ def test_a_saving_is_timed():
 def test_what_is_used_stays(tmp_path):
     """A drive that reads the sensor, a joint at its limit, a ball that rolls."""
     study = scene(
-        drive=lambda now: 0.02 - 0.0 * now.sensor("angle"),
+        drive=lambda now: 0.02 - 0.0 * now.read("sensordata", "angle"),
         start=lambda now, rng: (np.tile(now.model.qpos0 + 1.5708 * (np.arange(15) == 14), (now.num_envs, 1)), np.ones((now.num_envs, 13))),
     )
     found = stepper.lab.tune(study, tmp_path, error="1 mm", horizon="0.1 s", coverage=0.5)

@@ -9,7 +9,7 @@ import scipy.stats
 import stepper
 from stepper.lab.accuracy.distributions import names, newcombe, shifts
 from stepper.lab.accuracy.traces import run
-from stepper.lab.study.intervals import student, student_quantile
+from stepper.lab.study.intervals import student
 
 HINGE = """<mujoco><worldbody><body><joint name="j" axis="0 1 0"/><geom size=".1" pos=".2 0 0"/></body></worldbody></mujoco>"""
 
@@ -26,13 +26,6 @@ def episodes(**values):
         ),
     )
     return made, replace(run(made, range(len(values["angle"]))), outcomes={name: np.array(own, float) for name, own in values.items()})
-
-
-@pytest.mark.parametrize("freedom", [1, 2, 3, 7, 30, 200])
-@pytest.mark.parametrize("probability", [0.5, 0.9, 0.975, 0.999])
-def test_students_quantiles_are_scipys(freedom, probability):
-    # By sixty bisections of an angle below pi / 2; tangents of angles near that have the eighth digit.
-    assert student_quantile(probability, freedom) == pytest.approx(scipy.stats.t.ppf(probability, freedom), rel=1e-7, abs=1e-9)
 
 
 def test_an_interval_of_a_mean_is_scipys():

@@ -22,15 +22,15 @@ MEASURES = (
 def study(**changed):
     """Whatever is finite is a success."""
     given = {"model": STIFF, "name": "stiff", "outcomes": MEASURES, "seconds": 0.1, "episodes": 3, "qvel_noise": 0.1}
-    servo = stepper.lab.Parameter(target="kp", how="scale", low=0.9, high=1.1)
-    mass = stepper.lab.Parameter(target="body_mass", how="scale", low=0.9, high=1.1)
+    servo = stepper.lab.Parameter("actuator_kp", how="scale", low=0.9, high=1.1)
+    mass = stepper.lab.Parameter("body_mass", how="scale", low=0.9, high=1.1)
     engines = {"MuJoCo": {"engine": "mujoco"}, "finer": {"engine": "mujoco", "timestep": 1e-5}}
     return stepper.lab.Study(**(given | {"parameters": {"stiffness": servo, "mass": mass}, "settings": engines} | changed))
 
 
 def runaway(now):
     """Torque along the velocity, which each control makes many times as much."""
-    return 1e4 * now.joint_velocity("hinge")
+    return 1e4 * now.read("qvel", "hinge")
 
 
 def test_episodes_that_mujoco_begins_anew_are_failures_of_physics(tmp_path, monkeypatch):

@@ -4,12 +4,15 @@ import math
 import subprocess
 import sys
 import textwrap
+import time
+from pathlib import Path
 
 import numpy as np
 import pytest
 import stepper
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from stepper.cli.app import application
 from stepper.lab.progress import progress
 from stepper.lab.study.draw import WIDEST, cliffs_of, figure_of
 from stepper.lab.study.report import _differences
@@ -17,6 +20,7 @@ from stepper.lab.study.sweep import Cliff, Level, Sweep
 from stepper.lab.study.table import Table
 from stepper.shared.files import existing, in_words
 
+EXAMPLES = Path(__file__).parents[2] / "examples"
 BLOCK = """<mujoco model="block and plane"><option timestep="0.004"/><worldbody><geom type="plane" size="3 3 1" friction=".3"/>
 <body name="block" pos="0 0 .05"><freejoint/><geom type="box" size=".05 .05 .05" mass="1" friction=".3"/></body></worldbody></mujoco>"""
 
@@ -32,7 +36,7 @@ def study(parameters, names):
         name="sliding distance",
         model=BLOCK,
         start=start,
-        parameters={name: stepper.lab.Parameter(target="geom_friction", column=0, low=0.1, high=1.0) for name in parameters},
+        parameters={name: stepper.lab.Parameter("geom_friction[*][0]", low=0.1, high=1.0) for name in parameters},
         outcomes=[stepper.lab.Outcome(name="slide", measure="body block x", over="change", success="<= 0.2", unit="m")],
         settings={name: {"iterations": 5 + k} for k, name in enumerate(names)},
         seconds=1.2,
@@ -129,6 +133,40 @@ def test_progress_into_a_file_is_written_at_once(capfd):
     assert seen[30] == "sweep: 30 %\n"
 
 
+def test_progress_has_an_estimate_of_the_remaining_time(capfd, monkeypatch):
+    """As long for each part as for those before it; none before the first part and below a second."""
+    clock = iter([0.0, 10.0, 40.0, 400.0, 4000.0])
+    monkeypatch.setattr(time, "monotonic", lambda: next(clock))
+    with progress() as tick:
+        for done in (0.2, 0.4, 0.5, 0.6, 1.0):
+            tick("sweep", done)
+    said = ["sweep: 20 %", "sweep: 40 %, 30 s left", "sweep: 50 %, 67 s left", "sweep: 60 %, 7 min left", "sweep: 100 %"]
+    assert capfd.readouterr().err.splitlines() == said
+
+
+@pytest.mark.parametrize(("command", "words"), [
+    (["compare", "{model}", "--seconds", "0.02", "--envs", "2"], ["hard: 100 %", "MuJoCo's law: 100 %"]),
+    (["explain", "{model}", "--run"], ["run: 100 %", "costs: 100 %"]),
+    (["evaluate", "{policy}", "stepper/Hopper-v5", "--episodes", "2"], ["stepper/Hopper-v5: 100 %"]),
+    (["replay", "{recording}"], ["replay: 100 %"]),
+])  # fmt: skip
+def test_commands_show_their_progress(tmp_path, capfd, command, words):
+    places = {"model": tmp_path / "block.xml", "recording": tmp_path / "run", "policy": tmp_path / "hopper.npz"}
+    places["model"].write_text(BLOCK)
+    if "{recording}" in command:
+        sim = stepper.Stepper(stepper.load(BLOCK))
+        with sim.record(places["recording"]):
+            for _ in range(5):
+                sim.step()
+    if "{policy}" in command:
+        places["policy"].write_bytes((EXAMPLES / "policies/hopper.npz").read_bytes())
+    given_words = [part.format(**places) for part in [*command, *(["--out", str(tmp_path)] if command[0] == "compare" else [])]]
+    application()(given_words, standalone_mode=False)
+    said = capfd.readouterr().err
+    for line in words:
+        assert f"{line}\n" in said
+
+
 def test_progress_into_a_pipe_comes_before_the_end():
     """As `stepper report ... | cat` has it."""
     code = "from stepper.lab.progress import progress\nwith progress() as tick:\n    tick('sweep', 0.5)\n    input()"
@@ -142,7 +180,7 @@ def test_progress_into_a_pipe_comes_before_the_end():
     (["report", "nothing.toml"], "there is no TOML file 'nothing.toml' in "),
     (["sweep", "nothing.py"], "there is no file "),
     (["explain", "nothing.xml"], "there is no model file 'nothing.xml' in "),
-    (["identify", "{model}", "nothing.csv", "-p", "mass:block"], "there is no log file 'nothing.csv' in "),
+    (["identify", "{model}", "nothing.csv", "-p", "body_mass[block]"], "there is no log file 'nothing.csv' in "),
     (["replay", "nothing"], "there is no recording file 'nothing/run.json' in "),
     (["compare", "nothing.xml"], "there is no model file 'nothing.xml' in "),
     (["view", "nothing.xml"], "there is no model file 'nothing.xml' in "),

@@ -17,7 +17,7 @@ def ishigami(now):
 
 
 def of(measure, success=None, **changed):
-    ranges = {name: stepper.lab.Parameter(target="drive", nominal=0.0, low=-np.pi, high=np.pi, unit="rad") for name in "xyz"}
+    ranges = {name: stepper.lab.Parameter("drive", nominal=0.0, low=-np.pi, high=np.pi, unit="rad") for name in "xyz"}
     outcome = stepper.lab.Outcome(name="value", measure=measure, success=success)
     given = {"model": BALL, "name": "known", "outcomes": outcome, "parameters": ranges, "seconds": 0.002, "control": 0.002, "episodes": 1}
     return stepper.lab.Study(**(given | changed))
@@ -71,7 +71,7 @@ def test_the_table_of_a_sweep_stays(tmp_path):
     ("study", "given", "message"),
     [
         (of(ishigami), {"samples": 48}, "samples is 48, must be a power of 2"),
-        (of(ishigami), {"parameters": ["w"]}, "there is no parameter 'w', there are: x, y, z"),
+        (of(ishigami), {"parameters": ["w"]}, "there is no parameter 'w', there are: x, y, z; or give a selector with its range"),
         (of(ishigami), {"parameters": ["x"]}, "1 parameter with low and high, must have two"),
         (of(ishigami), {"setting": "fast"}, "no settings 'fast'"),
         (of(ishigami, outcomes=()), {}, "no outcome"),
@@ -79,7 +79,7 @@ def test_the_table_of_a_sweep_stays(tmp_path):
         (of(ishigami, success="> 1e9"), {"samples": 2}, "as many episodes succeed at all 10 points, 0% of them by value > 1e9, so that no"),
         (of(lambda now: np.log(np.asarray(now.theta["x"], float))), {"samples": 4}, "value is not finite in"),
         (
-            of(ishigami, parameters={"step": stepper.lab.Parameter(target="options.timestep", low=0.001, high=0.002)}),
+            of(ishigami, parameters={"step": stepper.lab.Parameter("options.timestep", low=0.001, high=0.002)}),
             {"parameters": ["step"]},
             "is a setting of the step",
         ),
@@ -104,12 +104,11 @@ episodes = 1
 name = "fall"
 measure = "body ball z"
 [parameters.gravity]
-target = "gravity"
-column = 2
+selector = "gravity[2]"
 low = -10.0
 high = -1.0
 [parameters.mass]
-target = "body_mass"
+selector = "body_mass"
 how = "scale"
 low = 0.5
 high = 2.0

@@ -59,9 +59,9 @@ def tray(**changed):
         "drive": push,
         "outcomes": Outcome(name="slid", measure="body object x", over="change", success="<= 1e-5", unit="m"),
         "parameters": {
-            "push": Parameter(target="drive", nominal=PUSH, low=1.0, high=3.5, unit="N"),
-            "friction": Parameter(target="geom_friction", column=0, low=0.2, high=1.2),
-            "mass": Parameter(target="body_mass", how="scale", low=0.5, high=1.5),
+            "push": Parameter("drive", nominal=PUSH, low=1.0, high=3.5, unit="N"),
+            "friction": Parameter("geom_friction[*][0]", low=0.2, high=1.2),
+            "mass": Parameter("body_mass", how="scale", low=0.5, high=1.5),
         },
         "episodes": 3,
         "seconds": 0.4,
@@ -98,7 +98,7 @@ def test_episodes_that_repeat_one_another_are_no_trials(tmp_path):
 
 
 def test_cliffs_of_values_in_any_order_and_of_any_width(tmp_path):
-    friction = Parameter(target="geom_friction", column=0, values=(1.2, 0.2))
+    friction = Parameter("geom_friction[*][0]", values=(1.2, 0.2))
     push_alone = {"push": tray().parameters["push"]}
     study = tray(parameters=push_alone | {"friction": friction}, episodes=1)
     with Results(study, tmp_path) as results:
@@ -144,9 +144,9 @@ def test_an_environment_of_a_batch_is_the_model_with_its_numbers(tmp_path):
 
 def test_servo_gains_and_element_names():
     parameters = {
-        "stiffness": Parameter(target="kp", names=("servo",), how="scale", low=0.5, high=2.0),
-        "damping": Parameter(target="kd", how="set", low=0.5, high=2.0),
-        "length": Parameter(target="geom_size", names=("arm/rod",), column=1, how="add", low=0.0, high=0.1),
+        "stiffness": Parameter("actuator_kp[servo]", how="scale", low=0.5, high=2.0),
+        "damping": Parameter("actuator_kv", how="set", low=0.5, high=2.0),
+        "length": Parameter("geom_size[arm/rod][1]", how="add", low=0.0, high=0.1),
     }
     world = world_of(Study(model=ARM, parameters=parameters), "stepper", [{"stiffness": 2.0, "damping": 1.5, "length": 0.05}, {}])
     own = world.sim.randomized
@@ -155,10 +155,18 @@ def test_servo_gains_and_element_names():
     np.testing.assert_allclose(own["geom_size"][:, 0, 1], [0.2, 0.15], rtol=1e-15)
 
 
+@pytest.mark.parametrize(("how", "value", "expected"), [("set", 8.0, 8), ("scale", 2.0, 10), ("add", 1.0, 6)])
+def test_a_servo_is_stiffer_by_every_change_of_its_gain(how, value, expected):
+    """Gain and bias change together: a stiffness that is added to is no smaller in the bias."""
+    parameters = {"stiffness": Parameter("actuator_kp", how=how, low=0.5, high=9.0)}
+    made = model_fields(parameters, stepper.load(ARM), [{"stiffness": value}])
+    assert (made["actuator_gain"][0, 0, 0], made["actuator_bias"][0, 0, 1]) == (expected, -expected)
+
+
 @pytest.mark.parametrize("order", [("mass", "inertia"), ("inertia", "mass")])
 def test_masses_and_inertias_vary_together(order):
     targets = {"mass": "body_mass", "inertia": "body_inertia"}
-    parameters = {name: Parameter(target=targets[name], how="scale", low=0.5, high=4.0) for name in order}
+    parameters = {name: Parameter(targets[name], how="scale", low=0.5, high=4.0) for name in order}
     model = stepper.load(ARM)
     made = model_fields(parameters, model, [{"inertia": 4.0}, {"mass": 0.5}, {"inertia": 4.0, "mass": 0.5}, {}])
     # Powers of two: exact.
@@ -185,13 +193,13 @@ def test_a_control_is_held_until_the_next_one(said):
 
 def test_settings_delays_and_errors_of_sensors_vary():
     parameters = {
-        "step": Parameter(target="options.timestep", values=(0.001, 0.01)),
-        "noise": Parameter(target="sensor.noise_std", names=("angle",), low=0.0, high=0.1),
-        "delay": Parameter(target="actuator.delay", low=0.0, high=0.02),
+        "step": Parameter("options.timestep", values=(0.001, 0.01)),
+        "noise": Parameter("sensor.noise_std[angle]", low=0.0, high=0.1),
+        "delay": Parameter("actuator.delay", low=0.0, high=0.02),
     }
 
     def servo(now):
-        return 0.5 - now.sensor("angle")
+        return 0.5 - now.read("sensordata", "angle")
 
     study = Study(model=ARM, drive=servo, parameters=parameters, outcomes=Outcome(name="angle", measure="joint hinge"), episodes=4)
     found = world_of(study, "stepper", [{"step": 0.01, "noise": 0.1, "delay": 0.02}] * 2)
@@ -206,9 +214,9 @@ def test_the_same_episodes_have_the_same_noise_at_every_point(tmp_path):
     study = Study(
         model=ARM,
         sensors=sensors,
-        drive=lambda now: 0.5 - now.sensor("angle"),
+        drive=lambda now: 0.5 - now.read("sensordata", "angle"),
         outcomes=Outcome(name="angle", measure="joint hinge"),
-        parameters={"damping": Parameter(target="dof_damping", how="scale", low=0.5, high=1.5)},
+        parameters={"damping": Parameter("dof_damping", how="scale", low=0.5, high=1.5)},
         episodes=5,
     )
     angles = []
@@ -229,7 +237,7 @@ def test_mujoco_beside(tmp_path):
             Outcome(name="angle", measure="joint hinge"),
             Outcome(name="z", measure="site tip z", over="min"),
         ],
-        parameters={"mass": Parameter(target="body_mass", how="scale", low=0.5, high=1.5)},
+        parameters={"mass": Parameter("body_mass", how="scale", low=0.5, high=1.5)},
         settings={"MuJoCo": {"engine": "mujoco"}, "f32": {"precision": "f32"}},
         options=stepper.Options(timestep=0.001),
         episodes=1,
@@ -258,7 +266,7 @@ def still(**changed):
 
 def test_settings_that_are_compared_fix_what_they_name(tmp_path):
     """Also where a parameter has another nominal value."""
-    parameters = {"iterations": Parameter(target="options.iterations", values=(20, 50), nominal=50)}
+    parameters = {"iterations": Parameter("options.iterations", values=(20, 50), nominal=50)}
     study = still(parameters=parameters, settings={"five": {"iterations": 5}})
     found = swept(study, tmp_path)
     ran = {(row["setting"], row["settings"]["iterations"], row["theta"].get("iterations")) for row in found.table.rows}
@@ -269,10 +277,10 @@ def test_settings_that_are_compared_fix_what_they_name(tmp_path):
 
 def test_nominal_values_that_mujoco_lacks_are_not_asked_of_it(tmp_path):
     parameters = {
-        "noise": Parameter(target="sensor.noise_std", low=0.0, high=0.1, nominal=0.05),
-        "bounce": Parameter(target="geom_restitution", low=0.0, high=1.0, nominal=0.5),
-        "room": Parameter(target="options.max_contacts", values=(10, 20), nominal=20),
-        "rule": Parameter(target="options.integrator", values=("midpoint", "euler"), nominal="midpoint"),
+        "noise": Parameter("sensor.noise_std", low=0.0, high=0.1, nominal=0.05),
+        "bounce": Parameter("geom_restitution", low=0.0, high=1.0, nominal=0.5),
+        "room": Parameter("options.max_contacts", values=(10, 20), nominal=20),
+        "rule": Parameter("options.integrator", values=("midpoint", "euler"), nominal="midpoint"),
     }
     found = stepper.lab.report(still(parameters=parameters, name="alone"), tmp_path)
     assert "MuJoCo" not in found.study.settings
@@ -397,9 +405,9 @@ def servo_with_noise(**changed):
         "model": ARM,
         "name": "servo",
         "sensors": stepper.SensorModel(default=stepper.Transfer(noise_std=0.1)),
-        "drive": lambda now: 0.5 - now.sensor("angle"),
+        "drive": lambda now: 0.5 - now.read("sensordata", "angle"),
         "outcomes": Outcome(name="angle", measure="joint hinge"),
-        "parameters": {"damping": Parameter(target="dof_damping", how="scale", low=0.5, high=1.5)},
+        "parameters": {"damping": Parameter("dof_damping", how="scale", low=0.5, high=1.5)},
         "episodes": 5,
         "seconds": 0.2,
     }
@@ -590,7 +598,7 @@ name = "reached"
 measure = "joint hinge"
 success = ">= 0.3"
 [parameters.goal]
-target = "drive"
+selector = "drive"
 low = 0.1
 high = 0.9
 nominal = 0.8
@@ -654,44 +662,84 @@ def test_wrong_files_say_what_and_where(tmp_path, wrong, message):
 
 
 def test_a_parameter_that_fits_nothing_is_named(tmp_path):
-    for target, names, said in (
-        ("geom_friction", ("foot",), "no geom fits"),
-        ("geom_colour", ("*",), "no field of a model"),
-        ("geom_frictions", ("*",), "can be replaced; did you mean geom_friction"),
-        ("options.timestop", ("*",), r"no setting 'timestop'; did you mean timestep\?"),
-        ("sensors.delay", ("*",), "before the dot must be sensor, actuator or options; did you mean sensor"),
-        ("sensor.delay", ("*",), "no sensor fits"),
-        ("options.speed", ("*",), "settings are"),
+    for selector, said in (
+        ("geom_friction[foot]", "no geom 'foot'"),
+        ("geom_colour", "there is no field 'geom_colour'"),
+        ("geom_frictions", "there is no field 'geom_frictions'; did you mean geom_friction"),
+        ("options.timestop", r"no setting 'timestop'; did you mean timestep\?"),
+        ("sensors.delay", "before the dot must be sensor, actuator or options; did you mean sensor"),
+        ("sensor.delay", "no sensor fits"),
+        ("options.speed", "settings are"),
     ):
         with pytest.raises(ValueError, match=said):
-            stepper.lab.sweep(tray(parameters={"p": Parameter(target=target, names=names, low=0, high=1)}), tmp_path)
+            stepper.lab.sweep(tray(parameters={"p": Parameter(selector, low=0, high=1)}), tmp_path)
 
 
-@pytest.mark.parametrize(("target", "said"), [
+@pytest.mark.parametrize(("selector", "said"), [
     ("sensor.latency", "a Transfer has no number 'latency', it has: scale, scale_std"),
     ("sensor.nois_std", "no number 'nois_std'; did you mean noise_std"),
     ("actuator.dely", "a Drive has no number 'dely'; did you mean delay"),
     ("actuator.servo.kpp", "a PID has no number 'kpp'; did you mean kp"),
     ("actuator.gearbox.kp", "a drive has no 'gearbox', it has: motor, servo"),
 ])  # fmt: skip
-def test_a_number_that_a_sensor_or_drive_lacks_is_named(target, said):
-    study = random_force(parameters={"p": Parameter(target=target, low=0, high=1)})
+def test_a_number_that_a_sensor_or_drive_lacks_is_named(selector, said):
+    study = random_force(parameters={"p": Parameter(selector, low=0, high=1)})
     with pytest.raises(ValueError, match=f"parameter 'p': .*{said}"):
         study.episode()
 
 
 def test_a_choice_among_words_takes_values():
     with pytest.raises(ValueError, match="low is 'hard', must be a number: a choice among words takes values"):
-        Parameter(target="options.contact", low="hard", high="mujoco")
+        Parameter("options.contact", low="hard", high="mujoco")
     with pytest.raises(ValueError, match="which is a choice among words: give values, not low and high"):
-        Parameter(target="options.contact", low=0, high=1)
+        Parameter("options.contact", low=0, high=1)
     with pytest.raises(ValueError, match="low is nan, must be a number"):
-        Parameter(target="drive", low=math.nan, high=1.0)
+        Parameter("drive", low=math.nan, high=1.0)
 
 
 def test_a_drive_that_reads_another_parameter_is_told_which_there_are():
     with pytest.raises(KeyError, match=r"no parameter 'puhs' with a value; did you mean push\? there are: push, mass"):
         tray(drive=lambda now: now.theta["puhs"]).episode()
+
+
+def shove(now):
+    """Pushes the object with 2 N."""
+    now.xfrc_applied[:, 1, 0] = 2.0
+
+
+def test_a_selector_with_a_range_is_a_parameter_of_a_sweep(tmp_path):
+    """The rows are those of a study that has the parameter, to the key."""
+    text = "body_mass[object]=0.5..1.5"
+    own = tray(parameters={"mass": Parameter("body_mass[object]", low=0.5, high=1.5)}, episodes=1, drive=shove)
+    none = tray(parameters={}, episodes=1, drive=shove)
+    one = stepper.lab.sweep(own, tmp_path / "one", cliffs=False).sweep.table.rows
+    other = stepper.lab.sweep(none, tmp_path / "other", parameters=[text], cliffs=False).sweep.table.rows
+    assert [row["outcomes"] for row in one] == [row["outcomes"] for row in other]
+    assert [row["theta"].get("body_mass[object]") for row in other] == [None, 0.5, 0.75, 1.0, 1.25, 1.5]
+    with pytest.raises(ValueError, match=r"no parameter 'mas'; did you mean mass\? there are: mass; or give a selector with its range"):
+        stepper.lab.sweep(own, tmp_path, parameters=["mas"])
+    with pytest.raises(ValueError, match=r"the range is '2', must be two numbers"):
+        stepper.lab.sweep(own, tmp_path, parameters=["gravity[2]=2"])
+
+
+def test_a_study_at_other_values_by_selector():
+    study = tray(parameters={"mass": Parameter("body_mass[object]", how="scale", low=0.5, high=1.5)}, drive=shove)
+    row = study.episode({"mass": 1.5, "geom_friction[*][0]": 0.3})
+    moved = study.at({"mass": 1.5, "geom_friction[*][0]": 0.3})
+    assert moved.nominal == {"mass": 1.5, "geom_friction[*][0]": 0.3}
+    assert moved.episode()["outcomes"] == row["outcomes"] != study.episode()["outcomes"]
+    with pytest.raises(ValueError, match="there is no parameter 'frction'"):
+        study.at({"frction": 0.3})
+    with pytest.raises(ValueError, match="must be a finite number"):
+        study.at({"gravity[2]": "low"})
+
+
+def test_earlier_keys_of_a_parameter_are_named(tmp_path):
+    with pytest.raises(TypeError, match=r"stepper\.lab\.Parameter\(\) takes no 'target': use selector, as 'geom_friction"):
+        Parameter(target="geom_friction", column=0, low=0.1, high=1.0)
+    (tmp_path / "study.toml").write_text(f'model = """{ARM}"""\n[parameters.mu]\ntarget = "geom_friction"\nlow = 0.1\nhigh = 1.0\n')
+    with pytest.raises(ValueError, match="parameter 'mu' has no 'target': use selector, as"):
+        Study.from_file(tmp_path / "study.toml")
 
 
 def test_intervals():
@@ -711,7 +759,7 @@ def test_intervals():
 
 def blind(now):
     """Goes to 0.5 rad by what its sensor says."""
-    return 0.5 + 3.0 * (0.5 - now.sensor("angle"))
+    return 0.5 + 3.0 * (0.5 - now.read("sensordata", "angle"))
 
 
 def judged(tmp_path, **changed):
@@ -762,7 +810,7 @@ def test_softness_is_judged_against_hard_contact_with_nominal_values(tmp_path):
             model=TRAY.replace('pos="0 0 .02"', 'pos="0 0 .12"'),
             name="bounce",
             outcomes=Outcome(name="z", measure="body object z", success=">= 0.05"),
-            parameters={"bounce": Parameter(target="geom_restitution", values=(0.7, 0.9), nominal=0.8)},
+            parameters={"bounce": Parameter("geom_restitution", values=(0.7, 0.9), nominal=0.8)},
             episodes=1,
             seconds=0.25,
             control=0.025,
@@ -807,7 +855,7 @@ def random_force(**changed):
     noise = stepper.SensorModel({"angle": stepper.Transfer(noise_std=0.01)})
     measured = Outcome(name="angle", measure="joint hinge", over="max", success=">= 0.1")
     given = {"model": ARM, "name": "arm", "drive": blind, "outcomes": measured, "sensors": noise, "seconds": 0.3, "qvel_noise": 0.5}
-    gain = Parameter(target="kp", how="scale", low=0.5, high=2.0)
+    gain = Parameter("actuator_kp", how="scale", low=0.5, high=2.0)
     return Study(**(given | {"parameters": {"gain": gain}, "episodes": 3} | changed))
 
 

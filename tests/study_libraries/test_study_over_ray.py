@@ -23,7 +23,7 @@ class Drive:
         return np.full((now.num_envs, 1), GAIN * np.sin(0.7 * self._count))
 
 def angle(now):
-    return now.joint("hinge")[:, 0]
+    return now.read("qpos", "hinge")[:, 0]
 """
 STUDY = """
 model = "arm.xml"
@@ -36,10 +36,10 @@ name = "angle"
 measure = "drive.py:angle"
 success = ">= 0.45"
 [parameters.step]
-target = "options.timestep"
+selector = "options.timestep"
 values = [0.001, 0.002, 0.004]
 [parameters.damping]
-target = "dof_damping"
+selector = "dof_damping"
 low = 0.5
 high = 2.0
 """
@@ -121,7 +121,7 @@ def test_a_tuning_is_that_of_one_process(study, tmp_path, monkeypatch):
 
 
 def test_what_fails_in_a_worker_is_raised_here(study, tmp_path):
-    broken = replace(study, ray=True, outcomes=stepper.lab.Outcome(name="a", measure=lambda now: now.joint("elbow")[:, 0]))
+    broken = replace(study, ray=True, outcomes=stepper.lab.Outcome(name="a", measure=lambda now: now.read("qpos", "elbow")[:, 0]))
     with pytest.raises(KeyError, match="elbow"):
         stepper.lab.sweep(broken, tmp_path)
 

@@ -59,7 +59,7 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
-//! More examples are in `examples/`: a batch with contacts and poses, states, and per-environment parameters.
+//! The folder `examples/` has a controller loop, a batch with contacts and poses, saved states, and per-environment parameters.
 //!
 //! Models come from [`Model::builder`], from a [`model::Description`] that is filled in and finished, or from files. [`Model::load`] reads
 //! the files of the Python package, which imports MJCF and URDF. [`Options::from_model`] returns the settings of such a file. A finished

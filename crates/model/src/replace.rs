@@ -12,143 +12,155 @@ type Visit = fn(&mut Description, &mut dyn FnMut(&mut f64));
 pub struct Field {
     /// Name, in MuJoCo's vocabulary.
     pub name: &'static str,
-    /// What it holds, and its unit.
+    /// Quantity that it holds.
     pub what: &'static str,
+    /// Unit of its numbers; empty where they have none, or several.
+    pub unit: &'static str,
     /// Numbers of every element.
     width: Option<usize>,
     visit: Visit,
 }
 
-const fn scalar(name: &'static str, what: &'static str, visit: Visit) -> Field {
-    Field { name, what, width: None, visit }
+const fn scalar(name: &'static str, what: &'static str, unit: &'static str, visit: Visit) -> Field {
+    Field { name, what, unit, width: None, visit }
 }
 
-const fn rows(name: &'static str, width: usize, what: &'static str, visit: Visit) -> Field {
-    Field { name, what, width: Some(width), visit }
+const fn rows(name: &'static str, width: usize, what: &'static str, unit: &'static str, visit: Visit) -> Field {
+    Field { name, what, unit, width: Some(width), visit }
 }
 
 /// Every field that [`Model::replace`] writes and [`Model::field`] reads.
 pub const REPLACEABLE: &[Field] = &[
-    rows("gravity", 1, "gravitational acceleration, m/s^2", |m, f| m.gravity.iter_mut().for_each(f)),
-    scalar("timestep", "default time step, s", |m, f| f(&mut m.timestep)),
-    rows("qpos0", 1, "configuration at reset", |m, f| m.qpos0.iter_mut().for_each(f)),
-    rows("qpos_spring", 1, "configuration in which springs rest", |m, f| m.qpos_spring.iter_mut().for_each(f)),
-    scalar("density", "density of the medium, kg/m^3", |m, f| f(&mut m.medium.density)),
-    scalar("viscosity", "viscosity of the medium, Pa s", |m, f| f(&mut m.medium.viscosity)),
-    rows("wind", 1, "velocity of the medium, m/s", |m, f| m.medium.wind.iter_mut().for_each(f)),
-    rows("body_gravcomp", 1, "share of its weight that is held up", |m, f| m.bodies.iter_mut().for_each(|b| f(&mut b.gravcomp))),
-    rows("geom_surfacevel", 6, "velocity of the surface, m/s and rad/s", |m, f| each_geom(m, f, |g| &mut g.surface_velocity)),
-    rows("body_mass", 1, "mass, kg", |m, f| each_body(m, f, |b| std::slice::from_mut(&mut b.mass))),
-    rows("body_inertia", 3, "principal moments of inertia, kg m^2", |m, f| each_body(m, f, |b| &mut b.inertia)),
-    rows("body_ipos", 3, "centre of mass in the body's frame, m", |m, f| each_body(m, f, |b| &mut b.ipos)),
-    rows("body_iquat", 4, "orientation of the principal axes", |m, f| each_body(m, f, |b| &mut b.iquat)),
-    rows("body_pos", 3, "position in the parent's frame, m", |m, f| each_body(m, f, |b| &mut b.pos)),
-    rows("body_quat", 4, "orientation in the parent's frame", |m, f| each_body(m, f, |b| &mut b.quat)),
-    rows("geom_friction", 3, "sliding (1), torsional (m), rolling (m) friction", |m, f| each_geom(m, f, |g| &mut g.friction)),
-    rows("geom_restitution", 1, "coefficient of restitution", |m, f| each_geom(m, f, |g| std::slice::from_mut(&mut g.restitution))),
-    rows("geom_margin", 1, "distance at which a contact pushes, m", |m, f| each_geom(m, f, |g| std::slice::from_mut(&mut g.margin))),
-    rows("geom_gap", 1, "distance beyond the margin that is reported, m", |m, f| each_geom(m, f, |g| std::slice::from_mut(&mut g.gap))),
-    rows("geom_solref", 2, "reference acceleration of contacts by MuJoCo's law", |m, f| each_geom(m, f, |g| &mut g.softness.solref)),
-    rows("geom_solimp", 5, "impedance of contacts by MuJoCo's law", |m, f| each_geom(m, f, |g| &mut g.softness.solimp)),
-    rows("geom_solmix", 1, "weight of a geom's softness in a pair", |m, f| each_geom(m, f, |g| std::slice::from_mut(&mut g.solmix))),
-    rows("geom_stiffness", 1, "stiffness of the surface, N/m; infinity is rigid", |m, f| {
+    rows("gravity", 1, "gravitational acceleration", "m/s^2", |m, f| m.gravity.iter_mut().for_each(f)),
+    scalar("timestep", "default time step", "s", |m, f| f(&mut m.timestep)),
+    rows("qpos0", 1, "configuration at reset", "m or rad", |m, f| m.qpos0.iter_mut().for_each(f)),
+    rows("qpos_spring", 1, "configuration in which springs rest", "m or rad", |m, f| m.qpos_spring.iter_mut().for_each(f)),
+    scalar("density", "density of the medium", "kg/m^3", |m, f| f(&mut m.medium.density)),
+    scalar("viscosity", "viscosity of the medium", "Pa s", |m, f| f(&mut m.medium.viscosity)),
+    rows("wind", 1, "velocity of the medium", "m/s", |m, f| m.medium.wind.iter_mut().for_each(f)),
+    rows("body_gravcomp", 1, "share of its weight that is held up", "", |m, f| m.bodies.iter_mut().for_each(|b| f(&mut b.gravcomp))),
+    rows("geom_surfacevel", 6, "velocity of the surface", "m/s and rad/s", |m, f| each_geom(m, f, |g| &mut g.surface_velocity)),
+    rows("body_mass", 1, "mass", "kg", |m, f| each_body(m, f, |b| std::slice::from_mut(&mut b.mass))),
+    rows("body_inertia", 3, "principal moments of inertia", "kg m^2", |m, f| each_body(m, f, |b| &mut b.inertia)),
+    rows("body_ipos", 3, "centre of mass in the body's frame", "m", |m, f| each_body(m, f, |b| &mut b.ipos)),
+    rows("body_iquat", 4, "orientation of the principal axes", "", |m, f| each_body(m, f, |b| &mut b.iquat)),
+    rows("body_pos", 3, "position in the parent's frame", "m", |m, f| each_body(m, f, |b| &mut b.pos)),
+    rows("body_quat", 4, "orientation in the parent's frame", "", |m, f| each_body(m, f, |b| &mut b.quat)),
+    rows("geom_friction", 3, "sliding (1), torsional (m), rolling (m) friction", "1, m, m", |m, f| each_geom(m, f, |g| &mut g.friction)),
+    rows("geom_restitution", 1, "coefficient of restitution", "", |m, f| each_geom(m, f, |g| std::slice::from_mut(&mut g.restitution))),
+    rows("geom_margin", 1, "distance at which a contact pushes", "m", |m, f| each_geom(m, f, |g| std::slice::from_mut(&mut g.margin))),
+    rows("geom_gap", 1, "distance beyond the margin that is reported", "m", |m, f| each_geom(m, f, |g| std::slice::from_mut(&mut g.gap))),
+    rows("geom_solref", 2, "reference acceleration of contacts by MuJoCo's law", "", |m, f| each_geom(m, f, |g| &mut g.softness.solref)),
+    rows("geom_solimp", 5, "impedance of contacts by MuJoCo's law", "", |m, f| each_geom(m, f, |g| &mut g.softness.solimp)),
+    rows("geom_solmix", 1, "weight of a geom's softness in a pair", "", |m, f| each_geom(m, f, |g| std::slice::from_mut(&mut g.solmix))),
+    rows("geom_stiffness", 1, "stiffness of the surface; infinity is rigid", "N/m", |m, f| {
         each_geom(m, f, |g| std::slice::from_mut(&mut g.spring.stiffness))
     }),
-    rows("geom_damping", 1, "damping of the surface, N s/m", |m, f| each_geom(m, f, |g| std::slice::from_mut(&mut g.spring.damping))),
-    rows("pair_dim", 1, "rows of an explicit pair's contacts", |m, f| m.pairs.iter_mut().for_each(|p| whole(&mut p.condim, f))),
-    rows("pair_friction", 3, "sliding (1), torsional (m), rolling (m) friction of an explicit pair", |m, f| {
+    rows("geom_damping", 1, "damping of the surface", "N s/m", |m, f| each_geom(m, f, |g| std::slice::from_mut(&mut g.spring.damping))),
+    rows("pair_dim", 1, "rows of an explicit pair's contacts", "", |m, f| m.pairs.iter_mut().for_each(|p| whole(&mut p.condim, f))),
+    rows("pair_friction", 3, "sliding (1), torsional (m), rolling (m) friction of an explicit pair", "1, m, m", |m, f| {
         each_pair(m, f, |p| &mut p.friction)
     }),
     rows(
         "pair_anisotropy",
         2,
         "friction along the second tangent per that along the first, of sliding and rolling, by MuJoCo's law",
+        "",
         |m, f| each_pair(m, f, |p| &mut p.anisotropy),
     ),
-    rows("pair_restitution", 1, "coefficient of restitution of an explicit pair", |m, f| {
+    rows("pair_restitution", 1, "coefficient of restitution of an explicit pair", "", |m, f| {
         each_pair(m, f, |p| std::slice::from_mut(&mut p.restitution))
     }),
-    rows("pair_margin", 1, "distance at which an explicit pair's contact pushes, m", |m, f| {
+    rows("pair_margin", 1, "distance at which an explicit pair's contact pushes", "m", |m, f| {
         each_pair(m, f, |p| std::slice::from_mut(&mut p.margin))
     }),
-    rows("pair_gap", 1, "distance beyond the margin of an explicit pair that is reported, m", |m, f| {
+    rows("pair_gap", 1, "distance beyond the margin of an explicit pair that is reported", "m", |m, f| {
         each_pair(m, f, |p| std::slice::from_mut(&mut p.gap))
     }),
-    rows("pair_solref", 2, "reference acceleration of an explicit pair's contacts by MuJoCo's law", |m, f| {
+    rows("pair_solref", 2, "reference acceleration of an explicit pair's contacts by MuJoCo's law", "", |m, f| {
         each_pair(m, f, |p| &mut p.softness.solref)
     }),
     rows(
         "pair_solreffriction",
         2,
         "stiffness and damping of an explicit pair's friction by MuJoCo's law; zeros where it is that of the normal",
+        "",
         |m, f| each_pair(m, f, |p| &mut p.solref_friction),
     ),
-    rows("pair_solimp", 5, "impedance of an explicit pair's contacts by MuJoCo's law", |m, f| each_pair(m, f, |p| &mut p.softness.solimp)),
-    rows("pair_stiffness", 1, "stiffness of an explicit pair's contacts, N/m; infinity is rigid", |m, f| {
+    rows("pair_solimp", 5, "impedance of an explicit pair's contacts by MuJoCo's law", "", |m, f| {
+        each_pair(m, f, |p| &mut p.softness.solimp)
+    }),
+    rows("pair_stiffness", 1, "stiffness of an explicit pair's contacts; infinity is rigid", "N/m", |m, f| {
         each_pair(m, f, |p| std::slice::from_mut(&mut p.spring.stiffness))
     }),
-    rows("pair_damping", 1, "damping of an explicit pair's contacts, N s/m", |m, f| {
+    rows("pair_damping", 1, "damping of an explicit pair's contacts", "N s/m", |m, f| {
         each_pair(m, f, |p| std::slice::from_mut(&mut p.spring.damping))
     }),
-    rows("geom_size", 3, "radius, half length; or half sizes; or semi-axes; 0 where the shape has no number; m", |m, f| {
+    rows("geom_size", 3, "radius, half length; or half sizes; or semi-axes; 0 where the shape has no number", "m", |m, f| {
         m.geoms.iter_mut().for_each(|g| size(g, f));
     }),
-    rows("geom_pos", 3, "position in the body's frame, m", |m, f| each_geom(m, f, |g| &mut g.pos)),
-    rows("geom_quat", 4, "orientation in the body's frame", |m, f| each_geom(m, f, |g| &mut g.quat)),
-    rows("geom_condim", 1, "rows of a contact", |m, f| m.geoms.iter_mut().for_each(|g| whole(&mut g.condim, f))),
-    rows("geom_concave", 1, "whether a mesh collides as its triangles (1) or as its convex hull (0)", |m, f| {
+    rows("geom_pos", 3, "position in the body's frame", "m", |m, f| each_geom(m, f, |g| &mut g.pos)),
+    rows("geom_quat", 4, "orientation in the body's frame", "", |m, f| each_geom(m, f, |g| &mut g.quat)),
+    rows("geom_condim", 1, "rows of a contact", "", |m, f| m.geoms.iter_mut().for_each(|g| whole(&mut g.condim, f))),
+    rows("geom_concave", 1, "whether a mesh collides as its triangles (1) or as its convex hull (0)", "", |m, f| {
         m.geoms.iter_mut().for_each(|g| match &mut g.shape {
             Shape::Mesh { concave, .. } => flag(concave, f),
             _ => flag(&mut false, f),
         });
     }),
-    rows("jnt_stiffness", 1, "spring stiffness, N/m or N m/rad", |m, f| m.joints.iter_mut().for_each(|j| f(&mut j.stiffness))),
-    rows("jnt_range", 2, "lowest and highest position, m or rad", |m, f| m.joints.iter_mut().for_each(|j| bounds(&mut j.range, f))),
-    rows("jnt_actfrcrange", 2, "bounds of the sum of actuator forces, N or N m", |m, f| {
+    rows("jnt_stiffness", 1, "spring stiffness", "N/m or N m/rad", |m, f| m.joints.iter_mut().for_each(|j| f(&mut j.stiffness))),
+    rows("jnt_range", 2, "lowest and highest position", "m or rad", |m, f| m.joints.iter_mut().for_each(|j| bounds(&mut j.range, f))),
+    rows("jnt_actfrcrange", 2, "bounds of the sum of actuator forces", "N or N m", |m, f| {
         m.joints.iter_mut().for_each(|j| bounds(&mut j.actuator_force_range, f));
     }),
-    rows("jnt_velocity_limit", 1, "highest speed that the source allows, rad/s or m/s, not enforced; infinity is none", |m, f| {
+    rows("jnt_velocity_limit", 1, "highest speed that the source allows, not enforced; infinity is none", "rad/s or m/s", |m, f| {
         m.joints.iter_mut().for_each(|j| bound(&mut j.velocity_limit, f));
     }),
-    rows("jnt_solref", 2, "reference acceleration of limits by MuJoCo's law", |m, f| each_joint(m, f, |j| &mut j.limit_softness.solref)),
-    rows("jnt_solimp", 5, "impedance of limits by MuJoCo's law", |m, f| each_joint(m, f, |j| &mut j.limit_softness.solimp)),
-    rows("dof_damping", 1, "viscous damping, N s/m or N m s/rad", |m, f| each_dof(m, f, |j| &mut j.damping)),
-    rows("dof_armature", 1, "added inertia, kg or kg m^2", |m, f| each_dof(m, f, |j| &mut j.armature)),
-    rows("dof_frictionloss", 1, "dry friction, N or N m", |m, f| each_dof(m, f, |j| &mut j.frictionloss)),
-    rows("dof_solref", 2, "reference acceleration of dry friction by MuJoCo's law", |m, f| {
+    rows("jnt_solref", 2, "reference acceleration of limits by MuJoCo's law", "", |m, f| {
+        each_joint(m, f, |j| &mut j.limit_softness.solref)
+    }),
+    rows("jnt_solimp", 5, "impedance of limits by MuJoCo's law", "", |m, f| each_joint(m, f, |j| &mut j.limit_softness.solimp)),
+    rows("dof_damping", 1, "viscous damping", "N s/m or N m s/rad", |m, f| each_dof(m, f, |j| &mut j.damping)),
+    rows("dof_armature", 1, "added inertia", "kg or kg m^2", |m, f| each_dof(m, f, |j| &mut j.armature)),
+    rows("dof_frictionloss", 1, "dry friction", "N or N m", |m, f| each_dof(m, f, |j| &mut j.frictionloss)),
+    rows("dof_solref", 2, "reference acceleration of dry friction by MuJoCo's law", "", |m, f| {
         each_dofs(m, f, |j| &mut j.friction_softness.solref)
     }),
-    rows("dof_solimp", 5, "impedance of dry friction by MuJoCo's law", |m, f| each_dofs(m, f, |j| &mut j.friction_softness.solimp)),
-    rows("tendon_range", 2, "lowest and highest length", |m, f| m.tendons.iter_mut().for_each(|t| bounds(&mut t.range, f))),
-    rows("tendon_stiffness", 1, "spring stiffness", |m, f| each_tendon(m, f, |t| std::slice::from_mut(&mut t.stiffness))),
-    rows("tendon_lengthspring", 2, "lengths between which the spring is slack", |m, f| each_tendon(m, f, |t| &mut t.spring_length)),
-    rows("tendon_damping", 1, "viscous damping", |m, f| each_tendon(m, f, |t| std::slice::from_mut(&mut t.damping))),
-    rows("tendon_armature", 1, "added inertia", |m, f| each_tendon(m, f, |t| std::slice::from_mut(&mut t.armature))),
-    rows("tendon_frictionloss", 1, "dry friction, N", |m, f| each_tendon(m, f, |t| std::slice::from_mut(&mut t.frictionloss))),
-    rows("eq_active0", 1, "1 for an equality that acts, else 0", |m, f| m.equalities.iter_mut().for_each(|e| flag(&mut e.active, f))),
-    rows("eq_data", 11, "anchors, pose and torquescale, or polynomial, as MuJoCo lays them out", |m, f| {
+    rows("dof_solimp", 5, "impedance of dry friction by MuJoCo's law", "", |m, f| each_dofs(m, f, |j| &mut j.friction_softness.solimp)),
+    rows("tendon_range", 2, "lowest and highest length", "", |m, f| m.tendons.iter_mut().for_each(|t| bounds(&mut t.range, f))),
+    rows("tendon_stiffness", 1, "spring stiffness", "", |m, f| each_tendon(m, f, |t| std::slice::from_mut(&mut t.stiffness))),
+    rows("tendon_lengthspring", 2, "lengths between which the spring is slack", "", |m, f| each_tendon(m, f, |t| &mut t.spring_length)),
+    rows("tendon_damping", 1, "viscous damping", "", |m, f| each_tendon(m, f, |t| std::slice::from_mut(&mut t.damping))),
+    rows("tendon_armature", 1, "added inertia", "", |m, f| each_tendon(m, f, |t| std::slice::from_mut(&mut t.armature))),
+    rows("tendon_frictionloss", 1, "dry friction", "N", |m, f| each_tendon(m, f, |t| std::slice::from_mut(&mut t.frictionloss))),
+    rows("eq_active0", 1, "1 for an equality that acts, else 0", "", |m, f| m.equalities.iter_mut().for_each(|e| flag(&mut e.active, f))),
+    rows("eq_data", 11, "anchors, pose and torquescale, or polynomial, as MuJoCo lays them out", "", |m, f| {
         for equality in &mut m.equalities {
             let mut data = equality.data();
             data.iter_mut().for_each(&mut *f);
             equality.set_data(&data);
         }
     }),
-    rows("eq_solref", 2, "reference acceleration of equalities by MuJoCo's law", |m, f| each_equality(m, f, |e| &mut e.softness.solref)),
-    rows("eq_solimp", 5, "impedance of equalities by MuJoCo's law", |m, f| each_equality(m, f, |e| &mut e.softness.solimp)),
-    rows("eq_stiffness", 1, "infinity for a hard equality, else a spring's", |m, f| {
+    rows("eq_solref", 2, "reference acceleration of equalities by MuJoCo's law", "", |m, f| {
+        each_equality(m, f, |e| &mut e.softness.solref)
+    }),
+    rows("eq_solimp", 5, "impedance of equalities by MuJoCo's law", "", |m, f| each_equality(m, f, |e| &mut e.softness.solimp)),
+    rows("eq_stiffness", 1, "infinity for a hard equality, else a spring's", "", |m, f| {
         m.equalities.iter_mut().for_each(|e| f(&mut e.stiffness))
     }),
-    rows("eq_damping", 1, "damping beside the spring of a soft equality", |m, f| m.equalities.iter_mut().for_each(|e| f(&mut e.damping))),
-    scalar("impratio", "ratio of the impedance of friction to that of normal forces by MuJoCo's law", |m, f| f(&mut m.soft.impratio)),
-    scalar("noslip_iterations", "sweeps at the most that take the slip out of friction by MuJoCo's law", |m, f| {
+    rows("eq_damping", 1, "damping beside the spring of a soft equality", "", |m, f| {
+        m.equalities.iter_mut().for_each(|e| f(&mut e.damping))
+    }),
+    scalar("impratio", "ratio of the impedance of friction to that of normal forces by MuJoCo's law", "", |m, f| f(&mut m.soft.impratio)),
+    scalar("noslip_iterations", "sweeps at the most that take the slip out of friction by MuJoCo's law", "", |m, f| {
         whole(&mut m.soft.noslip.iterations, f);
     }),
-    scalar("noslip_tolerance", "relative improvement at which the noslip sweeps stop", |m, f| f(&mut m.soft.noslip.tolerance)),
-    rows("actuator_gear", 1, "scale of length, velocity and force", |m, f| m.actuators.iter_mut().for_each(|a| f(&mut a.gear))),
-    rows("actuator_gain", 3, "affine gain", |m, f| m.actuators.iter_mut().flat_map(|a| &mut a.gain).for_each(f)),
-    rows("actuator_bias", 3, "affine bias", |m, f| m.actuators.iter_mut().flat_map(|a| &mut a.bias).for_each(f)),
-    rows("actuator_ctrlrange", 2, "bounds of the control", |m, f| m.actuators.iter_mut().for_each(|a| bounds(&mut a.ctrl_range, f))),
-    rows("actuator_forcerange", 2, "bounds of the force, N or N m", |m, f| {
+    scalar("noslip_tolerance", "relative improvement at which the noslip sweeps stop", "", |m, f| f(&mut m.soft.noslip.tolerance)),
+    rows("actuator_gear", 1, "scale of length, velocity and force", "", |m, f| m.actuators.iter_mut().for_each(|a| f(&mut a.gear))),
+    rows("actuator_gain", 3, "affine gain", "", |m, f| m.actuators.iter_mut().flat_map(|a| &mut a.gain).for_each(f)),
+    rows("actuator_bias", 3, "affine bias", "", |m, f| m.actuators.iter_mut().flat_map(|a| &mut a.bias).for_each(f)),
+    rows("actuator_ctrlrange", 2, "bounds of the control", "", |m, f| m.actuators.iter_mut().for_each(|a| bounds(&mut a.ctrl_range, f))),
+    rows("actuator_forcerange", 2, "bounds of the force", "N or N m", |m, f| {
         m.actuators.iter_mut().for_each(|a| bounds(&mut a.force_range, f));
     }),
 ];
@@ -271,6 +283,15 @@ fn flag(set: &mut bool, f: &mut dyn FnMut(&mut f64)) {
 }
 
 impl Field {
+    /// Quantity and unit in words: "mass, kg".
+    pub fn meaning(&self) -> String {
+        // Several units are in the words already.
+        match self.unit {
+            "" | "1, m, m" => self.what.to_owned(),
+            unit => format!("{}, {unit}", self.what),
+        }
+    }
+
     /// Its shape in words: "(ngeom, 3)"; empty for a scalar.
     pub fn axes(&self) -> String {
         let width = match self.width {
@@ -386,7 +407,7 @@ pub(super) fn write(model: &mut Description, field: &Field, values: &[f64]) -> R
     if values.len() != count {
         let shape = field.shape(model);
         let what = format!("got {} numbers for shape {shape:?}", values.len());
-        return Err(ModelError::invalid(field.place(), what, format!("give {count} numbers, {}", field.what)));
+        return Err(ModelError::invalid(field.place(), what, format!("give {count} numbers, {}", field.meaning())));
     }
     let mut next = values.iter();
     (field.visit)(model, &mut |x| *x = *next.next().expect("as many as were counted"));

@@ -1,9 +1,21 @@
 //! Arguments as Python gives them: whole numbers and environments.
 
-use pyo3::exceptions::PyOverflowError;
+use pyo3::exceptions::{PyOverflowError, PyTypeError};
 use pyo3::prelude::*;
+use pyo3::types::PyDict;
 
 use crate::array::whole;
+
+/// Error of the first keyword that a call does not take, with its present name or similar ones.
+///
+/// # Errors
+/// `TypeError` if there is such a keyword.
+pub(crate) fn no_others(call: &str, others: Option<&Bound<'_, PyDict>>, known: &[&str]) -> PyResult<()> {
+    let Some((name, _)) = others.and_then(|others| others.iter().next()) else { return Ok(()) };
+    let hints = name.py().import("stepper._hints")?;
+    let text: String = hints.call_method1("unknown_keyword", (call, &name, known.to_vec()))?.extract()?;
+    Err(PyTypeError::new_err(text))
+}
 
 /// A whole number as it was given; the common case costs no import.
 #[derive(FromPyObject)]

@@ -28,6 +28,7 @@ fn _stepper(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add("__version__", env!("CARGO_PKG_VERSION"))?;
     m.add_function(wrap_pyfunction!(cpu_levels, m)?)?;
     m.add_function(wrap_pyfunction!(selected, m)?)?;
+    m.add_function(wrap_pyfunction!(model::fields, m)?)?;
     Ok(())
 }
 

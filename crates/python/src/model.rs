@@ -12,7 +12,7 @@ use serde::de::DeserializeOwned;
 use stepper_core::analysis::contact_stiffness::{EquivalentSpring, equivalent_springs};
 use stepper_core::analysis::overlaps;
 use stepper_core::model::{Description, Field, HeightField, Keyframe, Mesh, Model as Core, Overlap, REPLACEABLE, Sensor};
-use stepper_core::{Integrator, Options, Precision};
+use stepper_core::{Integrator, Options, Parameter, Precision};
 
 use crate::array::{array, assign_attribute, check_shape, check_shape_of, hint, read_only, readonly, unknown_field, whole};
 use crate::configurations;
@@ -31,11 +31,19 @@ pub(crate) struct Model {
 
 /// "Mass, kg: (nbody,)."
 fn describe(field: &Field) -> String {
-    let mut letters = field.what.chars();
+    let meaning = field.meaning();
+    let mut letters = meaning.chars();
     let first = letters.next().into_iter().flat_map(char::to_uppercase);
     let axes = field.axes();
     let end = if axes.is_empty() { String::new() } else { format!(": {axes}") };
     first.chain(letters).collect::<String>() + &end + "."
+}
+
+/// Fields that `Model.replace` takes: name, shape ("(ngeom, 3)"), quantity, unit, and whether `Stepper.randomize` takes it.
+#[pyfunction]
+pub(crate) fn fields() -> Vec<(&'static str, String, &'static str, &'static str, bool)> {
+    let row = |field: &Field| (field.name, field.axes(), field.what, field.unit, field.name.parse::<Parameter>().is_ok());
+    REPLACEABLE.iter().map(row).collect()
 }
 
 /// Gives the class an attribute for every field that `replace` takes.
@@ -176,7 +184,16 @@ impl Model {
         in_python(overlaps::explain(&self.core))
     }
 
-    /// A new model with other values in some fields, e.g. `geom_restitution=` (ngeom,); what derives from a field follows.
+    /// A new model with other values in some fields; what derives from a field follows.
+    ///
+    ///     model.replace(geom_restitution=[0.2, 0.8])  # (ngeom,)
+    ///     model.replace({"geom_friction[floor,box][0]": 0.5})
+    ///
+    /// Args:
+    ///     values: Values by selector, `field[names][columns]` (docs/reference/what_can_vary.md); other numbers of these
+    ///         fields stay as they are. The
+    ///         shape is that of the selected numbers: one name or index and one column have no axis. A single number is for all of them.
+    ///     **fields: Whole fields, in the shape that the model has them.
     ///
     /// Contacts of an explicit pair use the fields of the pair (pair_friction, pair_restitution, ...) and ignore those of its geoms. A new
     /// geom_friction, geom_restitution, geom_margin, geom_gap, geom_condim, geom_solref, geom_solimp, geom_solmix, geom_stiffness or
@@ -187,12 +204,20 @@ impl Model {
     ///     ValueError: A wrong shape.
     ///     ModelError: An unknown field, values that the model cannot have, or values of a geom that an explicit pair overrides, with the
     ///         pair.
-    #[pyo3(signature = (**fields))]
-    fn replace(&self, fields: Option<&Bound<'_, PyDict>>) -> PyResult<Self> {
+    #[pyo3(signature = (values=None, /, **fields))]
+    fn replace(slf: &Bound<'_, Self>, values: Option<Bound<'_, PyAny>>, fields: Option<Bound<'_, PyDict>>) -> PyResult<Self> {
+        let fields = match values {
+            None => fields,
+            Some(values) => {
+                let selectors = slf.py().import("stepper.shared.selectors")?;
+                Some(selectors.call_method1("replaced_fields", (slf, values, fields))?.cast_into::<PyDict>()?)
+            }
+        };
+        let this = slf.get();
         let mut values = Vec::new();
         for (name, given) in fields.into_iter().flatten() {
             let name: String = name.extract()?;
-            let Some((shape, _)) = self.core.field(&name) else {
+            let Some((shape, _)) = this.core.field(&name) else {
                 let known = REPLACEABLE.iter().map(|field| field.name).collect();
                 return Err(unknown_field(given.py(), "Model.replace", &name, known, "help(stepper.Model)")?);
             };
@@ -206,7 +231,7 @@ impl Model {
         }
         // Together, because fields need only fit each other in the end.
         let values: Vec<(&str, &[f64])> = values.iter().map(|(name, x)| (name.as_str(), x.as_slice())).collect();
-        let core = self.core.replace_all(&values).map_err(to_py)?;
+        let core = this.core.replace_all(&values).map_err(to_py)?;
         Ok(Self::of(core))
     }
 

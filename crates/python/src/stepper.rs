@@ -24,9 +24,10 @@ use std::ops::{Deref, DerefMut};
 use numpy::{PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArray, PyUntypedArrayMethods};
 use pyo3::exceptions::{PyIndexError, PyRuntimeError, PyTypeError};
 use pyo3::prelude::*;
+use pyo3::types::PyDict;
 use stepper_core::{Precision, Simulation};
 
-use crate::arguments::{Env, Whole};
+use crate::arguments::{Env, Whole, no_others};
 use crate::array::{assign_attribute, check_shape_of, described, hint, read_only, readonly, whole};
 use crate::derived_arrays::DerivedArrays;
 use crate::device_models::{drives, transfers};
@@ -177,7 +178,7 @@ const BUSY: &str =
 #[pymethods]
 impl Stepper {
     #[new]
-    #[pyo3(signature = (model, num_envs=None, *, options=None, precision="f64", threads=Whole::Number(1), seed=Whole::Number(0), sensors=None, actuators=None), text_signature = "(model, num_envs=None, *, options=None, precision='f64', threads=1, seed=0, sensors=None, actuators=None)")]
+    #[pyo3(signature = (model, num_envs=None, *, options=None, precision="f64", threads=Whole::Number(1), seed=Whole::Number(0), sensors=None, actuators=None, **others), text_signature = "(model, num_envs=None, *, options=None, precision='f64', threads=1, seed=0, sensors=None, actuators=None)")]
     #[expect(clippy::too_many_arguments, reason = "Python's keywords")]
     fn new(
         py: Python<'_>,
@@ -189,7 +190,10 @@ impl Stepper {
         seed: Whole<'_>,
         sensors: Option<Bound<'_, PyAny>>,
         actuators: Option<Bound<'_, PyAny>>,
+        others: Option<&Bound<'_, PyDict>>,
     ) -> PyResult<Self> {
+        let known = ["model", "num_envs", "options", "precision", "threads", "seed", "sensors", "actuators"];
+        no_others("stepper.Stepper", others, &known)?;
         let Ok(model) = model.cast::<Model>().map(|model| model.clone().unbind()) else {
             let message = format!("model is {}, must be a stepper.Model: stepper.load(...) makes one of it", described(&model));
             return Err(PyTypeError::new_err(message));

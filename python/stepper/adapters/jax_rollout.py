@@ -1,4 +1,4 @@
-"""Rollouts of a stepper as a function of JAX that has a derivative (docs/derivatives.md)."""
+"""Rollouts of a stepper as a function of JAX that has a derivative (docs/how-to/derivatives.md)."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def rollout(
     Args:
         sim: The stepper; what is made of it begins with a copy, which has all but the state from it.
         nstep: Steps that each control is held.
-        parameters: Fields of `Stepper.randomize` to differentiate by.
+        parameters: Parameters to differentiate by, as selectors.
         every: Controls between two checkpoints, see `stepper.derivatives.rollout`.
         sensors: Whether readings of ideal sensors are wanted.
         **settings: Those of `stepper.derivatives.Rollout.vjp`: `smoothing`, `step`, `tolerance`, `centered` and `extrapolate`.
@@ -41,7 +41,7 @@ def rollout(
         TypeError for another number of arrays, and for one that is neither float32 nor float64.
 
     Raises:
-        TypeError, ValueError, KeyError: `parameters` that are no fields of the stepper's model.
+        TypeError, ValueError: `parameters` that are no selectors of the stepper's model.
     """
     check_parameters(sim.model, parameters)
     original = copy.deepcopy(sim)
@@ -51,7 +51,7 @@ def rollout(
     def made(ctrl: Any, qpos: Any, qvel: Any, act: Any, *own: Any) -> Rollout:
         plant = copy.deepcopy(original)
         if own:
-            plant.randomize(**{name: np.asarray(value, np.float64) for name, value in zip(parameters, own, strict=True)})
+            plant.randomize({name: np.asarray(value, np.float64) for name, value in zip(parameters, own, strict=True)})
         plant.set_state(np.asarray(qpos, np.float64), np.asarray(qvel, np.float64), act=np.asarray(act, np.float64))
         return make(plant, np.asarray(ctrl, np.float64), nstep, parameters=parameters, every=every, sensors=sensors)
 

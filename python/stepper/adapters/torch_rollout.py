@@ -1,4 +1,4 @@
-"""Rollouts of a stepper as a function of PyTorch that has a derivative (docs/derivatives.md)."""
+"""Rollouts of a stepper as a function of PyTorch that has a derivative (docs/how-to/derivatives.md)."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def rollout(
         qpos: Configuration to begin with, (num_envs, nq); None is the stepper's. A state that is given begins without the memory of drives.
         qvel: Velocity, (num_envs, nv); None is the stepper's.
         act: Activations, (num_envs, na); None is the stepper's.
-        parameters: Fields of `Stepper.randomize`, each (num_envs, ...).
+        parameters: Values by selector, as `Stepper.randomize` takes them, each (num_envs, ...).
         every: Controls between two checkpoints, see `stepper.derivatives.rollout`.
         sensors: Whether readings of ideal sensors are wanted.
         **settings: Those of `stepper.derivatives.Rollout.vjp`: `smoothing`, `step`, `tolerance`, `centered` and `extrapolate`.
@@ -94,7 +94,7 @@ class _Plan(NamedTuple):
         """The rollout of arrays; None is the stepper's own."""
         plant = copy.deepcopy(self.sim)
         if parameters:
-            plant.randomize(**dict(zip(self.parameters, parameters, strict=True)))
+            plant.randomize(dict(zip(self.parameters, parameters, strict=True)))
         given = {name: value for name, value in zip(STATE, state, strict=True) if value is not None}
         if given:
             plant.set_state(**given)

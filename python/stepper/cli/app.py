@@ -6,20 +6,20 @@ import sys
 from typing import TYPE_CHECKING
 
 from stepper._stepper import ModelError
-from stepper.cli import chart, compare, demo, evaluate, explain, identify, rank, replay, report, sweep, tune, view
+from stepper.cli import chart, compare, demo, doctor, evaluate, explain, identify, rank, replay, report, sweep, tune, view
 from stepper.shared.files import in_words
 from stepper.shared.machine import require
 
 if TYPE_CHECKING:
     from typer import Typer
 
-COMMANDS = (demo, chart, compare, explain, report, sweep, rank, tune, evaluate, identify, replay, view)
+COMMANDS = (demo, chart, compare, explain, report, sweep, rank, tune, evaluate, identify, replay, view, doctor)
 
 
 def application() -> Typer:
     """The commands with their options. Made here because typer is optional."""
     typer = require("typer", "for the command line")
-    app: Typer = typer.Typer(help=__doc__, add_completion=False, no_args_is_help=True, pretty_exceptions_enable=False)
+    app: Typer = typer.Typer(help=__doc__, no_args_is_help=True, pretty_exceptions_enable=False)
     for command in COMMANDS:
         command.register(app, typer)
     return app

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING
 
-from stepper.cli.options import OUT, RAY_RUNS, of_source
+from stepper.cli.options import OUT, RAY_RUNS, VALUES, of_source
 from stepper.lab.accuracy import chart as run
 from stepper.lab.engine_chart import SCENES, Effort, charts
 from stepper.lab.progress import progress, show_files
@@ -15,7 +16,18 @@ if TYPE_CHECKING:
     from typer import Typer
 
 
-def chart(scene: str, out: Path, *, quick: bool, horizon: str | None, angle: bool, episodes: int, budget: str | None, ray: bool) -> None:
+def chart(
+    scene: str,
+    out: Path,
+    *,
+    quick: bool,
+    horizon: str | None,
+    angle: bool,
+    episodes: int,
+    budget: str | None,
+    ray: bool,
+    values: Sequence[str] = (),
+) -> None:
     """Error against cost: time steps, integrators, solvers, precisions, laws of contact, MuJoCo and rapier, on your model or study.
 
     Or on a built-in scene whose right answer is known. Of a model, what is right is converged by the command itself, which says how well it
@@ -26,8 +38,8 @@ def chart(scene: str, out: Path, *, quick: bool, horizon: str | None, angle: boo
     """
     names = list(SCENES)
     if scene in (*names, "all"):
-        if ray or budget:
-            which = "--ray" if ray else "--budget"
+        if ray or budget or values:
+            which = "--ray" if ray else "--budget" if budget else "--values"
             raise ValueError(
                 f'"{scene}" is of the built-in scenes, which run in this process to their end; {which} is for models and studies'
             )
@@ -38,7 +50,7 @@ def chart(scene: str, out: Path, *, quick: bool, horizon: str | None, angle: boo
     if not Path(scene).exists():
         raise ValueError(f'there is no file and no scene "{scene}"; scenes are: {", ".join(names)}, all')
     with progress() as tick:
-        source = of_source(scene, ray=ray)
+        source = of_source(scene, ray=ray, values=values)
         unit = "rad" if angle else "m"
         found = run(source, out, horizon=horizon, unit=unit, episodes=episodes, quick=quick, budget=budget, tick=tick)
     print(found.document.markdown())
@@ -49,6 +61,7 @@ def register(app: Typer, typer: ModuleType) -> None:
     """Adds the command."""
     folder = typer.Option("out", "--out", help=OUT)
     over = typer.Option(False, "--ray", help=RAY_RUNS)
+    chosen = typer.Option([], "--values", help=VALUES)
 
     @app.command("chart", help=chart.__doc__)
     def _(
@@ -62,6 +75,7 @@ def register(app: Typer, typer: ModuleType) -> None:
         budget: str | None = typer.Option(
             None, help='Time that it may take by the clock, "60 s"; what is not done then is stopped, and said.'
         ),
+        values: list[str] = chosen,
         ray: bool = over,
     ) -> None:
-        chart(scene, out, quick=quick, horizon=horizon, angle=angle, episodes=episodes, budget=budget, ray=ray)
+        chart(scene, out, quick=quick, horizon=horizon, angle=angle, episodes=episodes, budget=budget, ray=ray, values=values)

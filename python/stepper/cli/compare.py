@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from stepper.cli.options import OUT
 from stepper.lab.comparison import compare as run
-from stepper.lab.progress import show_files
+from stepper.lab.progress import progress, show_files
 
 if TYPE_CHECKING:
     from typer import Typer
@@ -19,7 +19,8 @@ def compare(model: str, out: Path, *, seconds: float, envs: int, seed: int) -> N
 
     Example: stepper compare humanoid.xml --seconds 3
     """
-    found = run(model, seconds=seconds, num_envs=envs, seed=seed)
+    with progress() as tick:
+        found = run(model, seconds=seconds, num_envs=envs, seed=seed, tick=tick)
     print(found.table())
     show_files([found.draw(out / "compare.png")])
 

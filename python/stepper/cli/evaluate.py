@@ -8,6 +8,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
+from stepper.lab.progress import progress
 from stepper.policies import compare, describe, differences, load
 from stepper.policies import evaluate as run
 from stepper.policies.evaluation import make
@@ -35,11 +36,13 @@ def evaluate(
         if name:
             for line in differences(loaded.environment, describe(make(name, **given))):
                 print(f"{name}: {line}", file=sys.stderr)
-    if against:
-        both = compare(loaded, env, against, episodes=episodes, seed=seed, margin=margin, settings=(settings, {}))
-        print(both.one, both.other, both, sep="\n")
-    else:
-        print(run(loaded, env, episodes=episodes, seed=seed, infos=infos, **settings))
+    with progress() as tick:
+        if against:
+            both = compare(loaded, env, against, episodes=episodes, seed=seed, margin=margin, settings=(settings, {}), tick=tick)
+            found = "\n".join(map(str, (both.one, both.other, both)))
+        else:
+            found = str(run(loaded, env, episodes=episodes, seed=seed, infos=infos, tick=tick, **settings))
+    print(found)
 
 
 def register(app: Typer, typer: ModuleType) -> None:

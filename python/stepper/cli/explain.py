@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from stepper.cli.options import OUT
 from stepper.lab.accuracy import Account, account
-from stepper.lab.progress import show_files
+from stepper.lab.progress import progress, show_files
 from stepper.lab.study import Study
 from stepper.lab.study.document import Document, Section
 from stepper.loading import ModelWarning
@@ -32,11 +32,17 @@ def explain(source: str, *, run: bool = False, out: Path | None = None) -> None:
         warnings.simplefilter("ignore", ModelWarning)
         told = study.loaded[0].explain()
     print(told)
-    found = account(study) if run else None
+    found = _account(study) if run else None
     if found is not None:
         print(found.document.markdown())
     if out is not None:
         show_files(_save(study, told, found, out / study.name))
+
+
+def _account(study: Study) -> Account:
+    """What a run used and cost, with progress."""
+    with progress() as tick:
+        return account(study, tick=tick)
 
 
 def _save(study: Study, told: str, found: Account | None, folder: Path) -> list[Path]:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from stepper._options import Options
 from stepper.cli.options import OUT
-from stepper.lab.progress import show_files
+from stepper.lab.progress import progress, show_files
 from stepper.loading import load
 from stepper.sysid import KINDS
 from stepper.sysid import identify as run
@@ -17,7 +17,9 @@ from stepper.sysid import identify as run
 if TYPE_CHECKING:
     from typer import Typer
 
-KIND_HELP = f"kind:element[,element][=low..high], of the kinds {', '.join(KINDS)}. Give several."
+KIND_HELP = (
+    f"field[name,name][column]=low..high, without bounds too, of the kinds {', '.join(KINDS)}. Quote it for the shell. Give several."
+)
 
 
 def identify(
@@ -37,7 +39,7 @@ def identify(
 ) -> None:
     """Masses, friction, damping and more from what was measured, each with a 95 % interval, and what the data do not say.
 
-    Example: stepper identify robot.xml push.csv -p mass:box -p friction:floor,box=0.05..2
+    Example: stepper identify robot.xml push.csv -p 'body_mass[box]' -p 'geom_friction[floor,box][0]=0.05..2'
     """
     read = load(model)
     # As of `stepper.sysid.identify`, unless something else is asked for.
@@ -57,7 +59,8 @@ def identify(
         "columns": pairs,
         "channels": channels or None,
     }
-    found = run(read, list(data), parameters, start=keyframe, **settings)
+    with progress() as tick:
+        found = run(read, list(data), parameters, start=keyframe, tick=tick, **settings)
     print(found)
     out.mkdir(parents=True, exist_ok=True)
     found.save(out / "identified.json")

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -13,7 +15,8 @@ STUDY = "A study: a .toml file, or a .py file that has a stepper.lab.Study named
 RECORDING = "A folder that Stepper.record wrote."
 RAY = "Run batches as tasks of Ray, on all machines of its cluster."
 RAY_RUNS = "Run settings as tasks of Ray, on all machines of its cluster; costs are measured here."
-ONLY = "Only this parameter; may be given several times."
+ONLY = "Only this parameter, by name, or a selector with its range, 'geom_friction[floor][0]=0.2..1'; may be given several times."
+VALUES = "NAME=VALUE of a study's parameter, or of a selector, 'geom_friction[floor][0]=0.3'; once for each."
 
 
 def of_file(path: Path, *, ray: bool) -> Study:
@@ -22,6 +25,24 @@ def of_file(path: Path, *, ray: bool) -> Study:
     return replace(study, ray=True) if ray else study
 
 
-def of_source(source: str, *, ray: bool) -> Any:
-    """A model or a study, over Ray where that is asked for."""
-    return Study.from_model(source, ray=True) if ray else source
+def of_source(source: str, *, ray: bool, values: Sequence[str] = ()) -> Any:
+    """A model or a study, over Ray if `ray` is set, with other nominal values."""
+    if not ray and not values:
+        return source
+    study = Study.from_model(source, ray=True) if ray else Study.from_model(source)
+    return study.at(dict(map(value_of, values)))
+
+
+def value_of(text: str) -> tuple[str, float | str]:
+    """Name and value of NAME=VALUE, a number or a word.
+
+    Raises:
+        ValueError: Another form.
+    """
+    name, sign, value = text.rpartition("=")
+    if not (name and sign and value):
+        raise ValueError(f"--values is {text!r}, must be NAME=VALUE; give it once for each parameter")
+    for kind in (int, float):
+        with contextlib.suppress(ValueError):
+            return name, kind(value)
+    return name, value

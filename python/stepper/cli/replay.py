@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from stepper import recording
 from stepper.cli.options import RECORDING
+from stepper.lab.progress import progress
 
 if TYPE_CHECKING:
     from typer import Typer
@@ -16,7 +17,8 @@ if TYPE_CHECKING:
 
 def replay(folder: Path, threads: int | None) -> None:
     """Repeats a recording and compares it bit for bit; says at which step and in which field it differs."""
-    result = recording.replay(folder, threads=threads)
+    with progress() as tick:
+        result = recording.replay(folder, threads=threads, tick=tick)
     print(result)
     if not result:
         sys.exit(1)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import importlib
 import warnings
 from collections.abc import Callable
@@ -15,6 +14,8 @@ import numpy as np
 
 from stepper._options import Options
 from stepper._stepper import Stepper
+from stepper.cli.options import VALUES, value_of
+from stepper.lab.progress import progress
 from stepper.lab.study import Study
 from stepper.lab.study.episode import Episodes
 from stepper.lab.study.journal import diverged
@@ -90,7 +91,7 @@ def view(what: str, asked: Asked, episode: AskedOfStudy, rerun: Path | None) -> 
 def _study(file: str, asked: Asked, wanted: AskedOfStudy) -> None:
     study = Study.from_file(file)
     study = study if asked.seed is None else replace(study, seed=asked.seed)
-    values = {name: value for name, value in map(_value, wanted.values)}
+    values = {name: value for name, value in map(value_of, wanted.values)}
     first, setting = wanted.episode or 0, wanted.setting or USUAL
     episodes = Episodes(study, values, range(first, first + asked.envs), setting)
     if wanted.record is not None:
@@ -119,17 +120,6 @@ def _study(file: str, asked: Asked, wanted: AskedOfStudy) -> None:
     opened.paused = asked.pause
     print(f"{opened.url} shows {episodes.note}; Ctrl-C ends it", flush=True)
     opened.run(advance)
-
-
-def _value(text: str) -> tuple[str, float | str]:
-    """A parameter with its value, from NAME=VALUE."""
-    name, sign, value = text.partition("=")
-    if not (name and sign and value):
-        raise ValueError(f"--values is {text!r}, must be NAME=VALUE; give it once for each parameter")
-    for kind in (int, float):
-        with contextlib.suppress(ValueError):
-            return name, kind(value)
-    return name, value
 
 
 def _told(study: Study, outcomes: dict[str, float], *, lost: bool) -> str:
@@ -161,7 +151,8 @@ def _play(folder: Path, asked: Asked, rerun: Path | None) -> None:
     # One environment is what the command shows by default, and a recording has a number of its own.
     envs = asked.envs if asked.envs > 1 else None
     if rerun is not None:
-        moments = log_rerun(folder, rerun, envs=envs, source=asked.looks)
+        with progress() as tick:
+            moments = log_rerun(folder, rerun, envs=envs, source=asked.looks, tick=tick)
         print(f"{rerun} has {moments} moments: rerun {rerun}")
         return
     player = Player(folder, envs=envs, source=asked.looks, host=asked.host, port=asked.port)
@@ -210,7 +201,7 @@ def _environments(name: str, asked: Asked) -> Shown:
 def register(app: Typer, typer: ModuleType) -> None:
     """Adds the command."""
     file = typer.Option(None, "--model", exists=True, help="MJCF of a recording or a saved model, for its colours and meshes.")
-    parameters = typer.Option([], "--values", help="NAME=VALUE of a study's parameter, nominal without it; once for each.")
+    parameters = typer.Option([], "--values", help=VALUES)
     folder = typer.Option(None, help="A new folder for a recording of the study's episodes, which is made in place of the view.")
     log = typer.Option(None, help="A .rrd file for Rerun, which is written of a recording in place of the view.")
 

@@ -283,7 +283,7 @@ def _randomize(copies: Stepper, nominal: Nominal, blocks: Sequence[Block], flat:
         except ModelError as error:
             # The environment that the message names is a copy's.
             said = str(error).partition(": ")[2] if str(error).startswith("environment ") else str(error)
-            raise ModelError(f"a parameter cannot be perturbed: {said}; name those that can in wrt, as 'dof_damping:knee'") from None
+            raise ModelError(f"a parameter cannot be perturbed: {said}; name those that can in wrt, as 'dof_damping[knee]'") from None
 
 
 def _begin(sim: Stepper, copies: Stepper, nominal: Nominal, flat: dict[str, Array], index: NDArray[np.int64]) -> None:

@@ -9,14 +9,14 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from stepper._hints import unknown_field
 from stepper._stepper import Model
-from stepper.shared.fields import RANDOMIZED
+from stepper.shared.fields import COMPOUNDS, RANDOMIZED
+from stepper.shared.selectors import parse, places
 
 Array = NDArray[np.float64]
 
@@ -49,7 +49,7 @@ def step_of(tolerance: float) -> float:
 
     Without kinks h = (3 e / |f'''|)^(1/3) is best. With them the third part is larger than the second for all h < 6 k / |f'''|, and
     h = sqrt(e / k) is best. With k = 1 and the default tolerance of 1e-13 m/s that is 1e-6, where the noise is 1e-6 at the worst and, as
-    most solutions end far below the tolerance, 1e-9 in the median (measured in docs/derivatives.md).
+    most solutions end far below the tolerance, 1e-9 in the median (measured in docs/how-to/derivatives.md).
     """
     return math.sqrt(max(NOISE_RATIO * tolerance, 4.0 * ROUNDING) / KINK_DENSITY)
 
@@ -59,7 +59,7 @@ class Block:
     """Columns of one thing that is perturbed.
 
     Attributes:
-        name: As in `wrt`: "qpos", "ctrl", "geom_friction:floor".
+        name: As in `wrt`: "qpos", "ctrl", "geom_friction[floor]".
         field: "qpos", "qvel", "act", "ctrl" or a field of `Stepper.randomize`.
         places: Indices of the columns in the field's flat row of one environment, (count,).
         shape: Shape of the columns in the result.
@@ -126,8 +126,7 @@ def blocks_of(model: Model, wrt: Sequence[str]) -> list[Block]:
 
     Raises:
         TypeError: `wrt` is a string or has something else than strings.
-        ValueError: A name twice, none at all, or one that nothing has.
-        KeyError: No element of a name behind the colon.
+        ValueError: A name twice, none at all, or one that no field or element has.
     """
     _check_names("wrt", wrt, "('qpos', 'qvel', 'act', 'ctrl')")
     if not wrt:
@@ -140,10 +139,10 @@ def check_parameters(model: Model, parameters: Sequence[str]) -> None:
 
     Raises:
         TypeError: `parameters` is a string or has something else than strings.
-        ValueError: A name twice, one that no field has, or a part of the state or the controls, whose gradients a rollout always has.
-        KeyError: No element of a name behind the colon.
+        ValueError: A name twice, one that no field or element has, or a part of the state or the controls, whose gradients a rollout
+            always has.
     """
-    _check_names("parameters", parameters, "('body_mass', 'geom_friction:floor')")
+    _check_names("parameters", parameters, "('body_mass', 'geom_friction[floor]')")
     for name in parameters:
         if name in (*STATE, "ctrl"):
             raise ValueError(f"parameters has {name!r}, but gradients by the state and the controls are always there: leave it out")
@@ -161,27 +160,28 @@ def _check_names(argument: str, names: Sequence[str], example: str) -> None:
 
 def _block(model: Model, name: str, argument: str) -> Block:
     """Block of a name that is in an argument."""
-    field, colon, elements = name.partition(":")
+    selector = parse(name, argument)
+    field, whole = selector.field, selector.elements is None and selector.columns is None
     sizes = {"qpos": model.nv, "qvel": model.nv, "act": model.na, "ctrl": model.nu}
-    if field in sizes and not colon:
-        return Block(name, field, np.arange(sizes[field]), (sizes[field],))
     if field in sizes:
-        raise ValueError(f"{argument} has {name!r}, but {field} has no elements by name: write {field!r} alone")
+        if not whole:
+            raise ValueError(f"{argument} has {name!r}, but {field} has no elements by name: write {field!r} alone")
+        return Block(name, field, np.arange(sizes[field]), (sizes[field],))
+    if field in COMPOUNDS:
+        parts = " and ".join(f"'{part}[...][{column}]'" for part, column, _ in COMPOUNDS[field].parts)
+        raise ValueError(f"{argument} has {name!r}, which is no field by itself: write {parts}")
     if field not in RANDOMIZED:
         known = [*sizes, *RANDOMIZED] if argument == "wrt" else RANDOMIZED
-        raise ValueError(unknown_field(argument, field, known, "help(stepper.Stepper.randomize)"))
-    own = np.asarray(getattr(model, field), np.float64)
-    index = np.arange(own.size).reshape(own.shape)
-    if not colon:
-        return Block(name, field, index.reshape(-1), own.shape)
-    rows = [row for element in elements.split(",") for row in _rows(model, RANDOMIZED[field], element.strip(), field)]
-    chosen = index[np.array(rows, dtype=np.int64)]
-    absent = (own.reshape(-1)[chosen.reshape(-1)] == 0.0) & _absent(model, field, chosen.reshape(-1))
-    if absent.all():
+        raise ValueError(unknown_field(argument, field, known, "docs/reference/what_can_vary.md"))
+    index = places(model, selector, argument)
+    chosen = index.reshape(-1)
+    own = np.asarray(getattr(model, field), np.float64).reshape(-1)[chosen]
+    if not whole and ((own == 0.0) & _absent(model, field, chosen)).all():
         raise ValueError(
-            f"{name}: the model has none there, {field} is 0, and nothing can be perturbed; give it some with model.replace({field}=...)"
+            f"{argument} has {name!r}, but {field} is 0 there, where the model has none, and nothing can be perturbed; give it some with "
+            f"model.replace({field}=...)"
         )
-    return Block(name, field, chosen.reshape(-1), chosen.shape)
+    return Block(name, field, chosen, index.shape)
 
 
 def _absent(model: Model, field: str, places: NDArray[np.int64]) -> NDArray[np.bool_]:
@@ -191,20 +191,6 @@ def _absent(model: Model, field: str, places: NDArray[np.int64]) -> NDArray[np.b
         turning = [joint.dofadr + i for joint in joints if joint.type in ("free", "ball") for i in range(joint.nv)]
         return np.isin(places, np.array(turning, dtype=np.int64))
     return np.full(len(places), field in ABSENT)
-
-
-def _rows(model: Model, kind: str, element: str, field: str) -> list[int]:
-    if kind == "":
-        raise ValueError(f"{field} belongs to no element: write {field!r} alone")
-    if kind == "dof":
-        joint = model.joint(_key(element))
-        return list(range(joint.dofadr, joint.dofadr + joint.nv))
-    found: Any = getattr(model, kind)(_key(element))
-    return [int(found.id)]
-
-
-def _key(element: str) -> str | int:
-    return int(element[1:]) if element.startswith("#") and element[1:].isdigit() else element
 
 
 def stencil_of(model: Model, blocks: Sequence[Block], values: Mapping[str, Array], *, step: float, levels: int, centered: bool) -> Stencil:

@@ -19,6 +19,7 @@ from stepper.derivatives.perturbations import STATE, Array, check_parameters
 from stepper.derivatives.smoothing import Smoothing, smoothed
 from stepper.derivatives.tangent import from_tangent, to_tangent
 from stepper.derivatives.undetermined import first_undetermined
+from stepper.shared.selectors import parse
 
 OUTPUTS = (*STATE, "sensors")
 
@@ -85,7 +86,7 @@ class Rollout:
         model, n = self._plant.model, self._plant.num_envs or 1
         state = self._checkpoints[0].nbytes
         size = 2 * model.nv + model.na
-        parameters = sum(np.size(getattr(model, name.partition(":")[0])) for name in self._parameters)
+        parameters = sum(np.size(getattr(model, parse(name).field)) for name in self._parameters)
         matrices = 8 * n * (size + (model.nsensordata if self._sensors else 0)) * (size + model.nu + parameters)
         return state * (len(self._checkpoints) + min(self.every, len(self._ctrl))) + matrices
 
@@ -111,8 +112,8 @@ class Rollout:
             act: Gradient by `self.act`, likewise.
             sensors: Gradient by `self.sensors`, likewise.
             smoothing: Derivatives averaged over random displacements, for gradients across kinks; None takes those of the actual steps.
-            undetermined: Action at a kink where the nominal mode has no slope (docs/derivatives.md): "raise" an error, or return "zero"
-                gradients for the environment, flagged in `Gradients.undetermined`.
+            undetermined: Action at a kink where the nominal mode has no slope (docs/how-to/derivatives.md): "raise" an error, or return
+                "zero" gradients for the environment, flagged in `Gradients.undetermined`.
             **settings: `step`, `tolerance`, `centered`, `extrapolate` and `method` of `linearize`.
 
         Raises:
@@ -243,7 +244,6 @@ def rollout(
         TypeError: `parameters` is a string or has something else than strings.
         ValueError: A wrong shape, a number of steps below 1, or a parameter that is unknown, given twice, or a part of
             the state or the controls.
-        KeyError: An unknown element behind the colon of a parameter.
     """
     model, n = sim.model, sim.num_envs
     check_parameters(model, parameters)

@@ -5,35 +5,47 @@
 
     envs = gymnasium.make_vec("stepper/HalfCheetah-v5", num_envs=1024)
 
-docs/environments.md lists the tasks and writes a new one. It needs Gymnasium, which `import stepper` does not.
+docs/reference/environments.md lists the tasks and writes a new one. It needs Gymnasium, which `import stepper` does not.
 """
 
+from typing import Any
+
+from stepper._hints import no_name
 from stepper.shared.machine import require
 
 require("gymnasium", "for stepper.envs")
 
+from stepper.envs import terrain  # noqa: E402
+from stepper.envs.contacts import contact_forces  # noqa: E402
 from stepper.envs.registration import register_tasks  # noqa: E402
 from stepper.envs.single import StepperEnv  # noqa: E402
 from stepper.envs.state import EnvState  # noqa: E402
-from stepper.envs.streams import Draws  # noqa: E402
-from stepper.envs.task import Moment, MujocoTask, Quantity, Task, all_within, per_moment, square_sum, within  # noqa: E402
+from stepper.envs.streams import Rng  # noqa: E402
+from stepper.envs.task import Moment, MujocoTask, Observation, Reset, Task, all_within, per_moment, square_sum, within  # noqa: E402
 from stepper.envs.tasks import TASKS  # noqa: E402
 from stepper.envs.vector import StepperVectorEnv  # noqa: E402
 
 __all__ = [
     "TASKS",
-    "Draws",
     "EnvState",
     "Moment",
     "MujocoTask",
-    "Quantity",
+    "Observation",
+    "Reset",
+    "Rng",
     "StepperEnv",
     "StepperVectorEnv",
     "Task",
     "all_within",
+    "contact_forces",
     "per_moment",
     "square_sum",
+    "terrain",
     "within",
 ]
 
 register_tasks()
+
+
+def __getattr__(name: str) -> Any:
+    raise no_name(__name__, name, __all__)

@@ -7,13 +7,16 @@ import warnings
 from collections.abc import Callable
 from importlib.util import find_spec
 from pathlib import Path
-from typing import ParamSpec, cast
+from typing import Any, ParamSpec, TypeVar, cast
 from xml.etree import ElementTree
 
 from stepper._stepper import Model
 from stepper.loading import Origin, load, origin_of, remember
 
 P = ParamSpec("P")
+F = TypeVar("F", bound=Callable[..., Any])
+_KEPT = 64
+"""Values that `once_per_model` keeps of a function."""
 
 
 def load_quietly(source: str | ElementTree.Element, *, strict: bool = True) -> Model:
@@ -57,6 +60,25 @@ def read_once(read: Callable[P, Model]) -> Callable[P, Model]:
         return model
 
     return model_of
+
+
+def once_per_model(function: F) -> F:
+    """A function of a model and further arguments that computes each value once.
+
+    It knows a model by its identity. The hash of a model reads all of it, height fields and meshes included, in every call.
+    """
+    kept: dict[tuple[Any, ...], tuple[Any, Any]] = {}
+
+    @functools.wraps(function)
+    def once(model: Any, *args: Any) -> Any:
+        key = (id(model), *args)
+        if key not in kept:
+            if len(kept) >= _KEPT:
+                del kept[next(iter(kept))]
+            kept[key] = (model, function(model, *args))  # The model itself, so that no other one gets its id.
+        return kept[key][1]
+
+    return cast("F", once)
 
 
 def model_file(name: str) -> str:

@@ -16,8 +16,8 @@ from stepper._quantities import room
 from stepper._status import Status
 from stepper._stepper import Model, Stepper
 from stepper.envs.state import EnvState, check_settings, restore, save
-from stepper.envs.streams import Draws, Streams
-from stepper.envs.task import Array, Contact, Moment, Quantity, Task, Terms, cleared
+from stepper.envs.streams import Rng, Streams
+from stepper.envs.task import Array, Contact, Moment, Observation, Reset, Task, Terms, cleared
 from stepper.envs.tasks import TASKS
 from stepper.loading import ModelWarning
 
@@ -78,9 +78,10 @@ class Batch:
         self._limit = max_episode_steps
         self.streams = Streams(num_envs, _word())
         self.returns, self.lengths = np.zeros(num_envs), np.zeros(num_envs, dtype=np.int64)
-        self._rest, self._memory = model.qpos0, task.memory(num_envs)
-        _check_memory(self._memory, num_envs)
-        self._new_memory = {name: np.array(values) for name, values in self._memory.items()}
+        self._default_qpos, self._episode_state = model.qpos0, task.episode_state(num_envs)
+        _check_episode_state(task, self._episode_state, num_envs)
+        self._initial = {name: np.array(values) for name, values in self._episode_state.items()}
+        self._seeded = np.ones(num_envs, dtype=bool)
         self._qpos, self._qvel = np.tile(model.qpos0, (num_envs, 1)), np.zeros((num_envs, model.nv))
         low, high = task.action_bounds(model)
         if not len(low):
@@ -108,25 +109,26 @@ class Batch:
         self._seen = None
 
     def _moment(self, action: Array) -> Moment:
-        return Moment(self.sim, self.task, self.dt, action, self._rest, memory=self._memory)
+        shared: dict[str, Any] = {"episode_state": self._episode_state, "streams": self.streams}
+        return Moment(self.sim, self.task, self.dt, action, self._default_qpos, **shared)
 
     def _reread(self, changed: Array) -> None:
         """Has the last moment read all quantities again, because environments of a mask (num_envs,) were reset or set."""
         self._now, self._seen = self._now.reread(changed), None
 
-    def _table(self) -> list[tuple[Quantity, slice]]:
+    def _table(self) -> list[tuple[Observation, slice]]:
         """Rows of the task's table, and their places in the observation."""
         rows, at = [], 0
-        for quantity in self.task.quantities():
-            width = quantity.read(self._now).shape[1]
-            rows.append((quantity, slice(at, at + width)))
+        for row in self.task.observations():
+            width = row.read(self._now).shape[1]
+            rows.append((row, slice(at, at + width)))
             at += width
         return rows
 
     @property
     def structure(self) -> dict[str, int]:
         """How many numbers of the observation each row of the task's table has."""
-        return {quantity.name: rows.stop - rows.start for quantity, rows in self._rows}
+        return {row.name: columns.stop - columns.start for row, columns in self._rows}
 
     def seed(self, envs: Array, seeds: Sequence[int]) -> None:
         """Starts the random numbers of the environments `envs` (n,) anew.
@@ -134,31 +136,48 @@ class Batch:
         Errors of sensors have numbers of their own, which follow from the seed of an environment and from its place.
         """
         self.streams.seed(envs, seeds)
+        self._seeded[envs] = True
         if self._has_noise:
             self._noise_seeds[envs], self._new_seeds[envs] = [_word(seed) for seed in seeds], True
 
     def begin(self, mask: Array) -> None:
         """Begins an episode in the environments of a mask, (num_envs,) bool."""
-        self._place(mask, np.flatnonzero(mask))
+        envs = np.flatnonzero(mask)
+        self._end(envs)
+        self.streams.ages[envs] += 1
+        self._place(mask, envs)
         self._reread(mask)
+
+    def _end(self, envs: Array) -> None:
+        """Calls the task's hook for those of the environments `envs` (n,) whose episode made a step."""
+        if type(self.task).on_end is not Task.on_end and len(made := envs[self.lengths[envs] > 0]):
+            self.task.on_end(self.now, made)
 
     def _place(self, mask: Array, envs: Array) -> None:
         """Begins an episode in the environments of a mask, whose indices are `envs`, and reads nothing."""
-        qpos, qvel = np.empty((len(envs), len(self._rest))), np.zeros((len(envs), self._qvel.shape[1]))
-        qpos[:] = self._rest
-        self.task.start(qpos, qvel, Draws(self.streams, envs))
+        self._begin_episode_state(envs)
+        qpos, qvel = np.empty((len(envs), len(self._default_qpos))), np.zeros((len(envs), self._qvel.shape[1]))
+        qpos[:] = self._default_qpos
+        rng = Rng(self.streams, envs)
+        self.task.place(Reset(self.sim, envs, qpos, qvel, self._episode_state, rng))
         self._qpos[envs], self._qvel[envs] = qpos, qvel
         new = mask & self._new_seeds
         if new.any():
             self.sim.reset(new, qpos=self._qpos, qvel=self._qvel, seed=self._noise_seeds)
             self._new_seeds[envs] = False
-        rest = mask & ~new
-        if rest.any():
-            self.sim.reset(rest, qpos=self._qpos, qvel=self._qvel)
-        for name, values in self._new_memory.items():
-            self._memory[name][envs] = values[envs]
-        self.task.prepare(self.sim, self._memory, mask, Draws(self.streams, envs))
+        others = mask & ~new
+        if others.any():
+            self.sim.reset(others, qpos=self._qpos, qvel=self._qvel)
+        self.task.on_reset(self.sim, self._episode_state, mask, rng)
         self.returns[envs], self.lengths[envs] = 0.0, 0
+
+    def _begin_episode_state(self, envs: Array) -> None:
+        """Gives values of new episodes to the environments `envs` (n,); carried values begin with a seed alone."""
+        seeded = envs[self._seeded[envs]]
+        for name, values in self._initial.items():
+            rows = seeded if name in self.task.carried else envs
+            self._episode_state[name][rows] = values[rows]
+        self._seeded[envs] = False
 
     def set_state(self, qpos: Array | None, qvel: Array | None, mask: Array, envs: Array | None = None) -> None:
         """Sets configurations and velocities of the environments of a mask; their rows are as of `envs`, see `Stepper.set_state`."""
@@ -195,9 +214,9 @@ class Batch:
 
     def _episodes(self) -> dict[str, Array]:
         """Values of the episodes by name, (num_envs, ...) each: the arrays themselves."""
-        values = {"returns": self.returns, "lengths": self.lengths, "draws": self.streams.state}
-        values |= {"noise_seeds": self._noise_seeds, "new_seeds": self._new_seeds} | self._now.step_values()
-        return values | {f"memory {name}": value for name, value in self._memory.items()}
+        values = {"returns": self.returns, "lengths": self.lengths, "rng": self.streams.state, "ages": self.streams.ages}
+        values |= {"noise_seeds": self._noise_seeds, "new_seeds": self._new_seeds, "seeded": self._seeded} | self._now.step_values()
+        return values | {f"episode_state {name}": value for name, value in self._episode_state.items()}
 
     def step(self, action: Array, begins: Array | None = None) -> tuple[Array, Array, Array, Terms]:
         """Makes the steps of an action.
@@ -216,6 +235,10 @@ class Batch:
         task = self.task
         action = np.array(action) if begins is None else cleared(action, begins)
         _check_actions(action)
+        carried: Terms = {}
+        if begins is not None:
+            self._end(np.flatnonzero(begins))
+            carried = {name: self._episode_state[name][begins] for name in task.carried}
         before = task.position(self._moment(action))  # Not the position after the last step: callers may have changed the stepper since.
         self._now.finish()
         self._now, self._seen = self._moment(action), None
@@ -224,7 +247,10 @@ class Batch:
         self._now.end_step()
         status: Array = self._now.status
         self.lengths += 1
+        self.streams.ages += np.uint64(1)
         if begins is not None:
+            for name, values in carried.items():  # These environments made no step of this action.
+                self._episode_state[name][begins] = values
             self._place(begins, np.flatnonzero(begins))
             self._reread(begins)
         now = self._now
@@ -237,6 +263,8 @@ class Batch:
         over = task.terminated(now)
         terminated = np.zeros(self.num_envs, dtype=bool) if over is None else np.array(over)
         truncated = np.zeros(self.num_envs, dtype=bool) if self._limit is None else self.lengths >= self._limit
+        cut = task.truncated(now)
+        truncated = truncated if cut is None else truncated | cut
         if np.bitwise_or.reduce(status) & _NON_FINITE:
             failed = (status & _NON_FINITE) != 0
             if begins is not None:
@@ -275,12 +303,12 @@ class Batch:
     def observation(self, out: Array | None = None) -> Array:
         """The observation, (num_envs, n), written to an array of `room`: a new one by default."""
         out = self.room() if out is None else out
-        for quantity, rows in self._rows:
-            value = quantity.read(self._now)
-            if quantity.clip is None:
-                out[:, rows] = value
+        for row, columns in self._rows:
+            value = row.read(self._now)
+            if row.clip is None:
+                out[:, columns] = value
             else:
-                np.clip(value, *quantity.clip, out=out[:, rows], casting="same_kind")
+                np.clip(value, *row.clip, out=out[:, columns], casting="same_kind")
         return out
 
     def __getstate__(self) -> dict[str, Any]:
@@ -305,13 +333,15 @@ def made_task(task: Task | type[Task] | str, arguments: dict[str, Any]) -> Task:
     return TASKS[task](**arguments)
 
 
-def _check_memory(memory: Terms, num_envs: int) -> None:
-    """Raises ValueError for memory that is not of each environment."""
-    for name, values in memory.items():
-        if np.shape(values)[:1] != (num_envs,):
+def _check_episode_state(task: Task, values: Terms, num_envs: int) -> None:
+    """Raises ValueError for values that are not of each environment, and for carried names that there are not."""
+    for name, value in values.items():
+        if np.shape(value)[:1] != (num_envs,):
             raise ValueError(
-                f"the task's memory has {name!r} of shape {np.shape(values)}, must be ({num_envs}, ...): one row for each environment"
+                f"the task's episode_state has {name!r} of shape {np.shape(value)}, must be ({num_envs}, ...): one row for each environment"
             )
+    if unknown := sorted(set(task.carried) - set(values)):
+        raise ValueError(f"{type(task).__name__}.carried has {unknown}, episode_state has {', '.join(values) or 'nothing'}: add them there")
 
 
 def _all_finite(values: Array) -> bool:

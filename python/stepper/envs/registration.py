@@ -7,7 +7,7 @@ from typing import Any
 from gymnasium.envs.registration import register, registry
 
 from stepper.envs.basic import FallingBlock, Grasp, falling_block, grasp
-from stepper.envs.locomotion import G1Velocity, Go1Velocity
+from stepper.envs.locomotion import G1Rough, G1Velocity, Go1Rough, Go1Velocity
 from stepper.envs.suite import SUITE
 
 _EPISODES: dict[str, tuple[int, float | None]] = {
@@ -38,6 +38,8 @@ def register_tasks() -> None:
     for name, robot in (("G1Velocity", G1Velocity), ("Go1Velocity", Go1Velocity)):
         _register(f"stepper/{name}-v0", robot.episode_steps, {"task": robot})
         _register(f"stepper/{name}Real-v0", robot.episode_steps, {"task": robot, "noise": 1.0, "motors": True})
+    for name, rough in (("G1Rough", G1Rough), ("Go1Rough", Go1Rough)):
+        _register(f"stepper/{name}-v0", rough.episode_steps, {"task": rough})
     for name, (kind, arguments) in SUITE.items():
         _register(f"stepper/dm_control.{name}-v0", kind.episode_steps, {"task": kind, **arguments})
 

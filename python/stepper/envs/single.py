@@ -8,6 +8,7 @@ import gymnasium
 import numpy as np
 from gymnasium.error import ResetNeeded
 
+from stepper._hints import no_attribute
 from stepper._options import Options, Precision
 from stepper._stepper import Stepper
 from stepper.envs.batch import Batch
@@ -71,6 +72,9 @@ class StepperEnv(gymnasium.Env[Array, Array]):
         self.observation_structure = self._batch.structure
         self._begun = False
 
+    def __getattr__(self, name: str) -> Any:
+        raise no_attribute(StepperEnv, name)
+
     @property
     def sim(self) -> Stepper:
         """The stepper, of one environment: its arrays have an axis of length 1 in front."""
@@ -129,8 +133,8 @@ class StepperEnv(gymnasium.Env[Array, Array]):
     def get_state(self) -> EnvState:
         """State of the environment, from which it goes on with the same bits: `set_state` restores it.
 
-        It has the state of the stepper, parameters of `Stepper.randomize`, applied forces, mocap poses, and the episode: memory of the
-        task, random numbers of starts and sensors, return and length. Wrappers have counts of their own (`TimeLimit`, which
+        It has the state of the stepper, parameters of `Stepper.randomize`, applied forces, mocap poses, and the episode: episode_state of
+        the task, random numbers of starts and sensors, return and length. Wrappers have counts of their own (`TimeLimit`, which
         `gymnasium.make` puts around an environment), and so have the random numbers of `action_space`.
 
         Raises:
@@ -143,7 +147,7 @@ class StepperEnv(gymnasium.Env[Array, Array]):
     def set_state(self, qpos: Array | EnvState | None = None, qvel: Array | None = None) -> Array:
         """Sets positions and velocities, or restores a state of `get_state`.
 
-        Positions and velocities leave the episode as it is: length, memory and random numbers. A state replaces everything: the same
+        Positions and velocities leave the episode as it is: length, episode_state and random numbers. A state replaces everything: the same
         actions then give the same observations, rewards, terminations and resets, bit for bit. The state may be from another
         `StepperEnv` with the same task and settings, also from another process.
 

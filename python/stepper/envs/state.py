@@ -29,7 +29,8 @@ class EnvState:
         sim: State of the stepper.
         parameters: Parameters of `Stepper.randomize`, by name.
         applied: Applied forces, poses of mocap bodies and active equalities, by name; None for arrays that were never used.
-        episodes: Values of the episodes by name, (num_envs, ...) each: memory of the task, random numbers, return, length, last action.
+        episodes: Values of the episodes by name, (num_envs, ...) each: the task's episode_state, random numbers, return, length,
+            last action.
         settings: Settings that the state depends on, by name: the task, its arguments, precision and options of the step.
     """
 
@@ -60,7 +61,7 @@ def save(sim: Stepper, task: Task, episodes: dict[str, Array]) -> EnvState:
 def check_settings(sim: Stepper, task: Task, state: EnvState) -> None:
     """Checks that a state was saved with the same task, arguments of the task, precision and options of the step.
 
-    With others, returns, memory and random numbers of its episodes would belong to another reward or another motion.
+    With others, returns, episode_state and random numbers of its episodes would belong to another reward or another motion.
 
     Raises:
         ValueError: Other settings; the message names them.

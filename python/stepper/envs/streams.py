@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import copy
+import hashlib
 from collections.abc import Sequence
 from functools import lru_cache
 from typing import Any
@@ -35,6 +37,12 @@ def _steps(size: int) -> Words:
     return np.multiply(np.arange(1, size + 1, dtype=np.uint64), _GAMMA, dtype=np.uint64)
 
 
+@lru_cache(maxsize=256)
+def _word_of(name: str) -> np.uint64:
+    """Word of a name: a hash that is the same in every process."""
+    return np.uint64(int.from_bytes(hashlib.blake2b(name.encode(), digest_size=8).digest(), "little"))
+
+
 class Streams:
     """A stream of random numbers for each environment: splitmix64, counted, so that numbers of many streams are one array operation.
 
@@ -46,10 +54,12 @@ class Streams:
 
     Attributes:
         state: A word of each stream, (num_envs,), from which all that it draws next follows.
+        ages: Steps and resets of each environment since it was seeded, (num_envs,).
     """
 
     def __init__(self, num_envs: int, seed: int):
         self.state: Words = np.zeros(num_envs, dtype=np.uint64)
+        self.ages: Words = np.zeros(num_envs, dtype=np.uint64)
         self.seed(np.arange(num_envs), [(seed + k) % 2**64 for k in range(num_envs)])
 
     def seed(self, envs: Array, seeds: Sequence[int]) -> None:
@@ -67,6 +77,13 @@ class Streams:
                 raise ValueError(f"the seed of environment {env} is {seed}, must be from 0 to 2**64 - 1")
         words: Words = np.array(seeds, dtype=np.uint64)
         self.state[envs] = _mix(_mix(words) + _GAMMA)
+        self.ages[envs] = 0
+
+    def fork(self, name: str) -> Streams:
+        """Streams that follow from these, from their ages, and from a name. Drawing from them leaves these as they are."""
+        made = copy.copy(self)
+        made.state = _mix(_mix(self.state + _word_of(name)) + self.ages * _GAMMA)
+        return made
 
     def words(self, envs: Array, size: int) -> Words:
         """The next `size` words of the streams `envs` (n,): (n, size) uint64."""
@@ -76,7 +93,7 @@ class Streams:
         return _mix(words)
 
 
-class Draws:
+class Rng:
     """Random numbers for the environments that are reset: a row for each of them, from its own stream.
 
     Args:
@@ -103,6 +120,6 @@ class Draws:
         radius, angle = np.sqrt(-2.0 * np.log1p(-words[:, :pairs])), 2.0 * np.pi * words[:, pairs:]
         return np.hstack([radius * np.cos(angle), radius * np.sin(angle)])[:, :size]
 
-    def of(self, rows: Array) -> Draws:
-        """The draws of some of the environments, a boolean mask (n,): for what is drawn until it fits."""
-        return Draws(self._streams, self.envs[rows])
+    def of(self, rows: Array) -> Rng:
+        """Random numbers of some of the environments, a boolean mask (n,): for what is drawn until it fits."""
+        return Rng(self._streams, self.envs[rows])

@@ -1,20 +1,23 @@
-"""What a task is: a model, a table of quantities that make its observation, a reward, and a reset."""
+"""Task: a model, a table of observations, a reward, and a reset."""
 
 from __future__ import annotations
 
 import functools
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar, Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
+from stepper._hints import no_attribute
+from stepper._other_names import RENAMED
+from stepper._quantities import read
 from stepper._stepper import Model, Stepper
 from stepper.actuators import ActuatorModel
 from stepper.envs.assets import load_quietly, model_file
-from stepper.envs.streams import Draws
+from stepper.envs.streams import Rng, Streams
 from stepper.sensors import SensorModel
 
 Array = NDArray[Any]
@@ -26,15 +29,15 @@ Camera: TypeAlias = Mapping[str, Any]
 """Numbers of a free camera: distance (m), azimuth and elevation (degrees), lookat (3,) in m, trackbodyid; see `stepper.viewer.Renderer`."""
 
 
-_OWN = ("sim", "task", "dt", "action", "rest", "memory", "velocity", "_kept", "_end", "_over")
+_OWN = ("sim", "task", "dt", "action", "default_qpos", "episode_state", "velocity", "_streams", "_kept", "_end", "_over")
 """Attributes of a moment that are not quantities of the stepper."""
 
 
 class Moment:
     """The batch after a step or a reset.
 
-    Every quantity of `Stepper` (`now.qpos`, `now.xpos`, `now.cinert`) is an attribute, an array (num_envs, ...) that is read when it is
-    first asked for, and before the next step.
+    It reads as a `Stepper` does: every quantity (`now.qpos`, `now.xpos`, `now.sensordata`) is an attribute, an array (num_envs, ...) that
+    is read at its first use, before the next step; `read(name, of)` and `contacts()` are those of `Stepper`.
 
     Attributes:
         sim: The stepper.
@@ -42,14 +45,15 @@ class Moment:
         dt: Time between two observations, s.
         action: Actions of the step that led here, (num_envs, n), where n is nu but for a task with `action_bounds` of its own; zero in
             environments that have just begun an episode.
-        rest: The model's reference configuration, (nq,).
-        memory: Values of the episodes beside the state of the stepper, arrays (num_envs, ...) by name; see `Task.memory`.
+        default_qpos: The model's reference configuration, (nq,).
+        episode_state: Values of the episodes beside the state of the stepper, arrays (num_envs, ...) by name; see `Task.episode_state`.
         velocity: Rate of change of `Task.position` over that step, per s; zero in environments that have just begun an episode, None for
             tasks without a position.
     """
 
-    def __init__(self, sim: Stepper, task: Any, dt: float, action: Array, rest: Array, *, memory: Terms):
-        self.sim, self.task, self.dt, self.action, self.rest, self.memory = sim, task, dt, action, rest, memory
+    def __init__(self, sim: Stepper, task: Any, dt: float, action: Array, default_qpos: Array, *, episode_state: Terms, streams: Streams):
+        self.sim, self.task, self.dt, self.action, self.default_qpos = sim, task, dt, action, default_qpos
+        self.episode_state, self._streams = episode_state, streams
         self.velocity: Any = None
         self._kept: Terms = {}
         self._end: tuple[Array, Array] | None = None
@@ -59,15 +63,34 @@ class Moment:
         # Python calls this only for attributes that do not exist yet.
         if name.startswith("_"):
             raise AttributeError(name)
+        if name in RENAMED["Moment"]:
+            raise no_attribute(Moment, name)
         if self._over:
             raise RuntimeError(
                 f"{name} was not read at this moment, and the environments went on since: read it before the next step or reset"
             )
         value = self.task.healthy(self) if name == "healthy" else getattr(self.sim, name)
+        if callable(value):
+            return value  # A method reads the present state: whether the moment is over is checked at every use.
         if isinstance(value, np.ndarray):
             value = np.asarray(value)  # A plain array: `Stepper` gives kinds of its own, with which arithmetic is slower.
         self.__dict__[name] = value
         return value
+
+    def read(self, name: str, of: str | int | Sequence[str | int] | None = None) -> Array:
+        """Values of a quantity for all its elements, or for some by name or index: see `Stepper.read`."""
+        return read(self, name, of)
+
+    def rng(self, name: str) -> Rng:
+        """Random numbers of all environments for this moment, for noise of an observation.
+
+        They follow from the seed of an environment, from the steps and resets since, and from the name. Equal names give equal numbers,
+        however often and in whatever order they are drawn, so that reading an observation twice gives the same noise.
+
+        Args:
+            name: Name of the term that draws, as "height_scan".
+        """
+        return Rng(self._streams.fork(name), np.arange(len(self._streams.state)))
 
     def keep(self, name: str, value: Array) -> None:
         """Holds a quantity, (num_envs, ...), as it is now, in place of its value at the end of the step."""
@@ -80,7 +103,11 @@ class Moment:
 
     def without_kept(self) -> Moment:
         """A moment of the same step without quantities of `keep`."""
-        return Moment(self.sim, self.task, self.dt, self.action, self.rest, memory=self.memory) if self._kept else self
+        return self._same_step(self.action) if self._kept else self
+
+    def _same_step(self, action: Array) -> Moment:
+        shared: dict[str, Any] = {"episode_state": self.episode_state, "streams": self._streams}
+        return Moment(self.sim, self.task, self.dt, action, self.default_qpos, **shared)
 
     def reread(self, changed: Array) -> Moment:
         """A new moment of the same step that reads all quantities again; this one is over.
@@ -89,7 +116,7 @@ class Moment:
             changed: Environments that were reset or set, (num_envs,) bool: action and velocity are zero there. Quantities of `keep` stay
                 in the others, unless their state is another one since.
         """
-        made = Moment(self.sim, self.task, self.dt, cleared(self.action, changed), self.rest, memory=self.memory)
+        made = self._same_step(cleared(self.action, changed))
         made.velocity = None if self.velocity is None else cleared(self.velocity, changed)
         if self._end is not None and not changed.all():
             moved = changed | np.any(self._end[0] != made.qpos, axis=1) | np.any(self._end[1] != made.qvel, axis=1)
@@ -147,26 +174,53 @@ def cleared(values: Array, mask: Array) -> Array:
 
 
 @dataclass(frozen=True)
-class Quantity:
-    """A row of the table that makes an observation.
+class Observation:
+    """Row of the table that makes an observation.
 
     Attributes:
-        name: Name of the row. Without `of` it is a quantity of `Stepper`: "qpos", "qvel", "xpos".
-        of: What gives the quantity of a moment, (num_envs, ...), in place of a quantity of `Stepper`.
-        columns: Those of its numbers that are observed; None is all.
-        clip: Bounds within which they are observed; None is none.
+        name: Name of the row. Without `func` it is a quantity of `Stepper`: "qpos", "qvel", "xpos".
+        func: Function of a moment that computes the row, (num_envs, ...), in place of a quantity of `Stepper`.
+        columns: Columns that are observed; None is all.
+        clip: Bounds of the observed values; None is none.
+        noise: Half width of uniform noise, which is added before `clip`. It follows from the seed of an environment, as `Moment.rng`.
+        unit: Unit of a row with `func`, for tables of observations; empty for numbers without one.
     """
 
     name: str
-    of: Callable[[Any], Array] | None = None
+    func: Callable[[Any], Array] | None = None
     columns: slice | None = None
     clip: tuple[float, float] | None = None
+    noise: float = 0.0
+    unit: str = ""
 
     def read(self, now: Moment) -> Array:
-        """The numbers of a moment before they are clipped: (num_envs, n)."""
-        value: Array = getattr(now, self.name) if self.of is None else self.of(now)
+        """Values of a moment with noise, before they are clipped: (num_envs, n)."""
+        value: Array = getattr(now, self.name) if self.func is None else self.func(now)
         flat = value.reshape(len(value), -1)
-        return flat if self.columns is None else flat[:, self.columns]
+        flat = flat if self.columns is None else flat[:, self.columns]
+        return flat + now.rng(self.name).uniform(-self.noise, self.noise, flat.shape[1]) if self.noise else flat
+
+
+@dataclass(frozen=True)
+class Reset:
+    """The environments that begin an episode, for `Task.place`.
+
+    Attributes:
+        sim: The stepper. These environments still have the state in which their last episode ended.
+        envs: Indices of the environments, (n,).
+        qpos: Initial configurations, (n, nq): the model's reference, to be changed in place.
+        qvel: Initial velocities, (n, nv): zero, to be changed in place.
+        episode_state: Arrays (num_envs, ...) of `Task.episode_state`, with the rows that the new episodes begin with. Change rows
+            `episode_state[name][reset.envs]` alone.
+        rng: Random numbers of these environments.
+    """
+
+    sim: Stepper
+    envs: Array
+    qpos: Array
+    qvel: Array
+    episode_state: Terms
+    rng: Rng
 
 
 class Task(ABC):
@@ -182,8 +236,16 @@ class Task(ABC):
     """From where pictures are taken, unless the model's file has a camera "track" or an environment is made with another."""
     lamp: ClassVar[bool] = True
     """Whether pictures of a scene without a light get one: False in Gymnasium's tasks, whose pictures are Gymnasium's."""
+    carried: ClassVar[tuple[str, ...]] = ()
+    """Names of `episode_state` whose values go on in the next episode, as the level of a curriculum; a reset with a seed restores them."""
     frame_skip: int
     """Number of steps per action."""
+
+    def __init_subclass__(cls, **kwargs: Any) -> None:
+        super().__init_subclass__(**kwargs)
+        for old, new in RENAMED["Task"].items():
+            if callable(vars(cls).get(old)):
+                raise TypeError(f"{cls.__name__} defines the method {old}, which is now called {new}: rename it")
 
     @abstractmethod
     def model(self) -> Model:
@@ -209,39 +271,56 @@ class Task(ABC):
         return low, high
 
     @abstractmethod
-    def quantities(self) -> tuple[Quantity, ...]:
-        """The observation, row by row."""
+    def observations(self) -> tuple[Observation, ...]:
+        """Table of the observation, row by row."""
 
     @abstractmethod
     def reward(self, now: Moment) -> tuple[Array, Terms]:
         """Rewards of the step that led to a moment, (num_envs,), and what its info says beyond `info`: terms of the reward."""
 
-    def start(self, qpos: Array, qvel: Array, draws: Draws) -> None:  # noqa: B027
-        """Where n episodes begin.
+    def sample_state(self, qpos: Array, qvel: Array, rng: Rng) -> None:  # noqa: B027
+        """Samples initial states of n episodes.
 
         Args:
             qpos: Configurations, (n, nq): those of the model's reference, to be changed in place.
             qvel: Velocities, (n, nv): zero, to be changed in place.
-            draws: Random numbers of these environments.
+            rng: Random numbers of these environments.
         """
 
-    def memory(self, num_envs: int) -> Terms:
-        """What episodes have beside the state of the stepper: commands, actions of before.
+    def place(self, reset: Reset) -> None:
+        """Sets initial states that depend on `episode_state` or on the simulation, as on the level of a terrain.
+
+        By default it calls `sample_state`, so that a task may override it, call it, and move what it sampled.
+        """
+        self.sample_state(reset.qpos, reset.qvel, reset.rng)
+
+    def episode_state(self, num_envs: int) -> Terms:
+        """Initial values of what episodes have beside the state of the stepper: commands, actions of before.
 
         Returns:
-            Arrays (num_envs, ...) by name, which `now.memory` has; `prepare` and `advance` write to them. Each episode begins with the
-            rows that are returned here.
+            Arrays (num_envs, ...) by name, which `now.episode_state` has; `place`, `on_reset`, `advance` and `on_end` write to them. Each
+            episode begins with the rows that are returned here, but for names in `carried`.
         """
         return {}
 
-    def prepare(self, sim: Stepper, memory: Terms, mask: Array, draws: Draws) -> None:  # noqa: B027
-        """What else an episode begins with, after `start`: commands, parameters (`sim.randomize`), or steps until it rests.
+    def on_reset(self, sim: Stepper, episode_state: Terms, mask: Array, rng: Rng) -> None:  # noqa: B027
+        """Hook after the initial states are set: commands, parameters (`sim.randomize`), or steps until the robot rests.
 
         Args:
             sim: The stepper.
-            memory: Arrays of `memory`. Whatever this changes, there and in the stepper, it changes in the environments of the mask alone.
+            episode_state: Arrays of `episode_state`. Change rows of the mask alone, there and in the stepper.
             mask: Environments that begin, (num_envs,) bool.
-            draws: Random numbers of these environments.
+            rng: Random numbers of these environments.
+        """
+
+    def on_end(self, now: Moment, envs: Array) -> None:  # noqa: B027
+        """Hook before environments that made a step begin another episode, also where `reset` ends one early.
+
+        A curriculum reads here how far an episode came, and changes its level in `now.episode_state`, under a name in `carried`.
+
+        Args:
+            now: The moment at the end of these episodes.
+            envs: Indices of the environments, (n,).
         """
 
     def healthy(self, now: Moment) -> Array | None:
@@ -251,6 +330,10 @@ class Task(ABC):
     def terminated(self, now: Moment) -> Array | None:
         """Environments whose episode is over, (num_envs,) bool; None is none. By default those that are not healthy."""
         return None if now.healthy is None else ~now.healthy
+
+    def truncated(self, now: Moment) -> Array | None:
+        """Environments whose episode is cut short where nothing failed, as beside a terrain, (num_envs,) bool; None is none."""
+        return None
 
     def position(self, now: Moment) -> Array | None:
         """Quantity whose rate of change is `now.velocity`, (num_envs, ...); None for none.

@@ -13,6 +13,7 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import ArrayLike
 
+from stepper._hints import no_attribute
 from stepper._options import Options, Precision
 from stepper._stepper import Model, Stepper, selected
 from stepper.envs.batch import Batch
@@ -93,6 +94,9 @@ class StepperVectorEnv(VectorEnv[Array, Array, Array]):
         self._statistics, self._begun = episode_statistics, False
         self._over, self._any_over = np.zeros(num_envs, dtype=bool), False
         self._since = np.zeros(num_envs)
+
+    def __getattr__(self, name: str) -> Any:
+        raise no_attribute(StepperVectorEnv, name)
 
     @property
     def sim(self) -> Stepper:
@@ -221,8 +225,8 @@ class StepperVectorEnv(VectorEnv[Array, Array, Array]):
         """State of all environments, for `set_state`; an environment continues from it with the same bits.
 
         The state contains that of the stepper, parameters of `Stepper.randomize`, applied forces, mocap poses, active equalities, and the
-        episodes: the task's memory, random number generators of initial states and sensors, returns, lengths, and which have ended. It
-        does not contain the counters of wrappers or the random number generator of `action_space`.
+        episodes: the task's episode_state, random number generators of initial states and sensors, returns, lengths, and which have
+        ended. It does not contain the counters of wrappers or the random number generator of `action_space`.
 
         Raises:
             ResetNeeded: `reset` was not called yet.
@@ -235,7 +239,7 @@ class StepperVectorEnv(VectorEnv[Array, Array, Array]):
     def set_state(self, qpos: Array | EnvState | None = None, qvel: Array | None = None, envs: ArrayLike | None = None) -> Array:
         """Sets positions and velocities, or restores a state of `get_state`.
 
-        Positions and velocities leave the episodes as they are: lengths, memory and random numbers. A state replaces everything: the
+        Positions and velocities leave the episodes as they are: lengths, episode_state and random numbers. A state replaces everything: the
         same actions then give the same observations, rewards, terminations and resets, bit for bit. The state may be from another
         `StepperVectorEnv` with the same task, settings and number of environments, also from another process.
 

@@ -5,14 +5,15 @@ from __future__ import annotations
 import contextlib
 import sys
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
 from stepper.shared.machine import require
+from stepper.shared.progress import Tick
 
-Tick = Callable[[str, float], None]
-"""Called with what is being done and the fraction done, never while something is timed."""
+__all__ = ["Tick", "progress", "show_files"]
+
 PATIENCE = 30.0
 """Seconds after which a line is written though no tenth is full."""
 
@@ -21,7 +22,8 @@ PATIENCE = 30.0
 def progress() -> Iterator[Tick]:
     """Progress on stderr, written only when told, so that nothing is written while something is timed.
 
-    On a terminal it is a bar. In a file or a pipe it is a line for every tenth, or after half a minute, which is there at once.
+    On a terminal it is a bar. In a file or a pipe it is a line for every tenth, or after half a minute, which is there at once. Both have
+    an estimate of the remaining time.
 
     Yields:
         A function of (what is being done, fraction done).
@@ -46,15 +48,25 @@ def progress() -> Iterator[Tick]:
 def _lines() -> Tick:
     """Progress as lines."""
     last: dict[str, tuple[int, float]] = {}
+    first: dict[str, tuple[float, float]] = {}
 
     def tick(what: str, done: float) -> None:
         tenth, now = int(10 * done + 1e-9), time.monotonic()
         before, when = last.get(what, (-1, now))
+        begun, began = first.setdefault(what, (done, now))
         if tenth > before or now - when > PATIENCE:
-            print(f"{what}: {100 * done:.0f} %", file=sys.stderr, flush=True)
+            print(f"{what}: {100 * done:.0f} %{_remaining(done, done - begun, now - began)}", file=sys.stderr, flush=True)
             last[what] = max(tenth, before), now
 
     return tick
+
+
+def _remaining(done: float, made: float, seconds: float) -> str:
+    """Estimate of the remaining time, from a part that was made in some seconds; empty if nothing says it, or it is below a second."""
+    left = (1.0 - done) * seconds / made if made > 0 else 0.0
+    if left < 1.0:
+        return ""
+    return f", {left:.0f} s left" if left < 100.0 else f", {left / 60.0:.0f} min left"
 
 
 def show_files(paths: Sequence[Path]) -> None:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from stepper.shared.environments import known
 from stepper.shared.machine import require
+from stepper.shared.progress import Tick, silent
 
 Array = NDArray[Any]
 Act = Callable[[Array], Array]
@@ -140,6 +141,7 @@ def evaluate(
     seed: int = 0,
     starts: tuple[Array, Array] | None = None,
     infos: Sequence[str] = (),
+    tick: Tick | None = None,
     **settings: Any,
 ) -> Evaluation:
     """Runs a policy in fresh episodes.
@@ -152,6 +154,7 @@ def evaluate(
         seed: Episode k has the seed `seed + k`.
         starts: Configurations (episodes, nq) and velocities (episodes, nv) that episodes begin from, in place of those of the seeds.
         infos: Names of infos, one number of each environment, whose means over each episode are taken too.
+        tick: Called with the environment's name and the fraction done.
         **settings: Arguments of the environment.
 
     Raises:
@@ -161,8 +164,8 @@ def evaluate(
     if episodes < 2:
         raise ValueError(f"episodes is {episodes}, must be at least 2: one has no confidence interval")
     if is_native(env) or _is_vector_alone(env):
-        return _together(make(env, episodes, **settings), policy, seed, starts, infos)
-    return _one_by_one(make(env, **settings), policy, range(seed, seed + episodes), starts, infos)
+        return _together(make(env, episodes, **settings), policy, seed, starts, infos, tick=tick or silent)
+    return _one_by_one(make(env, **settings), policy, range(seed, seed + episodes), starts, infos, tick=tick or silent)
 
 
 def is_native(env: str) -> bool:
@@ -189,6 +192,7 @@ def compare(
     margin: float = 0.02,
     alpha: float = 0.05,
     settings: tuple[dict[str, Any], dict[str, Any]] = ({}, {}),
+    tick: Tick | None = None,
 ) -> Comparison:
     """Runs a policy in two environments from the same starts, those that a stepper environment draws from its seeds.
 
@@ -201,6 +205,7 @@ def compare(
         margin: See `Comparison`.
         alpha: See `Comparison`; with 0.025 the interval is one of 95 %.
         settings: Arguments of the two environments.
+        tick: As of `evaluate`.
 
     Raises:
         ValueError: Neither is one of stepper's; and what `evaluate` raises.
@@ -210,7 +215,7 @@ def compare(
         raise ValueError(f"the environments are {one!r} and {other!r}: one must be of stepper, whose starts both have")
     starts = _starts(ours[0][0], episodes, seed, ours[0][1])
     first, second = (
-        evaluate(policy, name, episodes=episodes, seed=seed, starts=starts, **given)
+        evaluate(policy, name, episodes=episodes, seed=seed, starts=starts, tick=tick, **given)
         for name, given in zip((one, other), settings, strict=True)
     )
     return Comparison(one=first, other=second, margin=margin, alpha=alpha)
@@ -223,7 +228,7 @@ def _starts(env: str, episodes: int, seed: int, settings: dict[str, Any]) -> tup
     return envs.unwrapped.sim.qpos.astype(np.float64), envs.unwrapped.sim.qvel.astype(np.float64)
 
 
-def _together(envs: Any, policy: Act, seed: int, starts: tuple[Array, Array] | None, infos: Sequence[str]) -> Evaluation:
+def _together(envs: Any, policy: Act, seed: int, starts: tuple[Array, Array] | None, infos: Sequence[str], *, tick: Tick) -> Evaluation:
     """Every episode in an environment of its own. Those that are over go on with another, which is not counted."""
     observation, _ = envs.reset(seed=seed)
     if starts is not None:
@@ -239,11 +244,13 @@ def _together(envs: Any, policy: Act, seed: int, starts: tuple[Array, Array] | N
         lengths += running
         failed |= running & np.asarray(info.get("non_finite", False))
         running &= ~(terminated | truncated)
+        limit = envs.spec.max_episode_steps or np.inf
+        tick(envs.spec.id, float(max(1.0 - running.mean(), lengths.max() / limit)))
     means = {key: total / lengths for key, total in sums.items()}
     return Evaluation(env=envs.spec.id, returns=returns, lengths=lengths, non_finite=int(failed.sum()), infos=means)
 
 
-def _one_by_one(env: Any, policy: Act, seeds: range, starts: tuple[Array, Array] | None, infos: Sequence[str]) -> Evaluation:
+def _one_by_one(env: Any, policy: Act, seeds: range, starts: tuple[Array, Array] | None, infos: Sequence[str], *, tick: Tick) -> Evaluation:
     returns, lengths = np.zeros(len(seeds)), np.zeros(len(seeds), dtype=np.int64)
     sums = {key: np.zeros(len(seeds)) for key in infos}
     for k, seed in enumerate(seeds):
@@ -259,6 +266,7 @@ def _one_by_one(env: Any, policy: Act, seeds: range, starts: tuple[Array, Array]
                 total[k] += _info(info, key)
             lengths[k] += 1
             over = terminated or truncated
+        tick(env.spec.id, (k + 1) / len(seeds))
     env.close()
     return Evaluation(env=env.spec.id, returns=returns, lengths=lengths, infos={key: total / lengths for key, total in sums.items()})
 

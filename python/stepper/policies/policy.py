@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from stepper.policies.environment import Description, describe, differences
+from stepper.shared.files import in_one_piece
 
 Array = NDArray[Any]
 FORMAT = 1
@@ -147,10 +148,8 @@ class Policy:
         said = {"format": FORMAT, "clip": self.clip, "activation": self.activation}
         said |= {"environment": self.environment, "training": self.training}
         file.parent.mkdir(parents=True, exist_ok=True)
-        partial = file.with_suffix(".part")
-        with partial.open("wb") as stream:
+        with in_one_piece(file) as stream:
             np.savez_compressed(stream, said=np.array(json.dumps(said)), **arrays)
-        partial.replace(file)
 
 
 def load(path: str | os.PathLike[str], env: Any = None) -> Policy:

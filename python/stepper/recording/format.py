@@ -19,13 +19,12 @@ import hashlib
 import json
 from collections.abc import Iterator
 from contextlib import contextmanager
-from io import BufferedRandom, BufferedReader
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 
-from stepper.shared.files import existing
+from stepper.shared.files import existing, in_one_piece
 
 Arrays = dict[str, np.ndarray[Any, Any]]
 Header = dict[str, Any]
@@ -73,16 +72,16 @@ def reading(place: str | Path) -> Iterator[None]:
         raise RecordingError(f"{place}: {what}; copy the recording again, or record anew") from error
 
 
-def digest_of(file: BufferedReader | BufferedRandom) -> str:
+def digest_of(file: BinaryIO) -> str:
     """SHA-256 of a file from its present place on, in hexadecimal."""
     return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def write_header(folder: Path, head: Header) -> None:
     """Writes run.json with its checksum, in one piece."""
-    partial = folder / f"{HEADER}.part"
-    partial.write_text(json.dumps(head | {"sha256": _digest_of_header(head)}, indent=2) + "\n", encoding="utf-8")
-    partial.replace(folder / HEADER)
+    text = json.dumps(head | {"sha256": _digest_of_header(head)}, indent=2) + "\n"
+    with in_one_piece(folder / HEADER) as file:
+        file.write(text.encode())
 
 
 def _digest_of_header(head: Header) -> str:

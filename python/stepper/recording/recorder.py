@@ -16,6 +16,7 @@ from stepper.loading import origin_of
 from stepper.recording.failures import Failures
 from stepper.recording.format import COMPARED, FIELDS, FORMAT, KINDS, MODEL, digest_of, write_header
 from stepper.shared.fields import APPLIED
+from stepper.shared.files import in_one_piece
 from stepper.shared.machine import provenance
 
 if TYPE_CHECKING:
@@ -134,13 +135,10 @@ class Recorder:
     def _write_rows(self) -> None:
         stacked = {name: np.stack(rows) for name, rows in self._steps.items() if rows}
         final = self.path / f"{len(self._files):05d}.npz"
-        # Under another name until it is whole.
-        partial = final.with_suffix(".part")
-        with partial.open("w+b") as file:
+        with in_one_piece(final) as file:
             np.savez(file, kind=np.array(self._kinds, np.uint8), **stacked, **self._others)  # type: ignore[arg-type]
             file.seek(0)
             digest = digest_of(file)
-        partial.replace(final)
         steps = self._kinds.count(KINDS.index("step"))
         self._files.append({"name": final.name, "rows": len(self._kinds), "steps": steps, "sha256": digest})
         self._clear()

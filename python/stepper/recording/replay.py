@@ -17,6 +17,7 @@ from stepper.actuators import ActuatorModel
 from stepper.recording.format import COMPARED, HEADER, MODEL, Arrays, Header, RecordingError, read_header, read_rows, reading
 from stepper.sensors import SensorModel
 from stepper.shared.fields import APPLIED
+from stepper.shared.progress import Tick, silent
 
 
 @dataclass(frozen=True)
@@ -76,13 +77,14 @@ class Replay:
         return f"differs at {self.difference}{end}"
 
 
-def replay(path: str | os.PathLike[str], *, model: Model | None = None, threads: int | None = None) -> Replay:
+def replay(path: str | os.PathLike[str], *, model: Model | None = None, threads: int | None = None, tick: Tick | None = None) -> Replay:
     """Repeats a recording and compares states, observations, residuals and flags, bit for bit. It stops at the first difference.
 
     Args:
         path: The folder that `Stepper.record` wrote.
         model: The model that it must belong to; None takes the recording's own.
         threads: Threads that step; None is as recorded. The bits do not depend on it.
+        tick: Called with "replay" and the fraction of rows.
 
     Raises:
         TypeError, ValueError: `model` is no model, or `threads` no number of threads.
@@ -106,6 +108,7 @@ def replay(path: str | os.PathLike[str], *, model: Model | None = None, threads:
         rows, steps = rows + 1, steps + (kind == "step")
         if difference:
             return Replay(rows, steps, difference, head["closed"], versions)
+        (tick or silent)("replay", rows / head["rows"])
     return Replay(rows, steps, None, head["closed"], versions)
 
 
@@ -175,7 +178,7 @@ def apply_parameters(sim: Stepper, arrays: Arrays) -> None:
     if "actuators" in arrays:
         drawn["actuators"] = ActuatorModel.from_dict(json.loads(str(arrays["actuators"]))).spread(mask)
     if drawn or "envs" in arrays:
-        sim.randomize(mask, **drawn)
+        sim.randomize(None, mask, **drawn)
 
 
 def _compare(sim: Stepper, arrays: Arrays, row: int, step: int) -> Difference | None:

@@ -1,4 +1,4 @@
-"""Heights of a height field under places: what a robot that sees the ground is told of it."""
+"""Heights of a height field at given places: terrain that a robot observes."""
 
 from __future__ import annotations
 
@@ -9,10 +9,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from stepper._quantities import given_out, headings
+from stepper._quantities import headings, room
 from stepper._stepper import Model, Stepper
 from stepper.loading.load import compile_source
 from stepper.loading.origins import Origin, origin_of
+from stepper.sensors.height_grid import HeightGrid
 
 Array = NDArray[Any]
 
@@ -21,14 +22,16 @@ _UPRIGHT = 1e-9
 
 
 class HeightField:
-    """Heights of a geom that is a height field, anywhere, in all environments at once.
+    """Heights of a geom that is a height field, at many places of all environments at once.
 
         ground = stepper.sensors.HeightField(model, "terrain")
         ground.heights(sim, places)  # (num_envs, n) m, of places (num_envs, n, 2) in the world
         ground.scan(sim, "base", offsets)  # (num_envs, n) m, around a body, turned with it
+        ground.heights(None, places)  # (..., n) m, without a simulation
+        ground.around(places, headings, offsets)  # (n, k) m, without a simulation
 
-    Between its points the ground is two triangles in every cell, parted by the diagonal from the least corner: those that contacts see.
-    A model has no elevations to be read, so these are read again from what the model was loaded from.
+    Each cell of the grid is two triangles, split by the diagonal from its least corner, as in contacts. A model does not store elevations
+    for reading, so they are read again from the source of the model; `from_elevation` takes an array instead.
 
     Args:
         model: The scene.
@@ -40,12 +43,16 @@ class HeightField:
         KeyError, IndexError: No geom of that name or index.
     """
 
+    _geom: int | None = None
+
     def __init__(self, model: Model, geom: str | int, *, source: Any = None):
         found = model.geom(geom)
         place = f"geom {found.name or found.id!r}"
         if found.type != "hfield":
             raise ValueError(f'{place} is a {found.type}, must be a height field (type="hfield")')
-        if np.abs(np.asarray(found.quat)[1:3]).max() > _UPRIGHT or model.body(found.bodyid).dofnum:
+        reference = Stepper(model)
+        quat = np.asarray(reference.geom_xquat)[found.id]
+        if np.abs(quat[1:3]).max() > _UPRIGHT or _moves(model, found.bodyid):
             raise ValueError(f"{place} is inclined or on a joint: heights under places are those of a field whose z axis is vertical")
         origin = origin_of(model) if source is None else Origin(source)
         if origin is None:
@@ -58,48 +65,74 @@ class HeightField:
             raise ValueError(f"the source is of another model: its geom {found.id} is no height field")
         rows, columns = int(m.hfield_nrow[field]), int(m.hfield_ncol[field])
         start = int(m.hfield_adr[field])
+        top = (m.hfield_data[start : start + rows * columns].astype(np.float64) * m.hfield_size[field][2]).reshape(rows, columns)
         self._geom = found.id
-        self._half = np.array(m.hfield_size[field][:2])
-        self._top = (m.hfield_data[start : start + rows * columns].astype(np.float64) * m.hfield_size[field][2]).reshape(rows, columns)
+        self._grid = HeightGrid(top, np.array(m.hfield_size[field][:2]))
+        self._pos, self._angle = np.array(np.asarray(reference.geom_xpos)[found.id], np.float64), 2.0 * np.arctan2(quat[3], quat[0])
+
+    @classmethod
+    def from_elevation(cls, elevation: ArrayLike, half: ArrayLike, *, pos: ArrayLike = (0.0, 0.0, 0.0), angle: float = 0.0) -> HeightField:
+        """Height field of an array, without a model. All environments have it at the same place.
+
+        Args:
+            elevation: Heights of the points above `pos`, (rows, columns) m: rows along y, columns along x, from the least corner.
+            half: Half the extent in x and y, m: (2,).
+            pos: Position of the middle, m: (3,).
+            angle: Angle about the z axis, rad.
+
+        Raises:
+            ValueError: An array of another shape, or with fewer than two rows or columns.
+        """
+        top, extent, middle = np.array(elevation, np.float64), np.array(half, np.float64), np.array(pos, np.float64)
+        if top.ndim != 2 or min(top.shape) < 2:
+            raise ValueError(f"elevation has shape {top.shape}, must be (rows, columns) of at least 2 each")
+        if extent.shape != (2,) or not (extent > 0).all() or middle.shape != (3,):
+            raise ValueError(f"half is {half!r} and pos is {pos!r}, must be (2,) of positive lengths and (3,), m")
+        made = cls.__new__(cls)
+        made._grid, made._pos, made._angle = HeightGrid(top, extent), middle, float(angle)
+        return made
 
     @property
     def elevation(self) -> Array:
         """Heights of its points above the geom, (rows, columns) m: rows along y, columns along x, from the least corner."""
-        top: Array = self._top.copy()
+        top: Array = self._grid.top.copy()
         return top
 
     @property
     def half(self) -> Array:
         """Half its extent in x and y, m: (2,)."""
-        half: Array = self._half.copy()
+        half: Array = self._grid.half.copy()
         return half
 
-    def heights(self, sim: Stepper, places: ArrayLike, *, beyond: float = np.nan, out: Array | None = None) -> Array:
+    def heights(self, sim: Stepper | None, places: ArrayLike, *, beyond: float = np.nan, out: Array | None = None) -> Array:
         """Heights of the ground in the world.
 
         Args:
-            sim: The stepper, whose environments may have places of their own for the geom (`sim.randomize(geom_pos=)`).
-            places: World x and y, (num_envs, n, 2) or (n, 2) for all, m.
-            beyond: What is said of places beyond the field's border, m.
+            sim: The stepper, whose environments may have places of their own for the geom (`sim.randomize(geom_pos=)`). None is the place
+                of the model, without a simulation.
+            places: World x and y, (num_envs, n, 2) or (n, 2) for all, m; without a stepper (..., 2).
+            beyond: Height of places beyond the field's border, m.
             out: Array to write to; None is a new one.
 
         Returns:
-            (num_envs, n) float64, m.
+            (num_envs, n) float64, m; without a stepper (...).
 
         Raises:
             ValueError: Places or an `out` of another shape or scalar type.
         """
         given = np.asarray(places, dtype=np.float64)
-        axes = () if sim.num_envs is None else (sim.num_envs,)
-        if given.ndim < 2 or given.shape[-1] != 2 or given.shape[:-2] not in ((), axes):
+        pos, angle = self._pose(sim)
+        axes = angle.shape
+        if sim is None and (given.ndim < 1 or given.shape[-1] != 2):
+            raise ValueError(f"places has shape {given.shape}, must be (..., 2)")
+        if sim is not None and (given.ndim < 2 or given.shape[-1] != 2 or given.shape[:-2] not in ((), axes)):
             raise ValueError(f"places has shape {given.shape}, must be {(*axes, 'n', 2)} or ('n', 2)")
-        pos = np.asarray(sim.geom_xpos, dtype=np.float64)[..., self._geom, :]
-        quat = np.asarray(sim.geom_xquat, dtype=np.float64)[..., self._geom, :]
-        local = _turned(given - pos[..., None, :2], -2.0 * np.arctan2(quat[..., 3], quat[..., 0]))
-        found = self._of_grid(local) + pos[..., None, 2]
-        outside = (np.abs(local) > self._half).any(axis=-1)
-        found = np.where(outside, beyond, found)
-        return given_out(found, out)
+        shift = pos if sim is None else pos[..., None, :]
+        local = _turned(given - shift[..., :2], -angle if sim is None else -angle[..., None])
+        found = room(local.shape[:-1], np.dtype(np.float64), out)
+        self._grid.at(local, found)
+        found += shift[..., 2]
+        return _filled(found, beyond)
 
     def scan(self, sim: Stepper, body: str | int, offsets: ArrayLike, *, beyond: float = np.nan, out: Array | None = None) -> Array:
         """Heights of the ground around a body, of places that turn with its heading, as locomotion policies observe them.
@@ -108,7 +141,7 @@ class HeightField:
             sim: The stepper.
             body: Name or index of the body.
             offsets: Places ahead of the body's origin and to its left, (n, 2) m.
-            beyond: What is said of places beyond the field's border, m.
+            beyond: Height of places beyond the field's border, m.
             out: Array to write to; None is a new one.
 
         Returns:
@@ -119,29 +152,74 @@ class HeightField:
             KeyError, IndexError: No body of that name or index.
         """
         which = sim.model.body(body).id
+        places = np.asarray(sim.xpos, dtype=np.float64)[..., which, :2]
+        angles = headings(np.asarray(sim.xquat, dtype=np.float64)[..., which, :])
+        return _filled(self._around(self._pose(sim), places, angles, offsets, out), beyond)
+
+    def around(
+        self, places: ArrayLike, angles: ArrayLike, offsets: ArrayLike, *, beyond: float = np.nan, out: Array | None = None
+    ) -> Array:
+        """Heights of the ground around places, without a simulation: the field has the place of the model.
+
+        Args:
+            places: World x and y, (n, 2) m.
+            angles: Headings about the z axis, (n,) rad.
+            offsets: Places ahead and to the left, (k, 2) m.
+            beyond: Height of places beyond the field's border, m.
+            out: Array to write to; None is a new one.
+
+        Returns:
+            (n, k) float64, m.
+
+        Raises:
+            ValueError: Arrays of another shape, or an `out` of another shape or scalar type.
+        """
+        middles, turns = np.asarray(places, np.float64), np.asarray(angles, np.float64)
+        if middles.shape != (*turns.shape, 2) or turns.ndim > 1:
+            raise ValueError(f"places has shape {middles.shape} and angles {turns.shape}, must be (n, 2) and (n,)")
+        return _filled(self._around(self._pose(None), middles, turns, offsets, out), beyond)
+
+    def _pose(self, sim: Stepper | None) -> tuple[Array, Array]:
+        """Position (..., 3) and angle (...) of the field: of each environment, or those of the model."""
+        if sim is None or self._geom is None:
+            return self._pos, np.asarray(self._angle)
+        pos = np.asarray(sim.geom_xpos, dtype=np.float64)[..., self._geom, :]
+        quat = np.asarray(sim.geom_xquat, dtype=np.float64)[..., self._geom, :]
+        return pos, np.asarray(2.0 * np.arctan2(quat[..., 3], quat[..., 0]))
+
+    def _around(self, pose: tuple[Array, Array], places: Array, angles: Array, offsets: ArrayLike, out: Array | None) -> Array:
         given = np.asarray(offsets, dtype=np.float64)
         if given.ndim != 2 or given.shape[1] != 2:
             raise ValueError(f"offsets has shape {given.shape}, must be (n, 2)")
-        heading = headings(np.asarray(sim.xquat, dtype=np.float64)[..., which, :])
-        around = _turned(np.broadcast_to(given, (*heading.shape, *given.shape)), heading)
-        return self.heights(sim, around + np.asarray(sim.xpos, dtype=np.float64)[..., which, None, :2], beyond=beyond, out=out)
+        pos, angle = pose
+        found = room((*angles.shape, len(given)), np.dtype(np.float64), out)
+        rows = found if found.flags.c_contiguous else np.empty(found.shape)
+        local, height = np.atleast_2d(_turned(places - pos[..., :2], -angle)), pos[..., 2, None]
+        self._grid.around(local, np.atleast_1d(angles - angle), given, rows.reshape(len(local), len(given)))
+        rows += height
+        if rows is not found:
+            found[...] = rows
+        return found
 
-    def _of_grid(self, local: Array) -> Array:
-        """Heights above the geom at places (..., 2) of its frame; beyond its border those of the border's cells go on."""
-        rows, columns = self._top.shape
-        cells = np.array([columns - 1, rows - 1])
-        steps = (local + self._half) * (cells / (2.0 * self._half))
-        least = np.clip(np.floor(steps), 0, cells - 1).astype(np.int64)
-        along, across = np.moveaxis(steps - least, -1, 0)
-        c, r = least[..., 0], least[..., 1]
-        low, high = self._top[r, c], self._top[r + 1, c + 1]
-        corner = np.where(along >= across, self._top[r, c + 1], self._top[r + 1, c])
-        first, second = np.maximum(along, across), np.minimum(along, across)
-        heights: Array = low + first * (corner - low) + second * (high - corner)
-        return heights
+
+def _moves(model: Model, body: int) -> bool:
+    """Whether a body or one that carries it has a joint."""
+    while body:
+        found = model.body(body)
+        if found.dofnum:
+            return True
+        body = found.parentid
+    return False
+
+
+def _filled(heights: Array, beyond: float) -> Array:
+    """Heights, with `beyond` in place of NaN."""
+    if not np.isnan(beyond):
+        heights[np.isnan(heights)] = beyond
+    return heights
 
 
 def _turned(places: Array, angle: Array) -> Array:
-    """Places (..., n, 2) turned by angles (...)."""
-    c, s = np.cos(angle)[..., None], np.sin(angle)[..., None]
+    """Places (..., 2) turned by angles (...), rad."""
+    c, s = np.cos(angle), np.sin(angle)
     return np.stack([c * places[..., 0] - s * places[..., 1], s * places[..., 0] + c * places[..., 1]], axis=-1)

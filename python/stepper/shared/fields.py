@@ -1,20 +1,101 @@
-"""Names of arrays of a stepper: fields of the model that environments may vary, those that explicit pairs override, applied inputs."""
+"""Table of fields: arrays of a model that can vary, parameters made of several fields, and arrays that users write to a stepper.
+
+`FIELDS` has every field of `Model.replace`; `Field.own` says which of them `Stepper.randomize` takes. Selectors
+(`stepper.shared.selectors`) name parts of a field. docs/reference/what_can_vary.md is this table.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Collection
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
+
+from stepper import _stepper
 
 if TYPE_CHECKING:
     from stepper._stepper import Model
 
-RANDOMIZED: dict[str, str] = {
-    "gravity": "", "body_mass": "body", "body_ipos": "body", "body_inertia": "body", "geom_friction": "geom", "geom_restitution": "geom",
-    "pair_friction": "pair", "pair_restitution": "pair", "geom_size": "geom", "geom_pos": "geom", "jnt_stiffness": "joint",
-    "jnt_range": "joint", "dof_damping": "dof", "dof_armature": "dof", "dof_frictionloss": "dof", "actuator_gain": "actuator",
-    "actuator_bias": "actuator",
+_ELEMENTS = {
+    "nbody": "body", "ngeom": "geom", "npair": "pair", "njnt": "joint", "nv": "dof", "nq": "coordinate", "ntendon": "tendon",
+    "neq": "equality", "nu": "actuator",
 }  # fmt: skip
+_DERIVED = {
+    "qpos0": "Inverse weights of MuJoCo's contact law.",
+    "body_mass": "Mass of every subtree. Inverse weights of MuJoCo's contact law, by `replace`. Inertia, by `identify` and studies alone.",
+    "body_inertia": "Inverse weights of MuJoCo's contact law, by `replace`.",
+    "body_ipos": "Centre of mass of every subtree. Inverse weights of MuJoCo's contact law, by `replace`.",
+    "body_iquat": "Inverse weights of MuJoCo's contact law.",
+    "body_pos": "Inverse weights of MuJoCo's contact law.",
+    "body_quat": "Inverse weights of MuJoCo's contact law.",
+    "geom_friction": "Friction of contacts: the larger of both geoms, or that of the higher priority. None of explicit pairs.",
+    "geom_restitution": "Restitution of contacts: the larger of both geoms. None of explicit pairs.",
+    "geom_size": "Bounding and inscribed radius; no mass and no inertia. The semi-axes of fluid forces, by `replace`.",
+    "geom_pos": "Contacts and sensors; no mass, no inertia and no centre of mass.",
+    "dof_armature": "Inverse weights of MuJoCo's contact law, by `replace`.",
+}
+"""Quantities that follow a field, where that is not plain."""
+
+
+@dataclass(frozen=True)
+class Field:
+    """Field of a model.
+
+    Attributes:
+        name: Name in MuJoCo's vocabulary.
+        element: Kind of the elements that have its rows: "body", "geom", "pair", "joint", "dof" and "coordinate" (both by joint), "tendon",
+            "equality", "actuator"; "" of the whole model.
+        shape: Shape in words: "(ngeom, 3)"; "" of a single number.
+        what: Quantity in words.
+        unit: Unit.
+        own: Whether environments may have their own values (`Stepper.randomize`).
+        derived: Quantities that follow from it.
+    """
+
+    name: str
+    element: str
+    shape: str
+    what: str
+    unit: str
+    own: bool
+    derived: str = ""
+
+
+def _field(name: str, shape: str, what: str, unit: str, own: bool) -> Field:
+    element = _ELEMENTS.get(shape.strip("()").partition(",")[0], "")
+    return Field(name, element, shape, what, unit, own, _DERIVED.get(name, ""))
+
+
+FIELDS: dict[str, Field] = {row[0]: _field(*row) for row in _stepper.fields()}
+"""Fields of a model by name."""
+RANDOMIZED: dict[str, str] = {name: field.element for name, field in FIELDS.items() if field.own}
 """Fields of `Stepper.randomize`, and the kind of element whose rows they have."""
+
+
+@dataclass(frozen=True)
+class Compound:
+    """Parameter that is a number in one or more fields.
+
+    Attributes:
+        element: Kind of the elements that have it.
+        parts: Field, column and sign of each number.
+        what: Quantity in words.
+        unit: Unit.
+    """
+
+    element: str
+    parts: tuple[tuple[str, int, float], ...]
+    what: str
+    unit: str
+
+
+COMPOUNDS = {
+    "actuator_kp": Compound(
+        "actuator", (("actuator_gain", 0, 1.0), ("actuator_bias", 1, -1.0)), "stiffness of a position servo", "N/m or N m/rad"
+    ),
+    "actuator_kv": Compound("actuator", (("actuator_bias", 2, -1.0),), "velocity gain of a servo", "N s/m or N m s/rad"),
+}
+"""Parameters that are numbers of several fields, by name."""
+
 APPLIED = ("qfrc_applied", "xfrc_applied", "mocap_pos", "mocap_quat", "eq_active")
 """Arrays of a stepper that users write and every step reads, in the order of a pickled stepper."""
 OF_PAIRS: dict[str, str] = {"geom_friction": "pair_friction", "geom_restitution": "pair_restitution"}
@@ -29,7 +110,7 @@ def check_pairs(model: Model, field: str, geoms: Collection[int], pairs: Collect
         field: A field of geoms, as "geom_friction".
         geoms: Geoms whose numbers change.
         pairs: Pairs whose own field changes too, which is allowed.
-        remedy: What to do, with {pair} where the label of the pair belongs.
+        remedy: Remedy for the error message, with {pair} where the label of the pair belongs.
 
     Raises:
         ValueError: A pair that overrides the field of one of the geoms, with the remedy.
@@ -40,8 +121,7 @@ def check_pairs(model: Model, field: str, geoms: Collection[int], pairs: Collect
         if k in pairs or not set(ends) & set(geoms) or (field == "geom_friction" and pair.dim == 1):
             continue
         one, other = (model.geom(g).name or f"#{g}" for g in ends)
-        label = pair.name or f"#{k}"
         raise ValueError(
-            f'contacts of geoms "{one}" and "{other}" have the {OF_PAIRS[field]} of explicit pair "{label}", not their {field}; '
-            + remedy.format(pair=label)
+            f'contacts of geoms "{one}" and "{other}" have the {OF_PAIRS[field]} of explicit pair "{pair.name or f"#{k}"}", '
+            f"not their {field}; {remedy.format(pair=pair.name or k)}"
         )

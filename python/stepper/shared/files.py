@@ -1,9 +1,12 @@
-"""Files that users name: whether they are there, and errors of the system in words."""
+"""Files: whether they are there, how they are written in one piece, and errors of the system in words."""
 
 from __future__ import annotations
 
+import contextlib
 import os
+from collections.abc import Iterator
 from pathlib import Path
+from typing import BinaryIO
 
 
 def existing(path: str | os.PathLike[str], what: str) -> Path:
@@ -23,6 +26,23 @@ def existing(path: str | os.PathLike[str], what: str) -> Path:
     if file.is_dir():
         raise IsADirectoryError(f"the {what} {str(file)!r} is a folder; give the path of a file in it")
     return file
+
+
+@contextlib.contextmanager
+def in_one_piece(path: Path) -> Iterator[BinaryIO]:
+    """A file that takes its name when it is whole. After an exception, as that of Ctrl-C, what was there before is still there.
+
+    Yields:
+        A stream for writing and reading, which is another file beside it.
+    """
+    partial = path.with_name(f"{path.name}.part")
+    try:
+        with partial.open("w+b") as stream:
+            yield stream
+        partial.replace(path)
+    except BaseException:
+        partial.unlink(missing_ok=True)
+        raise
 
 
 def in_words(error: OSError) -> str:

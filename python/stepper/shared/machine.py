@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import importlib
-import importlib.metadata
 import importlib.util
 import os
 import platform
@@ -62,6 +61,8 @@ def require(module: str, purpose: str) -> ModuleType:
     Raises:
         MissingPackageError: It is not installed.
     """
+    import importlib.metadata  # noqa: PLC0415  imported late: slow, and seldom used
+
     try:
         return importlib.import_module(module)
     except ModuleNotFoundError as error:
@@ -133,6 +134,8 @@ def cpu_name() -> str:
 
 def package_version(name: str) -> str | None:
     """Version of an installed distribution, None if it is not installed."""
+    import importlib.metadata  # noqa: PLC0415  imported late: slow, and seldom used
+
     try:
         return importlib.metadata.version(name)
     except importlib.metadata.PackageNotFoundError:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Any, Literal
@@ -15,6 +15,7 @@ from stepper._options import Options
 from stepper._stepper import Model
 from stepper.actuators import ActuatorModel
 from stepper.shared.machine import require
+from stepper.shared.progress import Tick, silent
 from stepper.sysid.data import Data, episodes_of
 from stepper.sysid.findings import warnings_of
 from stepper.sysid.inertia import Array
@@ -58,6 +59,7 @@ def identify(
     channels: Sequence[str] | None = None,
     columns: Mapping[str, str] | None = None,
     start: str | tuple[ArrayLike, ArrayLike] | None = None,
+    tick: Tick | None = None,
 ) -> Identification:
     """Finds the parameters with which a model moves and reads as it was measured, and how sure that is.
 
@@ -67,7 +69,7 @@ def identify(
     Args:
         model: The model, with everything that is known.
         data: `Episode`s, paths of recordings, CSV or npz files, or several of these.
-        parameters: What is sought: `FitParameter`s, or text like "mass:box" and "friction:floor,box=0.1..2".
+        parameters: What is sought: `FitParameter`s, or text like "body_mass[box]" and "geom_friction[floor,box][0]=0.1..2".
         options: Settings of the step; None is hard contact. Where they leave the tolerance open, it is 1e-9 m/s.
         actuators: What is known of the drives.
         noise: Standard deviations of channels by name, each a number or one for every column. Of the other channels it is estimated from
@@ -83,13 +85,14 @@ def identify(
         channels: Channels of files to use; None is the sensors of recordings and all of logs.
         columns: What columns of files are called here.
         start: Keyframe, or (qpos, qvel), where logs begin that do not say so themselves.
+        tick: Called with the name of a search and the fraction of its evaluations, of which most searches need a part.
 
     Returns:
         A distribution: `print` shows it, `Identification.sample` gives `Stepper.randomize` what to draw from it.
 
     Raises:
-        KeyError: No element, sensor or coordinate of a name.
-        ValueError: Data that do not fit the model; the message has the file or episode, and what to do.
+        KeyError: No sensor or coordinate of a name.
+        ValueError: A parameter that is none, data that do not fit the model; the message has the file or episode, and what to do.
         MissingPackageError: SciPy is not installed.
     """
     optimize = require("scipy.optimize", "to identify parameters")
@@ -108,7 +111,7 @@ def identify(
     known = _given_noise(simulator, noise or {})
     first = _first_noise(simulator)
     residuals.sigma = np.where(np.isnan(known), first, known)
-    solver = _Solver(optimize, residuals, loss=loss, f_scale=f_scale, most=max_evaluations)
+    solver = _Solver(optimize, residuals, loss=loss, f_scale=f_scale, most=max_evaluations, tick=tick or silent)
     searches = solver.search(_starts(qmc, residuals, starts, seed))
     for _ in range(5):
         best = min(searches, key=lambda s: s.cost)
@@ -140,21 +143,35 @@ class _Solver:
         evaluations: Points that were tried so far.
     """
 
-    def __init__(self, optimize: Any, residuals: Residuals, *, loss: str, f_scale: float, most: int):
+    def __init__(self, optimize: Any, residuals: Residuals, *, loss: str, f_scale: float, most: int, tick: Tick):
         self._optimize, self._residuals, self.loss, self.f_scale, self._most = optimize, residuals, loss, f_scale, most
+        self._tick, self._searches = tick, 0
         self.evaluations = 0
 
     def with_residuals(self, residuals: Residuals) -> _Solver:
         """Solver with these settings for other residuals."""
-        return _Solver(self._optimize, residuals, loss=self.loss, f_scale=self.f_scale, most=self._most)
+        return _Solver(self._optimize, residuals, loss=self.loss, f_scale=self.f_scale, most=self._most, tick=self._tick)
 
     def search(self, starts: Sequence[Array], tolerance: float = COARSE) -> list[_Found]:
         """Local minima that searches from these points end in, to a relative change of x of a tolerance."""
         together = Together(self._residuals, len(starts))
-        with ThreadPoolExecutor(len(starts)) as pool:
-            return list(pool.map(lambda k: self._one(together, k, starts[k], tolerance), range(len(starts))))
+        self._searches += 1
+        before = self.evaluations
+        name = f"search {self._searches}"
 
-    def _one(self, together: Together, search: int, x0: Array, tolerance: float) -> _Found:
+        def told() -> None:
+            self._tick(name, min(1.0, (self.evaluations - before) / (len(starts) * self._most)))
+
+        with ThreadPoolExecutor(len(starts)) as pool:
+            try:
+                found = list(pool.map(lambda k: self._one(together, k, starts[k], tolerance, told), range(len(starts))))
+            except BaseException:  # Ctrl-C, which the main thread alone gets
+                together.stop()
+                raise
+        self._tick(name, 1.0)
+        return found
+
+    def _one(self, together: Together, search: int, x0: Array, tolerance: float, told: Callable[[], None]) -> _Found:
         held: dict[bytes, Linearized] = {}
 
         def at(x: Array) -> Linearized:
@@ -164,6 +181,7 @@ class _Solver:
                     held.pop(next(iter(held)))
                 held[key] = together.ask(search, x.copy())
                 self.evaluations += 1
+                told()
             return held[key]
 
         low, high = self._residuals.low, self._residuals.high

@@ -51,7 +51,7 @@ NEARBY = 0.5
 """And that a step may lead away where no part of it lowers the cost."""
 FLAT = 0.01
 """Sum of squares of residuals below which two frictions predict the same."""
-KINKED = ("friction", "torsion", "rolling", "frictionloss")
+KINKED = (*(f"{field}_friction[{column}]" for field in ("geom", "pair") for column in range(3)), "dof_frictionloss")
 """Kinds that have no slope where nothing slides."""
 OTHERS = (-0.5, -0.15, 0.15, 0.5)
 """Logarithms of the ratios by which other values of these are tried at every sample, beside some standard deviations more and less,"""
@@ -107,7 +107,7 @@ class Tracked:
     warnings: tuple[str, ...] = ()
 
     def __getitem__(self, label: str) -> float:
-        """The estimate of a label, as `tracked["mass:box"]`."""
+        """The estimate of a label, as `tracked["body_mass[box]"]`."""
         if label not in self.labels:
             raise KeyError(f"there is no {label!r}, there are: {', '.join(self.labels)}")
         return float(self.values[self.labels.index(label)])
@@ -161,12 +161,13 @@ class Tracker:
         start_std: What is not known of it: standard deviations of displacement and velocity.
 
     Raises:
-        KeyError: No element, sensor or coordinate of a name.
-        ValueError: What environments of one stepper cannot have of their own, a window that is too short, shapes that do not fit, or
-            numbers that are not finite.
+        KeyError: No sensor or coordinate of a name.
+        ValueError: No element of a name, what environments of one stepper cannot have of their own, a window that is too short, shapes
+            that do not fit, or numbers that are not finite.
 
     Example:
-        tracker = stepper.sysid.Tracker(model, ["mass:box", "friction:left,right,box"], noise={"wrist_force": 0.3}, period=0.02)
+        parameters = ["body_mass[box]", "geom_friction[left,right,box][0]"]
+        tracker = stepper.sysid.Tracker(model, parameters, noise={"wrist_force": 0.3}, period=0.02)
         while True:
             now = tracker.update(ctrl, {"wrist_force": read()})
     """

@@ -1,24 +1,23 @@
-"""What is identified: parameters by kind and element, as numbers theta that an optimiser may move freely within bounds.
+"""Parameters to identify, as numbers theta that an optimiser may move freely within bounds.
 
-A kind says which numbers of the model a parameter stands for, and how it is written as theta: positive quantities as logarithms, an inertia
-as log-Cholesky parameters, others as they are. `bind` looks the elements up in a model and gives a block of theta for each parameter.
+A kind says how a parameter is written as theta: positive quantities as logarithms, an inertia as log-Cholesky parameters, others as they
+are. `bind` looks the elements up in a model and gives a block of theta for each parameter.
 """
 
 from __future__ import annotations
 
-import fnmatch
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
-from stepper._hints import near, near_or_all
+from stepper._hints import hint_keywords, near_or_all
 from stepper._stepper import Model
 from stepper.actuators import ActuatorModel, Drive
 from stepper.shared.fields import OF_PAIRS, check_pairs
 from stepper.shared.rotations import matrices
+from stepper.shared.selectors import Selector, parse, parse_range, parts_of, rows_of
 from stepper.sysid import inertia as shape
 from stepper.sysid.inertia import Array
 
@@ -28,15 +27,13 @@ REACH = math.log(1e3)
 
 @dataclass(frozen=True)
 class Kind:
-    """A kind of parameters.
+    """Kind of parameters.
 
     Attributes:
-        element: What it belongs to: "body", "geom", "pair" (an explicit pair of geoms), "joint", "actuator" or "sensor".
+        element: Kind of the elements that have it: "body", "geom", "pair" (an explicit pair of geoms), "joint", "actuator" or "sensor".
         unit: Unit of its values.
-        says: What it is, in words.
-        excite: What a motion must do for data to say anything of it.
-        field: Field of the model, for kinds that are one number in a field; the rest have code of their own.
-        column: Place in that field's row.
+        says: Quantity in words.
+        excite: Motion that data need to determine it.
         log: Whether theta is the logarithm, so that values stay positive.
         bounds: Bounds of the value, if not what `REACH` says.
     """
@@ -45,52 +42,50 @@ class Kind:
     unit: str
     says: str
     excite: str
-    field: str = ""
-    column: int | None = None
     log: bool = True
     bounds: tuple[float, float] | None = None
 
 
+_UNIT = (0.0, 1.0)
 KINDS = {
-    "mass": Kind("body", "kg", "mass; the inertia grows with it", "accelerate or lift {0} while a force is measured", "body_mass"),
-    "com": Kind("body", "m", "centre of mass in the body's frame, three numbers", "hold {0} in several poses, or turn it fast", log=False),
-    "moments": Kind("body", "kg m^2", "principal moments of inertia, about the model's axes", "turn {0} about three axes, fast"),
-    "inertia": Kind("body", "", "all ten numbers: mass, centre of mass, moments and axes", "lift {0}, and turn it about three axes, fast"),
-    "friction": Kind("geom", "", "sliding friction", "make {0} slide; name both geoms, the larger counts", "geom_friction", 0),
-    "torsion": Kind("geom", "m", "torsional friction", "spin contacts of {0} about their normals", "geom_friction", 1),
-    "rolling": Kind("geom", "m", "rolling friction", "let {0} roll", "geom_friction", 2),
-    "restitution": Kind("geom", "", "coefficient of restitution", "let {0} bounce", "geom_restitution", log=False, bounds=(0.0, 1.0)),
-    "pair_friction": Kind("pair", "", "sliding friction of an explicit pair", "make the geoms of pair {0} slide", "pair_friction", 0),
-    "pair_torsion": Kind("pair", "m", "torsional friction of an explicit pair", "spin pair {0} about its normals", "pair_friction", 1),
-    "pair_rolling": Kind("pair", "m", "rolling friction of an explicit pair", "let the geoms of pair {0} roll", "pair_friction", 2),
-    "pair_restitution": Kind(
-        "pair", "", "restitution of an explicit pair", "let the geoms of {0} bounce", "pair_restitution", log=False, bounds=(0.0, 1.0)
-    ),
-    "stiffness": Kind("joint", "N/m or N m/rad", "spring stiffness", "move {0} far from where its spring rests", "jnt_stiffness"),
-    "damping": Kind("joint", "N s/m or N m s/rad", "viscous damping", "move {0} at several speeds", "dof_damping"),
-    "armature": Kind("joint", "kg or kg m^2", "added inertia", "accelerate {0}", "dof_armature"),
-    "frictionloss": Kind("joint", "N or N m", "dry friction", "move {0} slowly, back and forth", "dof_frictionloss"),
-    "gain": Kind("actuator", "", "gain, whatever its bias", "drive {0} with large and changing controls", "actuator_gain", 0),
-    "kp": Kind("actuator", "", "stiffness of a position servo", "drive {0} away from where it is, against a load", "actuator_gain", 0),
-    "kv": Kind("actuator", "", "velocity gain of a servo", "move {0} at several speeds", "actuator_bias", 2),
-    "delay": Kind("actuator", "s", "delay of the control", "change the control of {0} often", log=False, bounds=(0.0, 0.1)),
-    "bias": Kind("sensor", "", "bias of every channel of the sensor", "read {0}", log=False),
-    "scale": Kind("sensor", "", "scale factor of the sensor", "make {0} read more than its noise"),
-    "lag": Kind("sensor", "s", "delay of the reading", "make {0} change fast", log=False, bounds=(0.0, 0.1)),
+    "body_mass": Kind("body", "kg", "mass; the inertia grows with it", "accelerate or lift {0} while a force is measured"),
+    "body_ipos": Kind("body", "m", "centre of mass in the body's frame", "hold {0} in several poses, or turn it fast", log=False),
+    "body_inertia": Kind("body", "kg m^2", "principal moments of inertia, about the model's axes", "turn {0} about three axes, fast"),
+    "body_inertial": Kind("body", "", "mass, centre, moments and axes: ten numbers", "lift {0}, and turn it about three axes, fast"),
+    "geom_friction[0]": Kind("geom", "", "sliding friction", "make {0} slide; name both geoms, the larger counts"),
+    "geom_friction[1]": Kind("geom", "m", "torsional friction", "spin contacts of {0} about their normals"),
+    "geom_friction[2]": Kind("geom", "m", "rolling friction", "let {0} roll"),
+    "geom_restitution": Kind("geom", "", "coefficient of restitution", "let {0} bounce", log=False, bounds=_UNIT),
+    "pair_friction[0]": Kind("pair", "", "sliding friction of an explicit pair", "make the geoms of pair {0} slide"),
+    "pair_friction[1]": Kind("pair", "m", "torsional friction of an explicit pair", "spin pair {0} about its normals"),
+    "pair_friction[2]": Kind("pair", "m", "rolling friction of an explicit pair", "let the geoms of pair {0} roll"),
+    "pair_restitution": Kind("pair", "", "restitution of an explicit pair", "let the geoms of {0} bounce", log=False, bounds=_UNIT),
+    "jnt_stiffness": Kind("joint", "N/m or N m/rad", "spring stiffness", "move {0} far from where its spring rests"),
+    "dof_damping": Kind("joint", "N s/m or N m s/rad", "viscous damping", "move {0} at several speeds"),
+    "dof_armature": Kind("joint", "kg or kg m^2", "added inertia", "accelerate {0}"),
+    "dof_frictionloss": Kind("joint", "N or N m", "dry friction", "move {0} slowly, back and forth"),
+    "actuator_gain": Kind("actuator", "", "gain, whatever its bias", "drive {0} with large and changing controls"),
+    "actuator_kp": Kind("actuator", "", "stiffness of a position servo", "drive {0} away from where it is, against a load"),
+    "actuator_kv": Kind("actuator", "", "velocity gain of a servo", "move {0} at several speeds"),
+    "actuator.delay": Kind("actuator", "s", "delay of the control", "change the control of {0} often", log=False, bounds=(0.0, 0.1)),
+    "sensor.bias": Kind("sensor", "", "bias of every channel of the sensor", "read {0}", log=False),
+    "sensor.scale": Kind("sensor", "", "scale factor of the sensor", "make {0} read more than its noise"),
+    "sensor.delay": Kind("sensor", "s", "delay of the reading", "make {0} change fast", log=False, bounds=(0.0, 0.1)),
 }  # fmt: skip
-"""Kinds by name."""
-READING = ("bias", "scale", "lag")
-"""Kinds that change what is read of a motion, and not the motion."""
+"""Kinds by field, with the column in brackets where a field has a kind for each."""
+READING = ("sensor.bias", "sensor.scale", "sensor.delay")
+"""Kinds that change the reading of a motion, and not the motion."""
 
 
+@hint_keywords("stepper.sysid.FitParameter")
 @dataclass(frozen=True)
 class FitParameter:
     """Parameter to identify: a quantity of one or more elements, with start, bounds and prior.
 
     Attributes:
-        kind: What it is, of `stepper.sysid.KINDS`: "mass", "friction", "damping" ...
-        of: Names of elements, patterns like "left_*", or "#3" for an index. Several share one parameter: they keep the ratios that they
-            have in the model.
+        selector: Numbers that change, of the kinds `stepper.sysid.KINDS`: "body_mass[box]", "geom_friction[floor,box][0]",
+            "actuator_kp[hip]", "dof_damping[left_*]". Several elements share one parameter: they keep the ratios that they have in the
+            model.
         start: Where the search begins, in the unit of the kind; None is the model's own value.
         bounds: Lowest and highest value. None is a thousandth to a thousand times the start for what is positive, and what the kind
             allows for the rest.
@@ -98,44 +93,56 @@ class FitParameter:
             standard deviation is relative.
 
     Raises:
-        ValueError: An unknown kind, bounds that are none.
+        ValueError: An unknown kind or spelling, bounds that are none.
     """
 
-    kind: str
-    of: str | tuple[str, ...]
+    selector: str
     start: float | None = None
     bounds: tuple[float, float] | None = None
     prior: tuple[float, float] | None = None
 
     def __post_init__(self) -> None:
         if self.kind not in KINDS:
-            raise ValueError(f"there is no kind of parameter {self.kind!r}{_kinds_like(self.kind)}")
-        object.__setattr__(self, "of", (self.of,) if isinstance(self.of, str) else tuple(self.of))
-        if not self.of:
-            raise ValueError(f"a parameter of kind {self.kind!r} needs the name of a {KINDS[self.kind].element}")
+            raise ValueError(_no_kind(self.parsed))
+        if self.parsed.elements is None:
+            raise ValueError(f"'{self}' names no {KINDS[self.kind].element}: write '{self.parsed.field}[name]'")
         if self.bounds is not None and not self.bounds[0] < self.bounds[1]:
             raise ValueError(f"{self}: bounds are {self.bounds}, must be (low, high)")
         if self.prior is not None and not self.prior[1] > 0:
             raise ValueError(f"{self}: the standard deviation of the prior is {self.prior[1]}, must be above 0")
 
+    @property
+    def parsed(self) -> Selector:
+        """The selector, as field, elements and columns."""
+        return parse(self.selector, "parameters")
+
+    @property
+    def kind(self) -> str:
+        """Name in `stepper.sysid.KINDS`: the field, with the column where a field has a kind for each."""
+        columns = self.parsed.columns
+        return self.parsed.field + ("" if columns is None else f"[{','.join(map(str, columns))}]")
+
     @classmethod
     def parse(cls, text: str) -> FitParameter:
-        """A parameter from text: "mass:box", "friction:floor,box", with bounds "mass:box=0.1..5"."""
-        head, _, limits = text.partition("=")
-        kind, colon, names = head.partition(":")
-        if not colon or not names:
-            raise ValueError(f'"{text}" is no parameter; write kind:element, as in "mass:box" or "friction:floor,box=0.1..2"')
-        bounds = None
-        if limits:
-            try:
-                low, high = (float(end) for end in limits.split(".."))
-            except ValueError:
-                raise ValueError(f'"{text}": the bounds are "{limits}", must be two numbers as in "0.1..2"') from None
-            bounds = (low, high)
-        return cls(kind, tuple(name.strip() for name in names.split(",")), bounds=bounds)
+        """A parameter from text: "body_mass[box]", with bounds "geom_friction[floor,box][0]=0.1..2"."""
+        selector, bounds = parse_range(text, "parameters")
+        return cls(str(selector), bounds=bounds)
 
     def __str__(self) -> str:
-        return f"{self.kind}:{','.join(self.of)}"
+        return str(self.parsed)
+
+
+def _no_kind(selector: Selector) -> str:
+    """Error message for a selector of which there is no kind."""
+    columns = [name for name in KINDS if name.startswith(f"{selector.field}[")]
+    if columns and selector.columns is None:
+        which = ", ".join(
+            f"'{Selector(selector.field, selector.elements or ('*',), (k,))}' ({KINDS[name].says})" for k, name in enumerate(columns)
+        )
+        return f"parameters has '{selector}', of which each column is a parameter: write {which}"
+    if selector.field in KINDS:
+        return f"parameters has '{selector}': {selector.field} has no columns here; leave them out"
+    return f"parameters: {selector.field!r} cannot be identified{near_or_all(selector.field, KINDS)}"
 
 
 class Variants:
@@ -182,11 +189,13 @@ class Block:
 
     def __init__(self, parameter: FitParameter, model: Model):
         self.parameter, self.kind = parameter, KINDS[parameter.kind]
-        self.index = tuple(k for name in parameter.of for k in _find(model, self.kind.element, name))
-        self.names = tuple(_name(model, self.kind.element, k) for k in self.index)
-        kind, what = parameter.kind, self.names[0] if len(self.names) == 1 else "{" + ",".join(self.names) + "}"
+        self.index = _indices(parameter, model)
+        own = [getattr(model, f"{self.kind.element}_names")[k] for k in self.index]
+        self.names = tuple(name or f"#{k}" for name, k in zip(own, self.index, strict=True))
+        items = tuple(item for name, k in zip(own, self.index, strict=True) for item in ([name] if name else _unnamed(parameter, model, k)))
+        self.selector = Selector(parameter.parsed.field, items, parameter.parsed.columns)
         self.hint = self.kind.excite.format(" and ".join(self.names))
-        self.labels: tuple[str, ...] = (f"{kind}:{what}",)
+        self.labels: tuple[str, ...] = (str(self.selector),)
         self.units: tuple[str, ...] = (self.kind.unit,)
         self.start, self.low, self.high = np.zeros(1), np.zeros(1), np.zeros(1)
         self.prior: tuple[Array, Array] | None = None
@@ -200,18 +209,15 @@ class Block:
         return len(self.start)
 
     def _prepare(self, model: Model) -> None:
-        kind = self.kind
-        field = np.asarray(getattr(model, kind.field), np.float64)
-        places = _dofs(model, self.index) if kind.field.startswith("dof_") else list(self.index)
-        self.places: list[tuple[int, ...]] = [(k,) if kind.column is None else (k, kind.column) for k in places]
-        own = np.array([field[place] for place in self.places])
-        if self.parameter.kind == "kv":
-            own = -own
-        if self.parameter.kind == "kp":
+        parts = parts_of(model, self._numbers(), "parameters")
+        self.parts = [(part.field, part.index.reshape(-1), part.sign) for part in parts]
+        field, places, sign = self.parts[0]
+        own = sign * np.asarray(getattr(model, field), np.float64).reshape(-1)[places]
+        if self.parameter.kind == "actuator_kp":
             bias = np.asarray(model.actuator_bias)[list(self.index)]
             if not np.allclose(bias[:, 1], -own):
                 raise ValueError(
-                    f"{self.parameter}: {self.names[0]} is no position servo, its bias is {bias[0].tolist()}; identify its gain"
+                    f"{self.parameter}: {self.names[0]} is no position servo, its bias is {bias[0].tolist()}; identify its actuator_gain"
                 )
         # Where the model's value is 0, all elements have the same one.
         self.ratio = own / own[0] if own[0] > 0 else np.ones(len(own))
@@ -243,21 +249,24 @@ class Block:
 
     def write(self, theta: Array, variants: Variants) -> None:
         """Writes what theta (count, size) means into variants."""
-        value = self.natural(theta)[:, 0]
-        for place, ratio in zip(self.places, self.ratio, strict=True):
-            self._assign(variants, place, value * ratio)
-
-    def _assign(self, variants: Variants, place: tuple[int, ...], value: Array) -> None:
-        at: Any = (slice(None), *place)
-        array = variants.of(self.kind.field)
-        if self.parameter.kind == "mass":
-            variants.of("body_inertia")[:, place[0]] *= (value / array[at])[:, None]
-        if self.parameter.kind == "gain":
+        value = self.natural(theta) * self.ratio
+        before = self._flat(variants, self.parts[0][0])[:, self.parts[0][1]]
+        for field, places, sign in self.parts:
+            self._flat(variants, field)[:, places] = sign * value
+        if self.parameter.kind == "body_mass":
+            variants.of("body_inertia")[:, list(self.index)] *= (value / before)[..., None]
+        if self.parameter.kind == "actuator_gain":
             # All of the gain grows together, as that of a motor whose current is scaled.
-            array[:, place[0]] *= (value / array[at])[:, None]
-        if self.parameter.kind == "kp":
-            variants.of("actuator_bias")[:, place[0], 1] = -value
-        array[at] = -value if self.parameter.kind == "kv" else value
+            variants.of("actuator_gain")[:, list(self.index), 1:] *= (value / before)[..., None]
+
+    def _numbers(self) -> Selector:
+        """Selector of the numbers that have the value: of a gain its constant part."""
+        return replace(self.selector, columns=(0,)) if self.parameter.kind == "actuator_gain" else self.selector
+
+    @staticmethod
+    def _flat(variants: Variants, field: str) -> Array:
+        """Rows of a field to write to, (count, numbers)."""
+        return variants.of(field).reshape(variants.count, -1)
 
     def natural(self, theta: Array) -> Array:
         """Values in their units (..., size) of theta (..., size)."""
@@ -289,7 +298,7 @@ class _Com(_OfOneBody):
         body = self._one()
         self._scale = float(self._gyration(model).max())
         reach = 10 * self._scale
-        self.labels = tuple(f"com:{self.names[0]}.{axis}" for axis in "xyz")
+        self.labels = tuple(f"{self.selector}[{k}]" for k in range(3))
         self.units = ("m",) * 3
         self.start = np.array(model.body(body).ipos, float)
         self.low, self.high = self.start - reach, self.start + reach
@@ -308,7 +317,7 @@ class _Moments(_OfOneBody):
         if not moments.min() > 1e-9 * moments.max():
             raise ValueError(f"{self.parameter}: the model's moments {own.tolist()} are those of a flat body, which is a bound; thicken it")
         self.own = moments
-        self.labels = tuple(f"moments:{self.names[0]}.{k}" for k in (1, 2, 3))
+        self.labels = tuple(f"{self.selector}[{k}]" for k in range(3))
         self.units = ("kg m^2",) * 3
         self.start = np.zeros(3)
         self.low, self.high = np.full(3, -REACH), np.full(3, REACH)
@@ -327,7 +336,7 @@ class _Inertia(_OfOneBody):
         self.body = model.body(self.index[0])
         self.R = matrices(np.asarray(self.body.iquat))
         parts = ("mass", "com.x", "com.y", "com.z", "Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz")
-        self.labels = tuple(f"inertia:{self.names[0]}.{part}" for part in parts)
+        self.labels = tuple(f"{self.selector}.{part}" for part in parts)
         self.units = ("kg", *("m",) * 3, *("kg m^2",) * 6)
         self.start = np.zeros(10)
         reach = np.array([REACH / 2, *(REACH,) * 3, *(10.0,) * 6])
@@ -362,16 +371,16 @@ class _Reading(Block):
     """A parameter of sensors, which predictions take: see `Simulator`."""
 
     def _prepare(self, model: Model) -> None:
-        if self.parameter.kind != "bias":
-            self._interval(1.0 if self.parameter.kind == "scale" else 0.0)
-            self._scale = 0.01 if self.parameter.kind == "lag" else 1.0
+        if self.parameter.kind != "sensor.bias":
+            self._interval(1.0 if self.parameter.kind == "sensor.scale" else 0.0)
+            self._scale = 0.01 if self.parameter.kind == "sensor.delay" else 1.0
             return
         if len(self.index) != 1:
             raise ValueError(f"{self.parameter}: every sensor has a bias of its own; give a parameter for each")
         dim = model.sensor(self.index[0]).dim
         self._interval(0.0)
         if dim > 1:
-            self.labels = tuple(f"bias:{self.names[0]}[{k}]" for k in range(dim))
+            self.labels = tuple(f"{self.selector}[{k}]" for k in range(dim))
             self.units = ("",) * dim
             self.start, self.low, self.high = (np.repeat(x, dim) for x in (self.start, self.low, self.high))
             self.prior = None if self.prior is None else (np.repeat(self.prior[0], dim), np.repeat(self.prior[1], dim))
@@ -381,37 +390,42 @@ class _Reading(Block):
 
 
 _BLOCKS: dict[str, type[Block]] = {
-    "com": _Com, "moments": _Moments, "inertia": _Inertia, "delay": _Delay, "bias": _Reading, "scale": _Reading, "lag": _Reading,
+    "body_ipos": _Com, "body_inertia": _Moments, "body_inertial": _Inertia, "actuator.delay": _Delay, **dict.fromkeys(READING, _Reading),
 }  # fmt: skip
+_SAME = {
+    "body_inertial": ("body_mass", "body_ipos", "body_inertia", "body_inertial"),
+    "actuator_kp": ("actuator_kp", "actuator_gain"),
+    "actuator_gain": ("actuator_kp", "actuator_gain"),
+}
+"""Kinds whose numbers a kind has too."""
 
 
 def bind(parameters: Sequence[FitParameter | str], model: Model) -> list[Block]:
     """Blocks of theta for parameters of a model.
 
     Raises:
-        KeyError: A name that no element has.
-        ValueError: Two parameters of one number, a parameter that cannot begin where the model is, one of geoms that an explicit pair
-            overrides.
+        ValueError: A name that no element has, two parameters of one number, a parameter that cannot begin where the model is, one of
+            geoms that an explicit pair overrides.
     """
     if isinstance(parameters, str | FitParameter):
         parameters = [parameters]
     given = [FitParameter.parse(p) if isinstance(p, str) else p for p in parameters]
     if not given:
-        raise ValueError('there is no parameter to identify; give some, as in ["mass:box", "friction:floor,box"]')
+        raise ValueError('there is no parameter to identify; give some, as in ["body_mass[box]", "geom_friction[floor,box][0]"]')
     blocks = [_BLOCKS.get(p.kind, Block)(p, model) for p in given]
     taken: dict[tuple[str, int], FitParameter] = {}
     for block in blocks:
-        same = {"inertia": ("mass", "com", "moments", "inertia"), "kp": ("kp", "gain"), "gain": ("kp", "gain")}
-        for kind in same.get(block.parameter.kind, (block.parameter.kind,)):
+        for kind in _SAME.get(block.parameter.kind, (block.parameter.kind,)):
             for k in block.index:
                 if (kind, k) in taken:
                     raise ValueError(f"{block.parameter} and {taken[kind, k]} are of the same number; leave one out")
                 taken[kind, k] = block.parameter
     for block in blocks:
-        kind = block.kind.field
-        pairs = {k for other in blocks if other.kind.field == OF_PAIRS.get(kind) for k in other.index}
+        field, columns = block.selector.field, block.selector.columns
+        pairs = {k for other in blocks if other.selector.field == OF_PAIRS.get(field) for k in other.index}
         try:
-            check_pairs(model, kind, block.index, pairs, f'identify "pair_{block.parameter.kind}:{{pair}}"')
+            column = "" if columns is None else f"[{columns[0]}]"
+            check_pairs(model, field, block.index, pairs, f"identify '{OF_PAIRS.get(field)}[{{pair}}]{column}' too")
         except ValueError as error:
             raise ValueError(f"{block.parameter}: {error}") from None
     return blocks
@@ -421,7 +435,7 @@ def write(blocks: Sequence[Block], theta: Array, model: Model) -> Variants:
     """What theta (count, n) of all blocks means."""
     variants = Variants(model, len(theta))
     # Moments are absolute, and a mass scales those it finds.
-    for block, piece in sorted(zip(blocks, split(blocks, theta), strict=True), key=lambda part: part[0].parameter.kind == "moments"):
+    for block, piece in sorted(zip(blocks, split(blocks, theta), strict=True), key=lambda part: part[0].parameter.kind == "body_inertia"):
         block.write(piece, variants)
     return variants
 
@@ -436,34 +450,28 @@ def natural(blocks: Sequence[Block], theta: Array) -> Array:
     return np.concatenate([block.natural(piece) for block, piece in zip(blocks, split(blocks, theta), strict=True)], axis=-1)
 
 
-def _kinds_like(kind: str) -> str:
-    """Hint at an unknown kind: kinds of the model's field of that name, similar kinds, or all kinds, as the end of a message."""
-    of_field = [name for name, known in KINDS.items() if known.field == kind]
-    if of_field:
-        return f"; did you mean {' or '.join(of_field)}?"
-    return near_or_all(kind, KINDS)
+def _indices(parameter: FitParameter, model: Model) -> tuple[int, ...]:
+    """Indices of the elements of a parameter; of a degree of freedom, that of its joint."""
+    items, where = parameter.parsed.elements or (), f"parameters has '{parameter}'"
+    if not parameter.parsed.field.startswith("dof_"):
+        return tuple(rows_of(model, KINDS[parameter.kind].element, items, where))
+    joints = [k for k in range(model.njnt) for _ in range(model.joint(k).nv)]
+    found = [joints[row] for item in items for row in _dofs_of(model, item, where)]
+    return tuple(dict.fromkeys(found))
 
 
-def _names(model: Model, element: str) -> list[str]:
-    return list(getattr(model, f"{element}_names"))
+def _dofs_of(model: Model, item: str | int, where: str) -> list[int]:
+    """Degrees of freedom of a joint by name or pattern, or one by index."""
+    if isinstance(item, int):
+        return rows_of(model, "dof", [item], where)
+    return [row for k in rows_of(model, "joint", [item], where) for row in _rows_of_joint(model, k)]
 
 
-def _name(model: Model, element: str, index: int) -> str:
-    return _names(model, element)[index] or f"#{index}"
+def _rows_of_joint(model: Model, index: int) -> range:
+    joint = model.joint(index)
+    return range(joint.dofadr, joint.dofadr + joint.nv)
 
 
-def _find(model: Model, element: str, name: str) -> list[int]:
-    names = _names(model, element)
-    if name.startswith("#") and name[1:].isdigit() and int(name[1:]) < len(names):
-        return [int(name[1:])]
-    if name in names:
-        return [names.index(name)]
-    found = [k for k, other in enumerate(names) if other and fnmatch.fnmatchcase(other, name)]
-    if not found:
-        listed = f"; there are: {', '.join(n or f'#{k}' for k, n in enumerate(names))}" if names else f"; the model has no {element}"
-        raise KeyError(f"no {element} is named {name!r}{near(name, names) or listed}")
-    return found
-
-
-def _dofs(model: Model, joints: Sequence[int]) -> list[int]:
-    return [dof for k in joints for dof in range(model.joint(k).dofadr, model.joint(k).dofadr + model.joint(k).nv)]
+def _unnamed(parameter: FitParameter, model: Model, index: int) -> list[int]:
+    """Items that select an element without a name."""
+    return list(_rows_of_joint(model, index)) if parameter.parsed.field.startswith("dof_") else [index]

@@ -224,13 +224,23 @@ class Together:
         self._asked: dict[int, Array] = {}
         self._answers: dict[int, Linearized | BaseException] = {}
         self._turn = threading.Condition()
+        self._stopped = False
+
+    def stop(self) -> None:
+        """Ends all searches at their next points: `ask` raises."""
+        with self._turn:
+            self._stopped = True
+            self._turn.notify_all()
 
     def ask(self, search: int, x: Array) -> Linearized:
         """The residuals at x, once all other searches have asked too or ended."""
         with self._turn:
             self._asked[search] = x
-            self._answer()
-            self._turn.wait_for(lambda: search in self._answers)
+            if not self._stopped:
+                self._answer()
+                self._turn.wait_for(lambda: search in self._answers or self._stopped)
+            if self._stopped:
+                raise InterruptedError("another search was interrupted")
             answer = self._answers.pop(search)
         if isinstance(answer, BaseException):
             raise answer
@@ -240,7 +250,8 @@ class Together:
         """A search has ended."""
         with self._turn:
             self._active -= 1
-            self._answer()
+            if not self._stopped:
+                self._answer()
 
     def _answer(self) -> None:
         if not self._asked or len(self._asked) < self._active:

@@ -20,7 +20,7 @@ from stepper.sysid.findings import undetermined
 from stepper.sysid.inertia import Array
 from stepper.sysid.parameters import Block, FitParameter, bind, natural, split, write
 
-FORMAT = 1
+FORMAT = 2
 
 
 @dataclass(frozen=True)
@@ -85,7 +85,7 @@ class Identification:
 
     @property
     def labels(self) -> tuple[str, ...]:
-        """What each value is: "mass:box"."""
+        """Names of the values: "body_mass[box]"."""
         return tuple(label for block in self.blocks for label in block.labels)
 
     @property
@@ -134,7 +134,7 @@ class Identification:
         return np.concatenate(out)
 
     def __getitem__(self, label: str) -> float:
-        """The estimate of a label, as `result["mass:box"]`."""
+        """The estimate of a label, as `result["body_mass[box]"]`."""
         if label not in self.labels:
             raise KeyError(f"there is no {label!r}, there are: {', '.join(self.labels)}")
         return float(self.values[self.labels.index(label)])
@@ -186,7 +186,7 @@ class Identification:
     def weakest(self) -> tuple[float, dict[str, float]]:
         """The combination that is known least: its standard deviation over its scale, and what it is made of, the largest first.
 
-        Of two positive quantities {"mass:box": 0.7, "friction:box": -0.7} is their ratio.
+        Of two positive quantities {"body_mass[box]": 0.7, "geom_friction[box][0]": -0.7} is their ratio.
         """
         labels = [f"{block.parameter}[{k}]" if block.size > 1 else block.labels[0] for block in self.blocks for k in range(block.size)]
         values, vectors = np.linalg.eigh(self.covariance / np.outer(self.scale, self.scale))
@@ -249,9 +249,7 @@ class Identification:
             if kept["model"] != model.digest:
                 raise ValueError(f"it is of model {kept['model'][:12]}, the model given is {model.digest[:12]}")
             parameters = tuple(
-                FitParameter(
-                    p["kind"], tuple(p["of"]), p["start"], *(None if p[name] is None else tuple(p[name]) for name in ("bounds", "prior"))
-                )
+                FitParameter(p["selector"], p["start"], *(None if p[name] is None else tuple(p[name]) for name in ("bounds", "prior")))
                 for p in kept["parameters"]
             )
             numbers: dict[str, Any] = {name: np.array(kept[name]) for name in ("theta", "covariance", "information", "scale")}

@@ -181,7 +181,7 @@ class Simulator:
         self._steppers: dict[tuple[str, int], Stepper] = {}
         self.timestep = float(Stepper(model, options=options).timestep)
         self._readers = [block for block in self.blocks if block.parameter.kind in READING]
-        self._fine = any(block.parameter.kind == "lag" for block in self.blocks)
+        self._fine = any(block.parameter.kind == "sensor.delay" for block in self.blocks)
         for block in self._readers:
             if unread := [name for name in block.names if name not in {channel.name for channel in self.channels}]:
                 raise ValueError(
@@ -337,9 +337,9 @@ class Simulator:
                 if block not in self._readers or channel.name not in block.names:
                     continue
                 lines = channel.lines
-                if block.parameter.kind == "lag":
+                if block.parameter.kind == "sensor.delay":
                     y[..., lines] = _delayed(y[..., lines], piece[:, 0] / self.timestep)
-                elif block.parameter.kind == "scale":
+                elif block.parameter.kind == "sensor.scale":
                     y[..., lines] *= block.natural(piece)[:, :, None]
                 else:
                     y[..., lines] += piece[:, None, :]
@@ -379,7 +379,7 @@ def _turn(a: Array, b: Array) -> Array:
 
 def _room_for_delays(known: ActuatorModel | None, blocks: Sequence[Block]) -> ActuatorModel | None:
     """Drives with delay lines as long as a search may ask for."""
-    longest = {name: float(block.high[0]) for block in blocks if block.parameter.kind == "delay" for name in block.names}
+    longest = {name: float(block.high[0]) for block in blocks if block.parameter.kind == "actuator.delay" for name in block.names}
     if not longest:
         return known
     drives = dict(known.named) if known is not None else {}

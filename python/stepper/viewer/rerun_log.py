@@ -11,6 +11,7 @@ import numpy as np
 
 from stepper._stepper import Model, Stepper
 from stepper.shared.machine import require
+from stepper.shared.progress import Tick, silent
 from stepper.viewer.frames import Envs, Frame, frame_of, own_of, shown_envs, sizes_of
 from stepper.viewer.live import scene_for
 from stepper.viewer.looks import Array
@@ -74,7 +75,9 @@ class RerunLog:
         self.close()
 
 
-def log_rerun(recording: str | os.PathLike[str], path: str | os.PathLike[str], *, envs: Envs = None, source: Any = None) -> int:
+def log_rerun(
+    recording: str | os.PathLike[str], path: str | os.PathLike[str], *, envs: Envs = None, source: Any = None, tick: Tick | None = None
+) -> int:
     """Writes a recording as a .rrd file for the Rerun viewer; see `RerunLog` for what is in it.
 
     Args:
@@ -82,6 +85,7 @@ def log_rerun(recording: str | os.PathLike[str], path: str | os.PathLike[str], *
         path: The file; what is there is replaced.
         envs: Environments that are logged: a number of them, or a list; None is all up to 4.
         source: What the recorded model was loaded from, as of `stepper.viewer.Player`.
+        tick: Called with "log" and the fraction of moments.
 
     Returns:
         Number of moments.
@@ -99,6 +103,7 @@ def log_rerun(recording: str | os.PathLike[str], path: str | os.PathLike[str], *
             passed += now - before if now >= before else now
             before = now
             writer.write(passed, run[index])
+            (tick or silent)("log", (index + 1) / len(run))
     finally:
         writer.close()
     return len(run)

@@ -173,7 +173,7 @@ impl<R: Real> Derivation<R> {
         self.place_mocap(compiled, s);
     }
 
-    /// Writes a quantity of the present group's environments to the rows of `out`. `options` are the settings of steps.
+    /// Writes a quantity of the environments of the group of [`Derivation::begin`] to the rows of `out`.
     pub(crate) fn derive(
         &mut self,
         compiled: &LaneModel<R>,

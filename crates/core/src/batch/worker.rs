@@ -111,7 +111,7 @@ const MAX_CACHED_ENTRIES: usize = 512;
 /// Number of lanes: the level's lanes `n`, or twice as many if that is faster.
 ///
 /// With AVX-512 twice the lanes take 1.8 times as long as one register. On CPUs with units of half the width they take at least twice as
-/// long (docs/performance.md). With the sixteen registers of AVX2 they would take 2.2 to 2.5 times as long.
+/// long (docs/benchmarks/performance.md). With the sixteen registers of AVX2 they would take 2.2 to 2.5 times as long.
 fn lanes<S: Scalar>(n: usize, compiled: &CompiledModel<S>, num_envs: usize, threads: usize, level: Level) -> usize {
     let groups = |lanes: usize| num_envs.div_ceil(lanes).div_ceil(threads);
     let pays = compiled.chain.len() <= MAX_CACHED_ENTRIES && 9 * groups(2 * n) <= 5 * groups(n);

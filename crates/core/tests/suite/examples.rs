@@ -2,6 +2,8 @@
 
 #[path = "../../examples/batch.rs"]
 mod batch;
+#[path = "../../examples/controller.rs"]
+mod controller;
 #[path = "../../examples/parameters.rs"]
 mod parameters;
 #[path = "../../examples/states.rs"]
@@ -10,6 +12,11 @@ mod states;
 #[test]
 fn a_batch_is_stepped_and_its_contacts_and_poses_are_read() {
     batch::main().unwrap();
+}
+
+#[test]
+fn a_controller_balances_a_pole() {
+    controller::main().unwrap();
 }
 
 #[test]

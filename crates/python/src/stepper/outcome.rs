@@ -4,9 +4,10 @@ use std::path::PathBuf;
 
 use numpy::{PyArray1, PyArrayMethods};
 use pyo3::prelude::*;
+use pyo3::types::PyDict;
 use stepper_core::StepInputs;
 
-use crate::arguments::Env;
+use crate::arguments::{Env, no_others};
 use crate::array::read_only;
 use crate::contacts::structured;
 use crate::error::value_error;
@@ -85,8 +86,14 @@ impl Stepper {
     ///     from the margin, force (3,) in N on the second geom along normal, t1, t2, torque (3,) in N m on it about the same
     ///     directions, of torsional and rolling friction (condim 4 and 6), and frame (3, 3), whose rows are these directions. The
     ///     second geom's torque acts at pos, and |(force_t / mu_slide, torque_n / mu_spin, torque_t / mu_roll)| <= force_n.
-    #[pyo3(signature = (envs=None))]
-    fn contacts<'py>(slf: Reading<'_>, py: Python<'py>, envs: Option<Bound<'py, PyAny>>) -> PyResult<Bound<'py, PyAny>> {
+    #[pyo3(signature = (envs=None, **others), text_signature = "($self, envs=None)")]
+    fn contacts<'py>(
+        slf: Reading<'_>,
+        py: Python<'py>,
+        envs: Option<Bound<'py, PyAny>>,
+        others: Option<&Bound<'_, PyDict>>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        no_others("Stepper.contacts", others, &["envs"])?;
         let selection = slf.selection(envs.as_ref())?;
         structured(py, &slf.simulation, selection.envs)
     }
@@ -101,8 +108,9 @@ impl Stepper {
     /// Returns:
     ///     For example 'contact of geom "floor" and geom "foot"', 'limit of joint "knee"' or 'equality "loop"'; None where every step
     ///     was solved, or no single row is to blame.
-    #[pyo3(signature = (env=Env(0)), text_signature = "($self, env=0)")]
-    fn worst_row(slf: Reading<'_>, env: Env) -> PyResult<Option<String>> {
+    #[pyo3(signature = (env=Env(0), **others), text_signature = "($self, env=0)")]
+    fn worst_row(slf: Reading<'_>, env: Env, others: Option<&Bound<'_, PyDict>>) -> PyResult<Option<String>> {
+        no_others("Stepper.worst_row", others, &["env"])?;
         let row = slf.simulation.worst_row(slf.env(env)?);
         Ok(row.map(|row| row.describe(slf.simulation.model()).to_string()))
     }
@@ -122,8 +130,16 @@ impl Stepper {
     ///
     /// Raises:
     ///     OSError: The file cannot be written.
-    #[pyo3(signature = (path, env=Env(0), *, ctrl=None), text_signature = "($self, path, env=0, *, ctrl=None)")]
-    fn save_problem(mut slf: Writing<'_>, py: Python<'_>, path: PathBuf, env: Env, ctrl: Option<Bound<'_, PyAny>>) -> PyResult<()> {
+    #[pyo3(signature = (path, env=Env(0), *, ctrl=None, **others), text_signature = "($self, path, env=0, *, ctrl=None)")]
+    fn save_problem(
+        mut slf: Writing<'_>,
+        py: Python<'_>,
+        path: PathBuf,
+        env: Env,
+        ctrl: Option<Bound<'_, PyAny>>,
+        others: Option<&Bound<'_, PyDict>>,
+    ) -> PyResult<()> {
+        no_others("Stepper.save_problem", others, &["path", "env", "ctrl"])?;
         let env = slf.env(env)?;
         let ctrl = match ctrl {
             Some(ctrl) => slf.rows(&ctrl, "ctrl", slf.simulation.model().nu())?.as_slice()?.to_vec(),

@@ -1,9 +1,10 @@
 //! Quantities of all environments outside a step: mass matrix, energy, momentum.
 
 use pyo3::prelude::*;
+use pyo3::types::PyDict;
 use stepper_core::{DerivedQuantity, Precision, Snapshot, StepInputs};
 
-use crate::arguments::Env;
+use crate::arguments::{Env, no_others};
 use crate::array::array;
 use crate::error::value_error;
 use crate::stepper::{Stepper, Writing};
@@ -37,7 +38,9 @@ impl Stepper {
     ///
     /// Returns:
     ///     (num_envs, nv, nv), in the stepper's scalar type.
-    fn mass_matrix<'py>(mut slf: Writing<'_>, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+    #[pyo3(signature = (**others), text_signature = "($self)")]
+    fn mass_matrix<'py>(mut slf: Writing<'_>, py: Python<'py>, others: Option<&Bound<'_, PyDict>>) -> PyResult<Bound<'py, PyAny>> {
+        no_others("Stepper.mass_matrix", others, &[])?;
         slf.apply(py)?;
         Ok(slf.derive(py, &[DerivedQuantity::MassMatrix])?.remove(0))
     }

@@ -1,12 +1,12 @@
 //! `Stepper.randomize`: arrays in and out.
 
 use numpy::PyUntypedArrayMethods;
-use pyo3::exceptions::PyValueError;
+use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
-use pyo3::types::PyDict;
+use pyo3::types::{PyDict, PyMapping};
 use stepper_core::{ActuatorNumbers, Parameter, Precision};
 
-use crate::array::{array, check_shape_of, read_only_of_environments, readonly, unknown_field};
+use crate::array::{array, check_shape_of, described, read_only_of_environments, readonly, unknown_field};
 use crate::device_models::drives;
 use crate::error::value_error;
 use crate::selection::Selection;
@@ -91,7 +91,15 @@ impl Stepper {
     /// keep these contacts as they are. An earlier call counts for all environments, also for those that it did not select, whose pairs
     /// keep the model's values. Likewise geom_restitution and pair_restitution.
     ///
+    ///     sim.randomize(geom_friction=friction)  # (num_envs, ngeom, 3)
+    ///     sim.randomize({"geom_friction[floor,box][0]": sliding}, envs=[3, 5])  # (2, 2)
+    ///
     /// Args:
+    ///     values: Values by selector, `field[names][columns]` (docs/reference/what_can_vary.md); other numbers of these
+    ///         fields stay as they are.
+    ///         The shape is that of the selected numbers with num_envs in front: one name or index and one column have no axis of
+    ///         their own. (num_envs,) is one number for all selected, a single number is the same in all environments, and None
+    ///         gives the model's own numbers back. In place of values, `envs` may stand first.
     ///     envs: The environments that change, as of `reset`.
     ///     **fields: Arrays with num_envs in front of the shape that the field has in the model; None gives the model's own numbers
     ///         back, and so do all fields when none is named: gravity (num_envs, 3) m/s^2; body_mass (num_envs, nbody) kg, body_ipos
@@ -115,8 +123,33 @@ impl Stepper {
     ///     ModelError: A field that all environments share, numbers that no model may have, that ask for something that the model
     ///         has none of, such as dry friction where it has 0, or that an explicit pair overrides; with field, element and
     ///         environment. Nothing is changed then.
-    #[pyo3(signature = (envs=None, **fields))]
-    fn randomize(slf: &Bound<'_, Self>, envs: Option<Bound<'_, PyAny>>, fields: Option<Bound<'_, PyDict>>) -> PyResult<()> {
+    #[pyo3(signature = (values=None, /, envs=None, **fields))]
+    fn randomize(
+        slf: &Bound<'_, Self>,
+        values: Option<Bound<'_, PyAny>>,
+        envs: Option<Bound<'_, PyAny>>,
+        fields: Option<Bound<'_, PyDict>>,
+    ) -> PyResult<()> {
+        let (values, envs) = match values {
+            Some(first) if first.cast::<PyMapping>().is_err() => {
+                if envs.is_some() {
+                    return Err(PyTypeError::new_err(format!(
+                        "Stepper.randomize: values is {}, must be a dict of selectors, as {{'geom_friction[floor][0]': 0.5}}",
+                        described(&first)
+                    )));
+                }
+                (None, Some(first))
+            }
+            values => (values, envs),
+        };
+        let fields = match values {
+            None => fields,
+            Some(values) if values.is_empty()? && fields.is_none() => return Ok(()),
+            Some(values) => {
+                let selectors = slf.py().import("stepper.shared.selectors")?;
+                Some(selectors.call_method1("randomized_fields", (slf, values, envs.as_ref(), fields))?.cast_into::<PyDict>()?)
+            }
+        };
         let mut this = borrow(slf)?;
         let selection = this.selection(envs.as_ref())?;
         if selection.envs.is_empty() {

@@ -7,7 +7,7 @@ use pyo3::types::{PyDict, PyTuple};
 use stepper_core::rollout::{Numbers, Quantity, Recording};
 use stepper_core::{Precision, StepInputs};
 
-use crate::arguments::Whole;
+use crate::arguments::{Whole, no_others};
 use crate::array::{check_shape, described, readonly, shape_text};
 use crate::error::value_error;
 use crate::options::unknown;
@@ -164,7 +164,8 @@ impl Stepper {
     ///     TypeError: An array of `out` of the wrong dtype.
     ///     KeyboardInterrupt: As in `step`; `steps` counts those of all controls. Rows of `out` have what followed each control, of
     ///         the last one what followed the steps that were made; the rows beyond are as they were.
-    #[pyo3(signature = (ctrl, nstep=Whole::Number(1), *, initial=None, fields=None, out=None), text_signature = "($self, ctrl, nstep=1, *, initial=None, fields=None, out=None)")]
+    #[pyo3(signature = (ctrl, nstep=Whole::Number(1), *, initial=None, fields=None, out=None, **others), text_signature = "($self, ctrl, nstep=1, *, initial=None, fields=None, out=None)")]
+    #[expect(clippy::too_many_arguments, reason = "each has a name of its own")]
     fn rollout<'py>(
         slf: &Bound<'py, Self>,
         py: Python<'py>,
@@ -173,7 +174,9 @@ impl Stepper {
         initial: Option<Bound<'py, PyAny>>,
         fields: Option<Vec<String>>,
         out: Option<Bound<'py, PyDict>>,
+        others: Option<&Bound<'_, PyDict>>,
     ) -> PyResult<Bound<'py, PyDict>> {
+        no_others("Stepper.rollout", others, &["ctrl", "nstep", "initial", "fields", "out"])?;
         let nstep = nstep.from(0, "nstep")? as usize;
         let mut slf = borrow(slf)?;
         if slf.recorder.is_some() {

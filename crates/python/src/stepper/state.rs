@@ -3,10 +3,10 @@
 use numpy::PyUntypedArrayMethods;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
-use pyo3::types::PyBool;
+use pyo3::types::{PyBool, PyDict};
 use stepper_core::{Episode, Field, StateRows};
 
-use crate::arguments::Env;
+use crate::arguments::{Env, no_others};
 use crate::array::{array, check_shape, read_only, readonly, seeds};
 use crate::error::value_error;
 use crate::selection::{Numbers, Selection};
@@ -72,7 +72,7 @@ impl Stepper {
     ///     IndexError: No environment of that index.
     ///     ValueError: A wrong shape, a number that is not finite, a quaternion of zeros, a negative seed. Nothing is changed then.
     ///     KeyError: No such keyframe.
-    #[pyo3(signature = (envs=None, *, qpos=None, qvel=None, seed=None, keyframe=None))]
+    #[pyo3(signature = (envs=None, *, qpos=None, qvel=None, seed=None, keyframe=None, **others), text_signature = "($self, envs=None, *, qpos=None, qvel=None, seed=None, keyframe=None)")]
     fn reset(
         slf: &Bound<'_, Self>,
         envs: Option<Bound<'_, PyAny>>,
@@ -80,7 +80,9 @@ impl Stepper {
         qvel: Option<Bound<'_, PyAny>>,
         seed: Option<Bound<'_, PyAny>>,
         keyframe: Option<Bound<'_, PyAny>>,
+        others: Option<&Bound<'_, PyDict>>,
     ) -> PyResult<()> {
+        no_others("Stepper.reset", others, &["envs", "qpos", "qvel", "seed", "keyframe"])?;
         let mut this = borrow(slf)?;
         let selection = this.selection(envs.as_ref())?;
         let new_seeds = seed.as_ref().map(|seed| seeds(seed, selection.rows(this.n()))).transpose()?;
@@ -106,7 +108,7 @@ impl Stepper {
     /// Sets configuration, velocity, activations or time; or, given a `State`, everything that survives a step.
     ///
     /// The next state is a function of `qpos`, `qvel`, `act` and the controls; what the solver starts from moves it by some 1e-7 of a
-    /// velocity (docs/decisions/visible_state.md). The other memory of an environment is that of its drives (delay lines, lags,
+    /// velocity (docs/development/decisions/visible_state.md). The other memory of an environment is that of its drives (delay lines, lags,
     /// integrals) and sensors (bias, drift, delay lines, samples held).
     ///
     /// Args:
@@ -126,7 +128,8 @@ impl Stepper {
     /// Raises:
     ///     ValueError: A wrong shape, a number that is not finite, a quaternion of zeros, a state of another model. Nothing is
     ///         changed then.
-    #[pyo3(signature = (qpos=None, qvel=None, envs=None, *, act=None, time=None, keep_warmstart=false), text_signature = "($self, qpos=None, qvel=None, envs=None, *, act=None, time=None, keep_warmstart=False)")]
+    #[pyo3(signature = (qpos=None, qvel=None, envs=None, *, act=None, time=None, keep_warmstart=false, **others), text_signature = "($self, qpos=None, qvel=None, envs=None, *, act=None, time=None, keep_warmstart=False)")]
+    #[expect(clippy::too_many_arguments, reason = "each has a name of its own")]
     fn set_state(
         slf: &Bound<'_, Self>,
         qpos: Option<Bound<'_, PyAny>>,
@@ -135,7 +138,9 @@ impl Stepper {
         act: Option<Bound<'_, PyAny>>,
         time: Option<Bound<'_, PyAny>>,
         keep_warmstart: bool,
+        others: Option<&Bound<'_, PyDict>>,
     ) -> PyResult<()> {
+        no_others("Stepper.set_state", others, &["qpos", "qvel", "envs", "act", "time", "keep_warmstart"])?;
         let mut this = borrow(slf)?;
         let selection = this.selection(envs.as_ref())?;
         if let Some(states) = qpos.as_ref().and_then(states_of) {
@@ -169,8 +174,9 @@ impl Stepper {
     ///
     /// Args:
     ///     env: An environment; None is all of them.
-    #[pyo3(signature = (env=None))]
-    fn get_state(slf: Reading<'_>, env: Option<Env>) -> PyResult<State> {
+    #[pyo3(signature = (env=None, **others), text_signature = "($self, env=None)")]
+    fn get_state(slf: Reading<'_>, env: Option<Env>, others: Option<&Bound<'_, PyDict>>) -> PyResult<State> {
+        no_others("Stepper.get_state", others, &["env"])?;
         let saved = match env {
             Some(env) => slf.simulation.save_state_of(slf.env(env)?),
             None => slf.simulation.save_state(),

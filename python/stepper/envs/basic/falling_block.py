@@ -10,8 +10,8 @@ import numpy as np
 from stepper._options import Options
 from stepper._stepper import Model, Stepper
 from stepper.envs.assets import load_quietly, read_once
-from stepper.envs.streams import Draws
-from stepper.envs.task import Array, Camera, Moment, Quantity, Task, Terms
+from stepper.envs.streams import Rng
+from stepper.envs.task import Array, Camera, Moment, Observation, Task, Terms
 from stepper.sensors import SensorModel, Transfer
 
 SCENE = """
@@ -60,9 +60,9 @@ class FallingBlock(Task):
         """Noise, if there is any."""
         return SensorModel(default=Transfer(noise_std=self.noise)) if self.noise else None
 
-    def quantities(self) -> tuple[Quantity, ...]:
+    def observations(self) -> tuple[Observation, ...]:
         """Height and velocity as the sensors read them: (2,)."""
-        return (Quantity("sensordata"),)
+        return (Observation("sensordata"),)
 
     def reward(self, now: Moment) -> tuple[Array, Terms]:
         """1 where the block is up."""
@@ -71,20 +71,20 @@ class FallingBlock(Task):
 
     def info(self, now: Moment) -> Terms:
         """The restitution."""
-        return {"restitution": now.memory["restitution"]}
+        return {"restitution": now.episode_state["restitution"]}
 
-    def memory(self, num_envs: int) -> Terms:
+    def episode_state(self, num_envs: int) -> Terms:
         """The restitution of each episode."""
         return {"restitution": np.zeros(num_envs)}
 
-    def start(self, qpos: Array, qvel: Array, draws: Draws) -> None:
+    def sample_state(self, qpos: Array, qvel: Array, rng: Rng) -> None:
         """Falling from 0.2 m."""
         qpos[:], qvel[:] = HEIGHT, VELOCITY
 
-    def prepare(self, sim: Stepper, memory: Terms, mask: Array, draws: Draws) -> None:
+    def on_reset(self, sim: Stepper, episode_state: Terms, mask: Array, rng: Rng) -> None:
         """Draws the restitution: of two geoms the larger counts, and the floor's is zero."""
-        memory["restitution"][mask] = draws.uniform(*self.restitution, 1)[:, 0]
-        sim.randomize(mask, geom_restitution=np.stack([np.zeros_like(memory["restitution"]), memory["restitution"]], axis=1))
+        episode_state["restitution"][mask] = rng.uniform(*self.restitution, 1)[:, 0]
+        sim.randomize(mask, geom_restitution=np.stack([np.zeros_like(episode_state["restitution"]), episode_state["restitution"]], axis=1))
 
 
 @read_once

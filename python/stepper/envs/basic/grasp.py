@@ -10,8 +10,8 @@ import numpy as np
 from stepper._options import Options
 from stepper._stepper import Model, Stepper
 from stepper.envs.assets import load_quietly, read_once
-from stepper.envs.streams import Draws
-from stepper.envs.task import Array, Camera, Moment, Quantity, Task, Terms, square_sum
+from stepper.envs.streams import Rng
+from stepper.envs.task import Array, Camera, Moment, Observation, Task, Terms, square_sum
 
 GRAVITY, MASS, FRICTION = 9.81, 0.8, 0.6
 FORCE, STEPS = 20.0, 50
@@ -43,7 +43,7 @@ SCENE = f"""
 """
 """Two fingers and a hand in a plane, moved by forces, beside a box that lies somewhere between them."""
 OPTIONS = Options(integrator="euler", stabilization="baumgarte", baumgarte=1.0, slop=0.0)
-"""Hard contact without the kink of a box at rest (docs/derivatives.md)."""
+"""Hard contact without the kink of a box at rest (docs/how-to/derivatives.md)."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -71,9 +71,9 @@ class Grasp(Task):
         """The gripper and the box."""
         return _scene()
 
-    def quantities(self) -> tuple[Quantity, ...]:
+    def observations(self) -> tuple[Observation, ...]:
         """Configuration and velocities: (10,)."""
-        return Quantity("qpos"), Quantity("qvel")
+        return Observation("qpos"), Observation("qvel")
 
     def reward(self, now: Moment) -> tuple[Array, Terms]:
         """1 where the box is as high as it should be and nothing presses."""
@@ -81,21 +81,21 @@ class Grasp(Task):
         reward: Array = 1.0 - np.square(miss) - self.weight * square_sum(now.action[:, 1:])
         return reward, {"rise": now.qpos[:, 4]}
 
-    def start(self, qpos: Array, qvel: Array, draws: Draws) -> None:
+    def sample_state(self, qpos: Array, qvel: Array, rng: Rng) -> None:
         """The box somewhere within 5 mm of the middle, fingers up to 5 mm farther from it."""
-        qpos[:, 3] += draws.uniform(-0.005, 0.005, 1)[:, 0]
-        qpos[:, 1:3] -= draws.uniform(0.0, 0.005, 2)
+        qpos[:, 3] += rng.uniform(-0.005, 0.005, 1)[:, 0]
+        qpos[:, 1:3] -= rng.uniform(0.0, 0.005, 2)
 
-    def prepare(self, sim: Stepper, memory: Terms, mask: Array, draws: Draws) -> None:
+    def on_reset(self, sim: Stepper, episode_state: Terms, mask: Array, rng: Rng) -> None:
         """Draws friction and mass, where they are ranges."""
         model, fields = sim.model, {}
         if self.friction[0] != self.friction[1]:
             rows = np.tile(model.geom_friction, (len(mask), 1, 1))
-            rows[mask, :, 0] = draws.uniform(*self.friction, 1)
+            rows[mask, :, 0] = rng.uniform(*self.friction, 1)
             fields["geom_friction"] = rows
         if self.mass_scale[0] != self.mass_scale[1]:
             masses = np.tile(model.body_mass, (len(mask), 1))
-            masses[mask, model.body("box").id] *= draws.uniform(*self.mass_scale, 1)[:, 0]
+            masses[mask, model.body("box").id] *= rng.uniform(*self.mass_scale, 1)[:, 0]
             fields["body_mass"] = masses
         if fields:
             sim.randomize(mask, **fields)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -9,7 +10,8 @@ from typing import ClassVar
 
 from stepper._stepper import Model
 from stepper.envs.assets import read_once
-from stepper.envs.locomotion.mjlab import Looks, Servo, scene
+from stepper.envs.locomotion.mjlab import Ground, Looks, Servo, plain_ground, scene, tiled_ground
+from stepper.envs.locomotion.rough import RoughTask
 from stepper.envs.locomotion.velocity import VelocityTask
 from stepper.envs.task import Camera
 
@@ -83,6 +85,39 @@ class G1Velocity(VelocityTask):
         return _scene(self.roughness)
 
 
+_FEET = {"left": "left_foot", "right": "right_foot"}
+_ARMS = {"wrist": 0.3, "shoulder_yaw": 0.1, "shoulder|elbow": 0.15}
+_RUNNING_ARMS = {"shoulder_pitch": 0.5, "shoulder_roll": 0.2, "shoulder_yaw": 0.15, "elbow": 0.35, "wrist": 0.3}
+
+
+@dataclass(frozen=True, kw_only=True)
+class G1Rough(RoughTask):
+    """A humanoid of 29 joints on rough terrain, mjlab's, whose package has to be installed (`pip install --no-deps mjlab`).
+
+    Feet touch the terrain, and no other part. mjlab's terms of angular momentum and of self-collisions are left out.
+    """
+
+    WEIGHTS: ClassVar[Mapping[str, float]] = {**RoughTask.WEIGHTS, "body_ang_vel": -0.05}
+    FEET: ClassVar[Mapping[str, tuple[str, ...]]] = {
+        site: tuple(f"{side}_foot{k}_collision" for k in range(1, 8)) for side, site in _FEET.items()
+    }
+    STANDING: ClassVar[Mapping[str, float]] = {"": 0.05}
+    WALKING: ClassVar[Mapping[str, float]] = {
+        **{"hip_pitch": 0.3, "hip": 0.15, "knee": 0.35, "ankle_pitch": 0.25, "ankle_roll": 0.1},
+        **{"waist_yaw": 0.2, "waist_roll": 0.08, "waist_pitch": 0.1, **_ARMS},
+    }
+    RUNNING: ClassVar[Mapping[str, float]] = {
+        **{"hip_pitch": 0.5, "hip": 0.2, "knee": 0.6, "ankle_pitch": 0.35, "ankle_roll": 0.15},
+        **{"waist_yaw": 0.3, "waist_roll": 0.08, "waist_pitch": 0.2, **_RUNNING_ARMS},
+    }
+    steepest = math.cos(math.radians(70.0))
+    camera: ClassVar[Camera] = G1Velocity.camera
+
+    def model(self) -> Model:
+        """The robot on the terrain, with servos."""
+        return _rough_scene()
+
+
 def _named(name: str, table: Mapping[str, float]) -> float:
     """The number of the part of a name that a table has; 0 of others."""
     return next((value for part, value in table.items() if part in name), 0.0)
@@ -101,5 +136,15 @@ def _servo(name: str) -> Servo:
 
 @read_once
 def _scene(roughness: float) -> Model:
+    return _on(plain_ground(roughness))
+
+
+@read_once
+def _rough_scene() -> Model:
+    return _on(tiled_ground(G1Rough.TERRAIN))
+
+
+def _on(ground: Ground) -> Model:
+    """The robot on a ground."""
     looks = Looks({"rgba": "0.32 0.37 0.42 1"}, {"diffuse": "0.8 0.8 0.8"})
-    return scene(_FILE, "G1", _HEIGHT, roughness=roughness, geom=_geom, servo=_servo, looks=looks)
+    return scene(_FILE, "G1", _HEIGHT, ground=ground, geom=_geom, servo=_servo, looks=looks)

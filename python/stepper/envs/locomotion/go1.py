@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import functools
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import ClassVar
 from xml.etree.ElementTree import Element
@@ -11,15 +10,18 @@ from xml.etree.ElementTree import Element
 import numpy as np
 
 from stepper._stepper import Model, Stepper
-from stepper.envs.assets import read_once
-from stepper.envs.locomotion.mjlab import Looks, Servo, scene
+from stepper.envs.assets import once_per_model, read_once
+from stepper.envs.locomotion.mjlab import Ground, Looks, Servo, plain_ground, scene, tiled_ground
+from stepper.envs.locomotion.rough import RoughTask
 from stepper.envs.locomotion.velocity import VelocityTask, command
-from stepper.envs.streams import Draws
+from stepper.envs.streams import Rng
 from stepper.envs.task import Array, Camera, Moment, Terms, square_sum
 
 _FILE = "asset_zoo/robots/unitree_go1/xmls/go1.xml"
 _HEIGHT = 0.278
 """Of the trunk at the beginning, m."""
+_STANDING = 0.2945
+"""Likewise, with the feet on the ground in the stance: 0.0165 m above mjlab's, where they begin in the ground."""
 _STANCE = {"hip": 0.1, "thigh": 0.9, "calf": -1.8}
 """Angles at the beginning, rad; hips point outwards."""
 _ROTOR = 0.000111842
@@ -54,39 +56,71 @@ class Go1Velocity(VelocityTask):
         """The robot on a plane, or on rough ground, with servos."""
         return _scene(self.roughness)
 
-    def memory(self, num_envs: int) -> Terms:
+    def episode_state(self, num_envs: int) -> Terms:
         """As of other robots, and how long each foot is in the air, and what those that landed gained."""
-        return super().memory(num_envs) | {"air": np.zeros((num_envs, 4)), "stride": np.zeros(num_envs)}
+        return super().episode_state(num_envs) | {"air": np.zeros((num_envs, 4)), "stride": np.zeros(num_envs)}
 
     def terms(self, now: Moment) -> Terms:
         """As of other robots, and strides where the command is to move."""
-        return super().terms(now) | {"stride": now.memory["stride"] * (square_sum(command(now)) > _STANDS**2)}
+        return super().terms(now) | {"stride": now.episode_state["stride"] * (square_sum(command(now)) > _STANDS**2)}
 
-    def prepare(self, sim: Stepper, memory: Terms, mask: Array, draws: Draws) -> None:
+    def on_reset(self, sim: Stepper, episode_state: Terms, mask: Array, rng: Rng) -> None:
         """Commands, pushes, latency and parameters; feet have not been in the air."""
-        super().prepare(sim, memory, mask, draws)
-        memory["air"][mask] = 0.0
-        memory["stride"][mask] = 0.0
+        super().on_reset(sim, episode_state, mask, rng)
+        episode_state["air"][mask] = 0.0
+        episode_state["stride"][mask] = 0.0
 
     def advance(self, now: Moment) -> None:
         """Makes the steps: those within the latency with the action before. Looks which feet landed."""
         super().advance(now)
-        air, feet = now.memory["air"], now.sim.site_xpos[:, _feet(now.sim.model)]
+        air, feet = now.episode_state["air"], now.sim.site_xpos[:, _feet(now.sim.model)]
         stands = feet[..., 2] - self.ground(feet[..., :2]) < _FOOT + _CLEAR
         landed = stands & (air > 0.0)
-        now.memory["stride"][:] = np.where(landed, np.minimum(air, _LONGEST) - _SHORTEST, 0.0).sum(axis=1)
+        now.episode_state["stride"][:] = np.where(landed, np.minimum(air, _LONGEST) - _SHORTEST, 0.0).sum(axis=1)
         air[:] = np.where(stands, 0.0, air + now.dt)
 
 
-@functools.lru_cache(maxsize=8)
+_LEGS = ("FR", "FL", "RR", "RL")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Go1Rough(RoughTask):
+    """A quadruped of 12 joints on rough terrain, mjlab's, whose package has to be installed (`pip install --no-deps mjlab`).
+
+    Feet, shanks, thighs, trunk and head touch the terrain, and the robot does not touch itself.
+    """
+
+    WEIGHTS: ClassVar[Mapping[str, float]] = {**RoughTask.WEIGHTS, "shank_collision": -0.1, "trunk_collision": -0.1}
+    FEET: ClassVar[Mapping[str, tuple[str, ...]]] = {leg: (f"{leg}_foot_collision",) for leg in _LEGS}
+    THIGHS: ClassVar[tuple[str, ...]] = tuple(f"{leg}_thigh_collision{k}" for leg in _LEGS for k in (1, 2, 3))
+    SHANKS: ClassVar[tuple[str, ...]] = tuple(f"{leg}_calf_collision{k}" for leg in _LEGS for k in (1, 2))
+    TRUNK: ClassVar[tuple[str, ...]] = ("trunk_collision", "head_collision")
+    STANDING: ClassVar[Mapping[str, float]] = {"calf": 0.1, "": 0.05}
+    WALKING: ClassVar[Mapping[str, float]] = {"calf": 0.6, "": 0.3}
+    RUNNING: ClassVar[Mapping[str, float]] = WALKING
+    camera: ClassVar[Camera] = Go1Velocity.camera
+
+    friction: tuple[float, float] = (0.3, 1.5)
+
+    def model(self) -> Model:
+        """The robot on the terrain, with servos."""
+        return _rough_scene()
+
+
+@once_per_model
 def _feet(model: Model) -> list[int]:
     """Sites in the middle of the feet."""
     return [k for k, name in enumerate(model.site_names) if name in ("FR", "FL", "RR", "RL")]
 
 
 def _geom(name: str) -> dict[str, str]:
+    return _touching(name, name in ("trunk_collision", "head_collision"))
+
+
+def _touching(name: str, touches: bool) -> dict[str, str]:
+    """Attributes of a geom that touches the ground, or not; feet do."""
     is_foot = name.endswith("foot_collision")
-    touches = is_foot or name in ("trunk_collision", "head_collision")
+    touches = touches or is_foot
     touch = {"priority": "1", "friction": "0.8 0.005 0.0005", "condim": "3"} if is_foot else {}
     return {"contype": str(int(touches)), "rgba": _GREY if touches else _LIGHT, **touch}
 
@@ -99,8 +133,18 @@ def _servo(name: str) -> Servo:
 
 @read_once
 def _scene(roughness: float) -> Model:
+    return _on(plain_ground(roughness), _geom, _HEIGHT)
+
+
+@read_once
+def _rough_scene() -> Model:
+    return _on(tiled_ground(Go1Rough.TERRAIN), lambda name: _touching(name, "hip" not in name), _STANDING)
+
+
+def _on(ground: Ground, geom: Callable[[str], Mapping[str, str]], height: float) -> Model:
+    """The robot on a ground."""
     squares = {"type": "2d", "builtin": "checker", "width": "64", "height": "64", "rgb1": ".30 .35 .40", "rgb2": ".36 .41 .46"}
     texture = Element("texture", {"name": "squares", **squares})
     material = Element("material", name="floor", texture="squares", texrepeat="2 2", texuniform="true")
     looks = Looks({"material": "floor"}, {}, (texture, material))
-    return scene(_FILE, "Go1", _HEIGHT, roughness=roughness, geom=_geom, servo=_servo, looks=looks)
+    return scene(_FILE, "Go1", height, ground=ground, geom=geom, servo=_servo, looks=looks)

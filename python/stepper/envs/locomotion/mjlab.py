@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TypeAlias
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
 
@@ -13,12 +14,17 @@ import numpy as np
 from stepper._stepper import Model
 from stepper.envs.assets import load_quietly, without
 from stepper.envs.locomotion import terrain
+from stepper.envs.terrain import Terrain
 from stepper.shared.machine import package_file
 
 _FREQUENCY, _DAMPING_RATIO = 2.0 * np.pi * 10.0, 2.0
 """Of the servos with the inertia of the rotors alone, rad/s: from these mjlab takes their gains."""
 _REACH = 0.5
 """A servo's set point is at most this many times what gives its largest torque away from the stance."""
+
+
+Ground: TypeAlias = Callable[[dict[str, str]], tuple[list[Element], list[Element]]]
+"""Ground of a scene: assets and geoms, from the attributes of the geoms."""
 
 
 @dataclass(frozen=True)
@@ -51,12 +57,35 @@ class Looks:
     assets: Sequence[Element] = ()
 
 
+def plain_ground(roughness: float) -> Ground:
+    """A plane, with bumps of a greatest height on it, m; 0 is flat ground."""
+
+    def ground(attributes: dict[str, str]) -> tuple[list[Element], list[Element]]:
+        floor = Element("geom", {"name": "floor", "type": "plane", "size": "0 0 0.05", **attributes})
+        if not roughness:
+            return [], [floor]
+        field, surface = terrain.elements(roughness, attributes)
+        return [field], [surface, floor]
+
+    return ground
+
+
+def tiled_ground(tiles: Terrain) -> Ground:
+    """The height field of a generated terrain, the geom "terrain"."""
+
+    def ground(attributes: dict[str, str]) -> tuple[list[Element], list[Element]]:
+        field, surface = tiles.elements(**attributes)
+        return [field], [surface]
+
+    return ground
+
+
 def scene(
     file: str,
     robot: str,
     height: float,
     *,
-    roughness: float,
+    ground: Ground,
     geom: Callable[[str], Mapping[str, str]],
     servo: Callable[[str], Servo],
     looks: Looks,
@@ -67,7 +96,7 @@ def scene(
         file: Of the robot, in mjlab's package.
         robot: What an error calls it.
         height: Of its base at the beginning, m.
-        roughness: Greatest height of the ground's bumps, m; 0 is flat ground.
+        ground: The ground, from the attributes of its geoms.
         geom: Attributes of a geom of the robot, by its name.
         servo: The servo of a joint, by its name.
         looks: What is drawn.
@@ -79,15 +108,12 @@ def scene(
     if world is None:
         raise ValueError(f"{path} has no worldbody: this version of mjlab is not known")
     tree.insert(0, Element("option", timestep="0.005", integrator="implicitfast"))
-    ground = {"contype": "0", "conaffinity": "1", **looks.ground}
-    world.insert(0, Element("geom", {"name": "floor", "type": "plane", "size": "0 0 0.05", **ground}))
+    fields, surfaces = ground({"contype": "0", "conaffinity": "1", **looks.ground})
+    world[:0] = surfaces
     world.insert(0, Element("light", {"directional": "true", "castshadow": "false", "pos": "0 0 5", "dir": "0.3 0.2 -1", **looks.light}))
     assets = Element("asset")
     assets.extend(looks.assets)
-    if roughness:
-        field, surface = terrain.elements(roughness, ground)
-        assets.append(field)
-        world.insert(1, surface)
+    assets.extend(fields)
     tree.append(assets)
     _add_servos(tree, servo, height)
     return load_quietly(tree)

@@ -6,16 +6,16 @@ import math
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import ClassVar
 
 import numpy as np
 
 from stepper._stepper import Model, Stepper
 from stepper.actuators import ActuatorModel, DCMotor, Drive
+from stepper.envs.assets import once_per_model
 from stepper.envs.locomotion import terrain
-from stepper.envs.streams import Draws
-from stepper.envs.task import Array, Moment, Quantity, Task, Terms, per_moment, square_sum
+from stepper.envs.streams import Rng
+from stepper.envs.task import Array, Moment, Observation, Task, Terms, per_moment, square_sum
 from stepper.sensors import SensorModel, SensorSpec, Transfer
 from stepper.shared.rotations import about_vertical, matrices
 
@@ -147,7 +147,7 @@ class VelocityTask(Task):
             drives[name] = Drive(motor=DCMotor(stall_torque=stall, no_load_speed=speed), friction=friction)
         return ActuatorModel(drives)
 
-    def memory(self, num_envs: int) -> Terms:
+    def episode_state(self, num_envs: int) -> Terms:
         """Commands and pushes of the episodes, and the last two actions."""
         model = self.model()
         self._check(model)
@@ -171,20 +171,20 @@ class VelocityTask(Task):
         if self.roughness and "terrain" not in model.geom_names:
             raise ValueError(f'roughness is {self.roughness}, and the model has no geom "terrain": add `terrain.elements` to it')
 
-    def quantities(self) -> tuple[Quantity, ...]:
+    def observations(self) -> tuple[Observation, ...]:
         """Velocities and vertical of the base in its frame, command, angles and last action beside the stance, rates: (12 + 3 nu,).
 
         With `sight`, 25 heights of the ground.
         """
-        seen = (Quantity("ground", of=_ground_around),) if self.sight else ()
+        seen = (Observation("ground", func=_ground_around, unit="m"),) if self.sight else ()
         return (
-            Quantity("linear_velocity", of=_told("linear_velocity") if self.noise else linear_velocity),
-            Quantity("angular_velocity", of=_told("angular_velocity") if self.noise else lambda now: now.qvel[:, 3:6]),
-            Quantity("vertical", of=_told("vertical") if self.noise else vertical),
-            Quantity("command", of=command),
-            Quantity("angles", of=lambda now: (_told("angles")(now) if self.noise else now.qpos[:, 7:]) - stance_of(now)),
-            Quantity("rates", of=_told("rates") if self.noise else lambda now: now.qvel[:, 6:]),
-            Quantity("last_action", of=lambda now: now.memory["last"] - stance_of(now)),
+            Observation("linear_velocity", func=_told("linear_velocity") if self.noise else linear_velocity, unit="m/s"),
+            Observation("angular_velocity", func=_told("angular_velocity") if self.noise else lambda now: now.qvel[:, 3:6], unit="rad/s"),
+            Observation("vertical", func=_told("vertical") if self.noise else vertical),
+            Observation("command", func=command, unit="m/s, rad/s"),
+            Observation("angles", func=lambda now: (_told("angles")(now) if self.noise else now.qpos[:, 7:]) - stance_of(now), unit="rad"),
+            Observation("rates", func=_told("rates") if self.noise else lambda now: now.qvel[:, 6:], unit="rad/s"),
+            Observation("last_action", func=lambda now: now.episode_state["last"] - stance_of(now), unit="rad"),
             *seen,
         )
 
@@ -199,7 +199,7 @@ class VelocityTask(Task):
             "tilt": -square_sum(vertical(now)[:, :2]),
             "pose": -square_sum(now.qpos[:, 7:] - stance_of(now)),
             "torque": -square_sum(now.actuator_force),
-            "change": -square_sum(now.memory["last"] - now.memory["before"]),
+            "change": -square_sum(now.episode_state["last"] - now.episode_state["before"]),
         }
 
     def reward(self, now: Moment) -> tuple[Array, Terms]:
@@ -226,40 +226,40 @@ class VelocityTask(Task):
         """The command."""
         return {"command": command(now)}
 
-    def start(self, qpos: Array, qvel: Array, draws: Draws) -> None:
+    def sample_state(self, qpos: Array, qvel: Array, rng: Rng) -> None:
         """In its stance with some noise, in any direction, with some velocity; on rough ground anywhere, above what is under it."""
-        turn = draws.uniform(-np.pi, np.pi, 1)[:, 0]
+        turn = rng.uniform(-np.pi, np.pi, 1)[:, 0]
         qpos[:] = self.model().keyframe("stance").qpos
         qpos[:, 3:7] = about_vertical(turn)
-        qpos[:, 7:] += draws.uniform(-0.1, 0.1, qpos.shape[1] - 7)
-        qvel[:, :6] = draws.uniform(-0.3, 0.3, 6)
+        qpos[:, 7:] += rng.uniform(-0.1, 0.1, qpos.shape[1] - 7)
+        qvel[:, :6] = rng.uniform(-0.3, 0.3, 6)
         if self.roughness:
-            qpos[:, :2] = draws.uniform(-_SPREAD, _SPREAD, 2)
+            qpos[:, :2] = rng.uniform(-_SPREAD, _SPREAD, 2)
             qpos[:, 2] += self.ground(qpos[:, None, :2] + _UNDER).max(axis=1)
 
-    def prepare(self, sim: Stepper, memory: Terms, mask: Array, draws: Draws) -> None:
+    def on_reset(self, sim: Stepper, episode_state: Terms, mask: Array, rng: Rng) -> None:
         """Commands, pushes, latency and parameters."""
-        count, model = len(draws.envs), sim.model
-        commands = draws.uniform(-1.0, 1.0, 3 * _COMMANDS).reshape(count, _COMMANDS, 3) * self.max_command
-        commands[draws.uniform(0.0, 1.0, _COMMANDS) < _STANDS] = 0.0
-        spread = (np.arange(_PUSHES) + draws.uniform(0.2, 0.8, _PUSHES)) * (self.episode_steps / _PUSHES)
+        count, model = len(rng.envs), sim.model
+        commands = rng.uniform(-1.0, 1.0, 3 * _COMMANDS).reshape(count, _COMMANDS, 3) * self.max_command
+        commands[rng.uniform(0.0, 1.0, _COMMANDS) < _STANDS] = 0.0
+        spread = (np.arange(_PUSHES) + rng.uniform(0.2, 0.8, _PUSHES)) * (self.episode_steps / _PUSHES)
         begun = {
             "step": 0,
             "commands": commands,
             "push_steps": spread.astype(np.int64),
-            "pushes": self.max_push * draws.uniform(-1.0, 1.0, 2 * _PUSHES).reshape(count, _PUSHES, 2),
-            "latency": (draws.uniform(0.0, 1.0, 1)[:, 0] * (self.max_latency + 1)).astype(np.int64),
+            "pushes": self.max_push * rng.uniform(-1.0, 1.0, 2 * _PUSHES).reshape(count, _PUSHES, 2),
+            "latency": (rng.uniform(0.0, 1.0, 1)[:, 0] * (self.max_latency + 1)).astype(np.int64),
             "last": _stance(model),
             "before": _stance(model),
         }
         for name, values in begun.items():
-            memory[name][mask] = values
+            episode_state[name][mask] = values
         own = ("geom_friction", "body_mass", "body_ipos", "actuator_gain", "actuator_bias")
         rows = {name: np.repeat(np.asarray(getattr(model, name))[None], count, axis=0) for name in own}
-        rows["geom_friction"][:, [k for k, name in enumerate(model.geom_names) if "foot" in name], 0] = draws.uniform(*self.friction, 1)
-        rows["body_mass"][:, 1] *= draws.uniform(*self.mass_scale, 1)[:, 0]
-        rows["body_ipos"][:, 1] += draws.uniform(-self.center_shift, self.center_shift, 3)
-        gains = draws.uniform(*self.gain_scale, model.nu)[:, :, None]
+        rows["geom_friction"][:, [k for k, name in enumerate(model.geom_names) if "foot" in name], 0] = rng.uniform(*self.friction, 1)
+        rows["body_mass"][:, 1] *= rng.uniform(*self.mass_scale, 1)[:, 0]
+        rows["body_ipos"][:, 1] += rng.uniform(-self.center_shift, self.center_shift, 3)
+        gains = rng.uniform(*self.gain_scale, model.nu)[:, :, None]
         rows["actuator_gain"] *= gains
         rows["actuator_bias"] *= gains
         fields = {name: np.zeros((len(mask), *values.shape[1:])) for name, values in rows.items()}
@@ -269,24 +269,24 @@ class VelocityTask(Task):
 
     def advance(self, now: Moment) -> None:
         """Makes the steps: those within the latency with the action before."""
-        memory, sim = now.memory, now.sim
-        memory["step"] += 1
-        pushed = memory["push_steps"] == memory["step"][:, None]
+        episode_state, sim = now.episode_state, now.sim
+        episode_state["step"] += 1
+        pushed = episode_state["push_steps"] == episode_state["step"][:, None]
         if pushed.any():
             qvel = np.array(sim.qvel, dtype=np.float64)
-            qvel[:, :2] += np.einsum("nk,nki->ni", pushed, memory["pushes"])
+            qvel[:, :2] += np.einsum("nk,nki->ni", pushed, episode_state["pushes"])
             sim.set_state(qvel=qvel, envs=pushed.any(axis=1), keep_warmstart=True)
-        memory["before"][:] = memory["last"]
-        memory["last"][:] = now.action
+        episode_state["before"][:] = episode_state["last"]
+        episode_state["last"][:] = now.action
         status = np.zeros(len(now.action), dtype=np.uint32)
         for k in range(self.frame_skip):
-            waits = memory["latency"] > k
-            sim.step(np.where(waits[:, None], memory["before"], now.action))
+            waits = episode_state["latency"] > k
+            sim.step(np.where(waits[:, None], episode_state["before"], now.action))
             status |= sim.status
         now.keep("status", status)
 
 
-@lru_cache(maxsize=8)
+@once_per_model
 def _sensed(robot: Model, imu: str) -> Model:
     """The robot with sensors of what it observes of itself; where it came from is remembered for pictures of it."""
     base, world = robot.body_names[1], robot.body_names[0]
@@ -312,14 +312,14 @@ def _told(row: str) -> Callable[[Moment], Array]:
     return read
 
 
-@lru_cache(maxsize=64)
+@once_per_model
 def _columns(model: Model, row: str) -> tuple[int, int]:
     """The first reading of a row's sensors, which were added one after the other, and their number."""
     found = [sensor for sensor in map(model.sensor, range(len(model.sensor_names))) if re.fullmatch(f"{row}( .*)?", sensor.name)]
     return found[0].adr, sum(sensor.dim for sensor in found)
 
 
-@lru_cache(maxsize=8)
+@once_per_model
 def _stance(model: Model) -> Array:
     angles: Array = model.keyframe("stance").qpos[7:]
     return angles
@@ -363,8 +363,8 @@ def vertical(now: Moment) -> Array:
 @per_moment
 def command(now: Moment) -> Array:
     """The command in force: (num_envs, 3), m/s and rad/s."""
-    memory = now.memory
+    episode_state = now.episode_state
     length = -(-now.task.episode_steps // _COMMANDS)
-    which = np.minimum(memory["step"] // length, _COMMANDS - 1)
-    wanted: Array = memory["commands"][np.arange(len(which)), which]
+    which = np.minimum(episode_state["step"] // length, _COMMANDS - 1)
+    wanted: Array = episode_state["commands"][np.arange(len(which)), which]
     return wanted

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stepper.envs.streams import Draws
+from stepper.envs.streams import Rng
 from stepper.envs.suite.base import SuiteTask, norm, rotations, tolerance
-from stepper.envs.task import Array, Moment, Quantity
+from stepper.envs.task import Array, Moment, Observation
 
 _TARGET = 0.2
 """Radius of the target, m."""
@@ -26,12 +26,12 @@ class Acrobot(SuiteTask):
     frame_skip: int = 1
     sparse: bool = False
 
-    def quantities(self) -> tuple[Quantity, ...]:
+    def observations(self) -> tuple[Observation, ...]:
         """Sines and cosines of both links, velocities: (6,)."""
         return (
-            Quantity("horizontal", of=lambda now: rotations(now)[:, 1:, 0, 2]),
-            Quantity("vertical", of=lambda now: rotations(now)[:, 1:, 2, 2]),
-            Quantity("velocity", of=lambda now: now.qvel),
+            Observation("horizontal", func=lambda now: rotations(now)[:, 1:, 0, 2]),
+            Observation("vertical", func=lambda now: rotations(now)[:, 1:, 2, 2]),
+            Observation("velocity", func=lambda now: now.qvel, unit="rad/s"),
         )
 
     def score(self, now: Moment) -> Array:
@@ -39,6 +39,6 @@ class Acrobot(SuiteTask):
         target, tip = (now.site_xpos[:, now.sim.model.site(name).id] for name in ("target", "tip"))
         return tolerance(norm(target - tip), 0.0, _TARGET, margin=0.0 if self.sparse else 1.0)
 
-    def start(self, qpos: Array, qvel: Array, draws: Draws) -> None:
+    def sample_state(self, qpos: Array, qvel: Array, rng: Rng) -> None:
         """At rest, both angles anywhere on the circle."""
-        qpos[:] = draws.uniform(-np.pi, np.pi, 2)
+        qpos[:] = rng.uniform(-np.pi, np.pi, 2)

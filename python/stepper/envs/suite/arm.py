@@ -8,9 +8,9 @@ import numpy as np
 
 from stepper._stepper import Model
 from stepper.envs.assets import load_quietly, without
-from stepper.envs.streams import Draws
+from stepper.envs.streams import Rng
 from stepper.envs.suite.base import reading, source_tree
-from stepper.envs.task import Array, Moment, Quantity
+from stepper.envs.task import Array, Moment, Observation
 
 _JOINTS = ("arm_root", "arm_shoulder", "arm_elbow", "arm_wrist", "finger", "fingertip", "thumb", "thumbtip")
 _TOUCH = ("palm_touch", "finger_touch", "thumb_touch", "fingertip_touch", "thumbtip_touch")
@@ -25,21 +25,21 @@ def arm_scene(file: str, *, unused: Set[str], placed: Set[str]) -> Model:
     return load_quietly(tree)
 
 
-def arm_quantities() -> tuple[Quantity, ...]:
+def arm_observations() -> tuple[Observation, ...]:
     """Arm and hand, and what touches it: (33,)."""
     return (
-        Quantity("arm_pos", of=_angles),
-        Quantity("arm_vel", of=lambda now: now.qvel[:, [now.sim.model.joint(name).dofadr for name in _JOINTS]]),
-        Quantity("touch", of=lambda now: np.log1p(reading(now, *_TOUCH))),
-        Quantity("hand_pos", of=lambda now: pose(now, "hand")),
+        Observation("arm_pos", func=_angles),
+        Observation("arm_vel", func=lambda now: now.qvel[:, [now.sim.model.joint(name).dofadr for name in _JOINTS]], unit="rad/s"),
+        Observation("touch", func=lambda now: np.log1p(reading(now, *_TOUCH)), unit="log(1 + N)"),
+        Observation("hand_pos", func=lambda now: pose(now, "hand"), unit="m"),
     )
 
 
-def draw_arm(model: Model, qpos: Array, draws: Draws) -> None:
+def draw_arm(model: Model, qpos: Array, rng: Rng) -> None:
     """Draws angles within their limits, with finger and thumb alike; changes qpos (n, nq)."""
     for joint in map(model.joint, _JOINTS):
         low, high = joint.range if joint.limited else (-np.pi, np.pi)
-        qpos[:, joint.qposadr] = draws.uniform(low, high, 1)[:, 0]
+        qpos[:, joint.qposadr] = rng.uniform(low, high, 1)[:, 0]
     qpos[:, model.joint("finger").qposadr] = qpos[:, model.joint("thumb").qposadr]
 
 

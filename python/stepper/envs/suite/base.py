@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Callable, Set
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,8 +12,8 @@ import numpy as np
 
 from stepper._options import Options
 from stepper._stepper import Joint, Model, Stepper
-from stepper.envs.assets import load_quietly, read_once, without
-from stepper.envs.streams import Draws
+from stepper.envs.assets import load_quietly, once_per_model, read_once, without
+from stepper.envs.streams import Rng
 from stepper.envs.task import Array, Moment, Task, Terms, per_moment
 from stepper.shared.machine import package_file
 from stepper.shared.rotations import matrices
@@ -79,7 +78,7 @@ def open_floor(tree: ElementTree.Element, half_side: float, ball: Set[tuple[str,
     return without(tree, lambda element: element.get("name", "").startswith("wall_") or (element.tag, element.get("name")) in ball)
 
 
-@functools.cache
+@once_per_model
 def hinges(model: Model) -> tuple[Joint, ...]:
     """The hinges of a model, in its order."""
     return tuple(joint for joint in map(model.joint, range(model.njnt)) if joint.type == "hinge")
@@ -152,7 +151,7 @@ def small_control(now: Moment) -> Array:
     return mean
 
 
-def randomize_joints(model: Model, qpos: Array, draws: Draws) -> None:
+def randomize_joints(model: Model, qpos: Array, rng: Rng) -> None:
     """Draws hinges and slides within their limits, hinges without any from the whole circle, and orientations; changes qpos (n, nq).
 
     Orientations of free bodies have positive numbers alone, as dm_control draws them; slides without limits stay.
@@ -162,22 +161,22 @@ def randomize_joints(model: Model, qpos: Array, draws: Draws) -> None:
         if joint.type in ("hinge", "slide"):
             low, high = joint.range if joint.limited else (-np.pi, np.pi)
             if joint.limited or joint.type == "hinge":
-                qpos[:, at : at + 1] = draws.uniform(low, high, 1)
+                qpos[:, at : at + 1] = rng.uniform(low, high, 1)
         elif joint.type == "free":
-            quat = draws.uniform(0.0, 1.0, 4)
+            quat = rng.uniform(0.0, 1.0, 4)
             qpos[:, at + 3 : at + 7] = quat / norm(quat)[:, None]
         else:
             raise NotImplementedError(f"joint {joint.name!r} is a ball: no task of the suite that is here has one")
 
 
 def randomize_without_overlap(
-    model: Model, qpos: Array, draws: Draws, randomize: Callable[[Model, Array, Draws], None] = randomize_joints
+    model: Model, qpos: Array, rng: Rng, randomize: Callable[[Model, Array, Rng], None] = randomize_joints
 ) -> None:
     """Draws configurations (n, nq) as `randomize` does, which changes them in place, again and again until nothing touches."""
     again = np.ones(len(qpos), dtype=bool)
     while again.any():
         some = qpos[again]
-        randomize(model, some, draws.of(again))
+        randomize(model, some, rng.of(again))
         qpos[again] = some
         again[again] = overlapping(model, some)
 

@@ -9,9 +9,9 @@ import numpy as np
 
 from stepper._stepper import Model
 from stepper.envs.assets import load_quietly, read_once
-from stepper.envs.streams import Draws
+from stepper.envs.streams import Rng
 from stepper.envs.suite.base import SuiteTask, rotations, source_tree, tolerance
-from stepper.envs.task import Array, Moment, Quantity
+from stepper.envs.task import Array, Moment, Observation
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -34,12 +34,12 @@ class Cartpole(SuiteTask):
         """The cart with its poles."""
         return _scene(self.poles)
 
-    def quantities(self) -> tuple[Quantity, ...]:
+    def observations(self) -> tuple[Observation, ...]:
         """Place of the cart, cosines and sines of the poles, velocities: (1 + 3 poles + 1,)."""
         return (
-            Quantity("cart", of=lambda now: now.qpos[:, :1]),
-            Quantity("poles", of=lambda now: rotations(now)[:, 2:, [2, 0], 2]),
-            Quantity("velocity", of=lambda now: now.qvel),
+            Observation("cart", func=lambda now: now.qpos[:, :1], unit="m"),
+            Observation("poles", func=lambda now: rotations(now)[:, 2:, [2, 0], 2]),
+            Observation("velocity", func=lambda now: now.qvel, unit="m/s, rad/s"),
         )
 
     def score(self, now: Moment) -> Array:
@@ -54,17 +54,17 @@ class Cartpole(SuiteTask):
         reward: Array = ((upright + 1.0) / 2.0).mean(axis=1) * control * slow * centered
         return reward
 
-    def start(self, qpos: Array, qvel: Array, draws: Draws) -> None:
+    def sample_state(self, qpos: Array, qvel: Array, rng: Rng) -> None:
         """Near balance; or in the middle with the first pole below."""
         if self.swing_up:
-            qpos[:] = draws.normal(qpos.shape[1])
+            qpos[:] = rng.normal(qpos.shape[1])
             qpos[:, :2] *= 0.01
             qpos[:, 2:] *= 0.1
             qpos[:, 1] += np.pi
         else:
-            qpos[:, :1] = draws.uniform(-0.1, 0.1, 1)
-            qpos[:, 1:] = draws.uniform(-0.034, 0.034, qpos.shape[1] - 1)
-        qvel[:] = 0.01 * draws.normal(qvel.shape[1])
+            qpos[:, :1] = rng.uniform(-0.1, 0.1, 1)
+            qpos[:, 1:] = rng.uniform(-0.034, 0.034, qpos.shape[1] - 1)
+        qvel[:] = 0.01 * rng.normal(qvel.shape[1])
 
 
 @read_once

@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from stepper._stepper import Stepper
-from stepper.envs.streams import Draws
+from stepper.envs.streams import Rng
 from stepper.envs.suite.base import SuiteTask, randomize_joints, reading, settle, tolerance
-from stepper.envs.task import Array, Moment, Quantity, Terms
+from stepper.envs.task import Array, Moment, Observation, Terms
 
 _SPEED = 10.0
 """From which on the reward is 1, m/s."""
@@ -20,20 +20,23 @@ class Cheetah(SuiteTask):
     file = "cheetah.xml"
     frame_skip: int = 1
 
-    def quantities(self) -> tuple[Quantity, ...]:
+    def observations(self) -> tuple[Observation, ...]:
         """Configuration without x, velocities: (17,)."""
-        return (Quantity("position", of=lambda now: now.qpos[:, 1:]), Quantity("velocity", of=lambda now: now.qvel))
+        return (
+            Observation("position", func=lambda now: now.qpos[:, 1:], unit="m, rad"),
+            Observation("velocity", func=lambda now: now.qvel, unit="m/s, rad/s"),
+        )
 
     def score(self, now: Moment) -> Array:
         """Velocity of the centre of mass in x, over 10 m/s."""
         return tolerance(reading(now, "torso_subtreelinvel")[:, 0], _SPEED, float("inf"), margin=_SPEED, fall="linear", value=0.0)
 
-    def start(self, qpos: Array, qvel: Array, draws: Draws) -> None:
+    def sample_state(self, qpos: Array, qvel: Array, rng: Rng) -> None:
         """Limited joints anywhere within their limits; the root stays."""
         root = qpos[:, :3].copy()
-        randomize_joints(self.model(), qpos, draws)
+        randomize_joints(self.model(), qpos, rng)
         qpos[:, :3] = root
 
-    def prepare(self, sim: Stepper, memory: Terms, mask: Array, draws: Draws) -> None:
+    def on_reset(self, sim: Stepper, episode_state: Terms, mask: Array, rng: Rng) -> None:
         """Falls for 200 steps before an episode begins."""
         settle(sim, mask, 200)

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import functools
 from dataclasses import dataclass
 
 import numpy as np
 
 from stepper._stepper import Model, Stepper
-from stepper.envs.assets import load_quietly, read_once
-from stepper.envs.streams import Draws
+from stepper.envs.assets import load_quietly, once_per_model, read_once
+from stepper.envs.streams import Rng
 from stepper.envs.suite.base import SuiteTask, hinges, norm, open_floor, reading, rotation, source_tree, tolerance
-from stepper.envs.task import Array, Moment, Quantity, Terms, per_moment
+from stepper.envs.task import Array, Moment, Observation, Terms, per_moment
 from stepper.shared.machine import package_file
 from stepper.shared.rotations import about_vertical, matrices
 
@@ -54,21 +53,27 @@ class Dog(SuiteTask):
         """The scene; without a ball, the floor is as large as one gets in an episode."""
         return _scene(None if self.fetch else _EPISODE * (self.move_speed or 1.0))
 
-    def quantities(self) -> tuple[Quantity, ...]:
+    def observations(self) -> tuple[Observation, ...]:
         """Hinges, heights and verticals, velocity, what it feels, activations: (223,); with a ball (232,)."""
         rows = (
-            Quantity("joint_angles", of=lambda now: now.qpos[:, [joint.qposadr for joint in hinges(now.sim.model)]]),
+            Observation("joint_angles", func=lambda now: now.qpos[:, [joint.qposadr for joint in hinges(now.sim.model)]], unit="rad"),
             # dm_control spells it so.
-            Quantity("joint_velocites", of=lambda now: now.qvel[:, [joint.dofadr for joint in hinges(now.sim.model)]]),
-            Quantity("torso_pelvis_height", of=_heights),
-            Quantity("z_projection", of=_verticals),
-            Quantity("torso_com_velocity", of=_velocity),
-            Quantity("inertial_sensors", of=lambda now: reading(now, "accelerometer", "velocimeter", "gyro")),
-            Quantity("foot_forces", of=lambda now: reading(now, *_FEET)),
-            Quantity("touch_sensors", of=lambda now: reading(now, *_SOLES)),
-            Quantity("actuator_state", of=lambda now: now.act),
+            Observation("joint_velocites", func=lambda now: now.qvel[:, [joint.dofadr for joint in hinges(now.sim.model)]], unit="rad/s"),
+            Observation("torso_pelvis_height", func=_heights, unit="m"),
+            Observation("z_projection", func=_verticals),
+            Observation("torso_com_velocity", func=_velocity, unit="m/s"),
+            Observation(
+                "inertial_sensors", func=lambda now: reading(now, "accelerometer", "velocimeter", "gyro"), unit="m/s^2, m/s, rad/s"
+            ),
+            Observation("foot_forces", func=lambda now: reading(now, *_FEET), unit="N"),
+            Observation("touch_sensors", func=lambda now: reading(now, *_SOLES), unit="N"),
+            Observation("actuator_state", func=lambda now: now.act),
         )
-        return (*rows, Quantity("ball_state", of=_ball), Quantity("target_position", of=_target)) if self.fetch else rows
+        return (
+            (*rows, Observation("ball_state", func=_ball, unit="m, m/s"), Observation("target_position", func=_target, unit="m"))
+            if self.fetch
+            else rows
+        )
 
     def score(self, now: Moment) -> Array:
         """High, upright and on its feet; and fast, or at the ball, and with it in the middle."""
@@ -86,30 +91,30 @@ class Dog(SuiteTask):
             return reward * (4.0 * speed + 1.0) / 5.0
         return reward
 
-    def start(self, qpos: Array, qvel: Array, draws: Draws) -> None:
+    def sample_state(self, qpos: Array, qvel: Array, rng: Rng) -> None:
         """On its feet, in any direction, pushed; the ball somewhere in flight towards the middle."""
         model = self.model()
         root = model.joint("root")
-        qpos[:, root.qposadr + 3 : root.qposadr + 7] = about_vertical(draws.uniform(0.0, 2.0 * np.pi, 1)[:, 0])
-        qvel[:, [root.dofadr, root.dofadr + 1, root.dofadr + 5]] = 2.0 * draws.normal(3)
+        qpos[:, root.qposadr + 3 : root.qposadr + 7] = about_vertical(rng.uniform(0.0, 2.0 * np.pi, 1)[:, 0])
+        qvel[:, [root.dofadr, root.dofadr + 1, root.dofadr + 5]] = 2.0 * rng.normal(3)
         if not self.fetch:
             return
         ball = model.joint("ball_root")
-        azimuth, height, speed = draws.uniform(0.0, 2.0 * np.pi, 1), draws.uniform(0.0, 3.0, 1), draws.uniform(0.0, 5.0, 1)
+        azimuth, height, speed = rng.uniform(0.0, 2.0 * np.pi, 1), rng.uniform(0.0, 3.0, 1), rng.uniform(0.0, 5.0, 1)
         outwards = np.hstack([np.sin(azimuth), np.cos(azimuth)])
         qpos[:, ball.qposadr : ball.qposadr + 3] = np.hstack([0.75 * _ARENA * outwards, np.full_like(azimuth, 0.05)])
         rising = np.sqrt(-2.0 * model.gravity[2] * height)
-        qvel[:, ball.dofadr : ball.dofadr + 3] = np.hstack([speed * (0.05 * draws.normal(2) - outwards), rising])
+        qvel[:, ball.dofadr : ball.dofadr + 3] = np.hstack([speed * (0.05 * rng.normal(2) - outwards), rising])
 
-    def prepare(self, sim: Stepper, memory: Terms, mask: Array, draws: Draws) -> None:
+    def on_reset(self, sim: Stepper, episode_state: Terms, mask: Array, rng: Rng) -> None:
         """Activations are anywhere within the bounds of the controls."""
         low, high = sim.model.actuator_ctrlrange.T
         act = np.array(sim.act)
-        act[mask] = low + (high - low) * draws.uniform(0.0, 1.0, len(low))
+        act[mask] = low + (high - low) * rng.uniform(0.0, 1.0, len(low))
         sim.set_state(act=act, envs=mask)
 
 
-@functools.cache
+@once_per_model
 def _standing(model: Model) -> tuple[Array, float]:
     """Heights of torso and pelvis from which on it stands, m, (2,); and its weight, N."""
     rest = Stepper(model, 1)

@@ -8,9 +8,9 @@ import numpy as np
 
 from stepper._stepper import Model, Stepper
 from stepper.envs.assets import load_quietly, read_once
-from stepper.envs.streams import Draws
+from stepper.envs.streams import Rng
 from stepper.envs.suite.base import SuiteTask, norm, randomize_without_overlap, reading, scene, source_tree
-from stepper.envs.task import Array, Moment, Quantity, Terms
+from stepper.envs.task import Array, Moment, Observation, Terms
 
 _SPEED = 15.0
 """From which on it spins, rad/s."""
@@ -32,13 +32,13 @@ class Finger(SuiteTask):
         damping[model.joint("hinge").dofadr] = _DAMPING
         return model.replace(dof_damping=damping)
 
-    def quantities(self) -> tuple[Quantity, ...]:
+    def observations(self) -> tuple[Observation, ...]:
         """Angles of the finger, the tip beside the hinge, velocities, logarithms of the forces at its two pads: (9,)."""
         return (
-            Quantity("angles", of=lambda now: reading(now, "proximal", "distal")),
-            Quantity("tip", of=lambda now: _beside_the_hinge(now, "tip")),
-            Quantity("velocity", of=lambda now: reading(now, "proximal_velocity", "distal_velocity", "hinge_velocity")),
-            Quantity("touch", of=lambda now: np.log1p(reading(now, "touchtop", "touchbottom"))),
+            Observation("angles", func=lambda now: reading(now, "proximal", "distal"), unit="rad"),
+            Observation("tip", func=lambda now: _beside_the_hinge(now, "tip"), unit="m"),
+            Observation("velocity", func=lambda now: reading(now, "proximal_velocity", "distal_velocity", "hinge_velocity"), unit="rad/s"),
+            Observation("touch", func=lambda now: np.log1p(reading(now, "touchtop", "touchbottom")), unit="log(1 + N)"),
         )
 
     def score(self, now: Moment) -> Array:
@@ -46,9 +46,9 @@ class Finger(SuiteTask):
         spins: Array = (reading(now, "hinge_velocity")[:, 0] <= -_SPEED).astype(np.float64)
         return spins
 
-    def start(self, qpos: Array, qvel: Array, draws: Draws) -> None:
+    def sample_state(self, qpos: Array, qvel: Array, rng: Rng) -> None:
         """At rest, with angles within their limits, where nothing touches."""
-        randomize_without_overlap(scene(self.file), qpos, draws)
+        randomize_without_overlap(scene(self.file), qpos, rng)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -65,12 +65,12 @@ class FingerTurn(Finger):
         """The scene, with a target that can be moved."""
         return _scene_with_target()
 
-    def quantities(self) -> tuple[Quantity, ...]:
+    def observations(self) -> tuple[Observation, ...]:
         """What spinning observes, the target beside the hinge, and how far from the target the tip is: (12,)."""
         return (
-            *super().quantities(),
-            Quantity("target_position", of=lambda now: _beside_the_hinge(now, "target")),
-            Quantity("dist_to_target", of=self._distance),
+            *super().observations(),
+            Observation("target_position", func=lambda now: _beside_the_hinge(now, "target"), unit="m"),
+            Observation("dist_to_target", func=self._distance, unit="m"),
         )
 
     def score(self, now: Moment) -> Array:
@@ -78,9 +78,9 @@ class FingerTurn(Finger):
         inside: Array = (self._distance(now) <= 0.0).astype(np.float64)
         return inside
 
-    def prepare(self, sim: Stepper, memory: Terms, mask: Array, draws: Draws) -> None:
+    def on_reset(self, sim: Stepper, episode_state: Terms, mask: Array, rng: Rng) -> None:
         """The target is anywhere on the circle of the tip."""
-        model, angle = sim.model, draws.uniform(-np.pi, np.pi, 1)[:, 0]
+        model, angle = sim.model, rng.uniform(-np.pi, np.pi, 1)[:, 0]
         offsets = model.geom("cap1").size.sum() * np.stack([np.sin(angle), np.zeros_like(angle), np.cos(angle)], axis=1)
         sim.mocap_pos[mask, model.body("target").mocapid] = model.body("spinner").pos + offsets
 

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from stepper._stepper import Stepper
-from stepper.envs.streams import Draws
+from stepper.envs.streams import Rng
 from stepper.envs.suite.base import SuiteTask, move_geom, norm, rotation, tolerance
-from stepper.envs.task import Array, Moment, Quantity, Terms, per_moment
+from stepper.envs.task import Array, Moment, Observation, Terms, per_moment
 from stepper.shared.rotations import matrices
 
 _JOINTS = ("tail1", "tail_twist", "tail2", "finright_roll", "finright_pitch", "finleft_roll", "finleft_pitch")
@@ -27,13 +27,13 @@ class Fish(SuiteTask):
     frame_skip: int = 10
     swim: bool = False
 
-    def quantities(self) -> tuple[Quantity, ...]:
+    def observations(self) -> tuple[Observation, ...]:
         """Angles, cosine of the inclination, the target as the mouth sees it if there is one, velocities: (24,) or (21,)."""
         return (
-            Quantity("joint_angles", of=_angles),
-            Quantity("upright", of=lambda now: rotation(now, "torso")[:, 2, 2]),
-            *([Quantity("target", of=_to_target)] if self.swim else []),
-            Quantity("velocity", of=lambda now: now.qvel),
+            Observation("joint_angles", func=_angles, unit="rad"),
+            Observation("upright", func=lambda now: rotation(now, "torso")[:, 2, 2]),
+            *([Observation("target", func=_to_target, unit="m")] if self.swim else []),
+            Observation("velocity", func=lambda now: now.qvel, unit="m/s, rad/s"),
         )
 
     def score(self, now: Moment) -> Array:
@@ -45,19 +45,19 @@ class Fish(SuiteTask):
         radii = float(model.geom("mouth").size[0] + model.geom("target").size[0])
         return (7.0 * tolerance(norm(_to_target(now)), 0.0, radii, margin=2.0 * radii) + 0.5 * (upright + 1.0)) / 8.0
 
-    def start(self, qpos: Array, qvel: Array, draws: Draws) -> None:
+    def sample_state(self, qpos: Array, qvel: Array, rng: Rng) -> None:
         """At rest, with any orientation and small angles."""
-        quat = draws.normal(4)
+        quat = rng.normal(4)
         qpos[:, 3:7] = quat / norm(quat)[:, None]
         model = self.model()
         for name in _JOINTS:
             at = model.joint(name).qposadr
-            qpos[:, at : at + 1] = draws.uniform(-0.2, 0.2, 1)
+            qpos[:, at : at + 1] = rng.uniform(-0.2, 0.2, 1)
 
-    def prepare(self, sim: Stepper, memory: Terms, mask: Array, draws: Draws) -> None:
+    def on_reset(self, sim: Stepper, episode_state: Terms, mask: Array, rng: Rng) -> None:
         """The target is anywhere in a box."""
         if self.swim:
-            move_geom(sim, mask, "target", np.hstack([draws.uniform(-0.4, 0.4, 2), draws.uniform(0.1, 0.3, 1)]))
+            move_geom(sim, mask, "target", np.hstack([rng.uniform(-0.4, 0.4, 2), rng.uniform(0.1, 0.3, 1)]))
 
 
 def _angles(now: Moment) -> Array:

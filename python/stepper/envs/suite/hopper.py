@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stepper.envs.streams import Draws
+from stepper.envs.streams import Rng
 from stepper.envs.suite.base import SuiteTask, randomize_joints, reading, small_control, tolerance
-from stepper.envs.task import Array, Moment, Quantity
+from stepper.envs.task import Array, Moment, Observation
 
 _HEIGHT = 0.6
 """Of the torso above the foot, m, above which it stands."""
@@ -28,12 +28,12 @@ class Hopper(SuiteTask):
     frame_skip: int = 4
     hopping: bool = False
 
-    def quantities(self) -> tuple[Quantity, ...]:
+    def observations(self) -> tuple[Observation, ...]:
         """Configuration without x, velocities, logarithms of the forces at toe and heel: (15,)."""
         return (
-            Quantity("position", of=lambda now: now.qpos[:, 1:]),
-            Quantity("velocity", of=lambda now: now.qvel),
-            Quantity("touch", of=lambda now: np.log1p(reading(now, "touch_toe", "touch_heel"))),
+            Observation("position", func=lambda now: now.qpos[:, 1:], unit="m, rad"),
+            Observation("velocity", func=lambda now: now.qvel, unit="m/s, rad/s"),
+            Observation("touch", func=lambda now: np.log1p(reading(now, "touch_toe", "touch_heel")), unit="log(1 + N)"),
         )
 
     def score(self, now: Moment) -> Array:
@@ -46,6 +46,6 @@ class Hopper(SuiteTask):
             return standing * tolerance(speed, _SPEED, float("inf"), margin=_SPEED / 2.0, fall="linear", value=0.5)
         return standing * (small_control(now) + 4.0) / 5.0
 
-    def start(self, qpos: Array, qvel: Array, draws: Draws) -> None:
+    def sample_state(self, qpos: Array, qvel: Array, rng: Rng) -> None:
         """At rest, with angles within their limits and the torso at any angle."""
-        randomize_joints(self.model(), qpos, draws)
+        randomize_joints(self.model(), qpos, rng)

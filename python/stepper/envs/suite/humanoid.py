@@ -7,9 +7,9 @@ from typing import ClassVar
 
 import numpy as np
 
-from stepper.envs.streams import Draws
+from stepper.envs.streams import Rng
 from stepper.envs.suite.base import SuiteTask, norm, randomize_without_overlap, reading, rotation, small_control, tolerance
-from stepper.envs.task import Array, Moment, Quantity
+from stepper.envs.task import Array, Moment, Observation
 
 _HEIGHT = 1.4
 """Of the head, m, above which it stands."""
@@ -35,17 +35,17 @@ class Humanoid(SuiteTask):
     move_speed: float = 0.0
     pure_state: bool = False
 
-    def quantities(self) -> tuple[Quantity, ...]:
+    def observations(self) -> tuple[Observation, ...]:
         """Angles, height of the head, hands and feet as the torso sees them, its vertical, velocities: (67,); or the state: (55,)."""
-        velocity = Quantity("velocity", of=lambda now: now.qvel)
+        velocity = Observation("velocity", func=lambda now: now.qvel, unit="m/s, rad/s")
         if self.pure_state:
-            return (Quantity("position", of=lambda now: now.qpos), velocity)
+            return (Observation("position", func=lambda now: now.qpos, unit="m, rad"), velocity)
         return (
-            Quantity("joint_angles", of=lambda now: now.qpos[:, 7:]),
-            Quantity("head_height", of=_head_height),
-            Quantity("extremities", of=_extremities),
-            Quantity("torso_vertical", of=lambda now: rotation(now, self.torso)[:, 2]),
-            Quantity("com_velocity", of=lambda now: reading(now, f"{self.torso}_subtreelinvel")),
+            Observation("joint_angles", func=lambda now: now.qpos[:, 7:], unit="rad"),
+            Observation("head_height", func=_head_height, unit="m"),
+            Observation("extremities", func=_extremities, unit="m"),
+            Observation("torso_vertical", func=lambda now: rotation(now, self.torso)[:, 2]),
+            Observation("com_velocity", func=lambda now: reading(now, f"{self.torso}_subtreelinvel"), unit="m/s"),
             velocity,
         )
 
@@ -62,9 +62,9 @@ class Humanoid(SuiteTask):
         reward: Array = (4.0 + small_control(now)) / 5.0 * standing * upright * moving
         return reward
 
-    def start(self, qpos: Array, qvel: Array, draws: Draws) -> None:
+    def sample_state(self, qpos: Array, qvel: Array, rng: Rng) -> None:
         """At rest, with angles within their limits and any orientation, where nothing touches."""
-        randomize_without_overlap(self.model(), qpos, draws)
+        randomize_without_overlap(self.model(), qpos, rng)
 
 
 def _head_height(now: Moment) -> Array:

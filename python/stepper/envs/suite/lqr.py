@@ -8,9 +8,9 @@ import numpy as np
 
 from stepper._stepper import Model
 from stepper.envs.assets import load_quietly, read_once
-from stepper.envs.streams import Draws
+from stepper.envs.streams import Rng
 from stepper.envs.suite.base import SuiteTask, norm, source_tree
-from stepper.envs.task import Array, Moment, Quantity
+from stepper.envs.task import Array, Moment, Observation
 
 _STIFFNESS = (15.0, 25.0)
 """Least and largest stiffness of a spring, N/m."""
@@ -42,9 +42,12 @@ class LQR(SuiteTask):
         """The masses in their row."""
         return _scene(self.bodies, self.driven, self.model_seed)
 
-    def quantities(self) -> tuple[Quantity, ...]:
+    def observations(self) -> tuple[Observation, ...]:
         """Places and velocities: (2 bodies,)."""
-        return (Quantity("position", of=lambda now: now.qpos), Quantity("velocity", of=lambda now: now.qvel))
+        return (
+            Observation("position", func=lambda now: now.qpos, unit="m"),
+            Observation("velocity", func=lambda now: now.qvel, unit="m/s"),
+        )
 
     def score(self, now: Moment) -> Array:
         """1 less what the state and the control cost; velocities cost nothing."""
@@ -56,9 +59,9 @@ class LQR(SuiteTask):
         over: Array = norm(np.hstack([now.qpos, now.qvel])) < _AT_REST
         return over
 
-    def start(self, qpos: Array, qvel: Array, draws: Draws) -> None:
+    def sample_state(self, qpos: Array, qvel: Array, rng: Rng) -> None:
         """At rest, on a sphere of radius sqrt(2)."""
-        direction = draws.normal(self.bodies)
+        direction = rng.normal(self.bodies)
         qpos[:] = np.sqrt(2.0) * direction / norm(direction)[:, None]
 
 

@@ -8,10 +8,10 @@ import numpy as np
 
 from stepper._stepper import Model, Stepper
 from stepper.envs.assets import read_once
-from stepper.envs.streams import Draws
-from stepper.envs.suite.arm import arm_quantities, arm_scene, draw_arm, pose
+from stepper.envs.streams import Rng
+from stepper.envs.suite.arm import arm_observations, arm_scene, draw_arm, pose
 from stepper.envs.suite.base import SuiteTask, norm, overlapping, place, tolerance
-from stepper.envs.task import Array, Moment, Quantity, Terms
+from stepper.envs.task import Array, Moment, Observation, Terms
 from stepper.shared.rotations import matrices
 
 _PROPS = {"ball", "target_ball", "cup", "peg", "target_peg", "slot"}
@@ -43,14 +43,16 @@ class Manipulator(SuiteTask):
         """The scene with what this task needs of it."""
         return _scene(self.peg, self.insert)
 
-    def quantities(self) -> tuple[Quantity, ...]:
+    def observations(self) -> tuple[Observation, ...]:
         """Arm and hand, what touches it, the object, the target: (44,)."""
         thing = self._object
         return (
-            *arm_quantities(),
-            Quantity("object_pos", of=lambda now: pose(now, thing)),
-            Quantity("object_vel", of=lambda now: now.qvel[:, [now.sim.model.joint(f"{thing}_{k}").dofadr for k in "xzy"]]),
-            Quantity("target_pos", of=lambda now: pose(now, f"target_{thing}")),
+            *arm_observations(),
+            Observation("object_pos", func=lambda now: pose(now, thing), unit="m"),
+            Observation(
+                "object_vel", func=lambda now: now.qvel[:, [now.sim.model.joint(f"{thing}_{k}").dofadr for k in "xzy"]], unit="m/s, rad/s"
+            ),
+            Observation("target_pos", func=lambda now: pose(now, f"target_{thing}"), unit="m"),
         )
 
     def score(self, now: Moment) -> Array:
@@ -62,29 +64,29 @@ class Manipulator(SuiteTask):
         reward: Array = np.maximum(bringing, grasping / 3.0)
         return reward
 
-    def prepare(self, sim: Stepper, memory: Terms, mask: Array, draws: Draws) -> None:
+    def on_reset(self, sim: Stepper, episode_state: Terms, mask: Array, rng: Rng) -> None:
         """The arm anywhere, the target anywhere, the object in the hand, in the target, or anywhere in flight: where nothing touches."""
-        model, count = sim.model, len(draws.envs)
+        model, count = sim.model, len(rng.envs)
         qpos, qvel = np.tile(model.qpos0, (count, 1)), np.zeros((count, model.nv))
         target = np.zeros((count, 3))
         again = np.ones(count, dtype=bool)
         while again.any():
             some, rates = qpos[again], qvel[again]
-            target[again] = self._draw(model, some, rates, draws.of(again))
+            target[again] = self._draw(model, some, rates, rng.of(again))
             qpos[again], qvel[again] = some, rates
             again[again] = overlapping(model, some, *_posed(model, target[again]))
         place(sim, mask, qpos, qvel)
         sim.mocap_pos[mask], sim.mocap_quat[mask] = _posed(model, target)
 
-    def _draw(self, model: Model, qpos: Array, qvel: Array, draws: Draws) -> Array:
+    def _draw(self, model: Model, qpos: Array, qvel: Array, rng: Rng) -> Array:
         """Draws a configuration, changed in place, and the target's x, z and angle, (n, 3)."""
-        draw_arm(model, qpos, draws)
+        draw_arm(model, qpos, rng)
         widest = np.pi / 3.0 if self.insert else np.pi
-        target = np.hstack([draws.uniform(-0.4, 0.4, 1), draws.uniform(0.1, 0.4, 1), draws.uniform(-widest, widest, 1)])
-        kind = draws.uniform(0.0, 1.0, 1)[:, 0]
+        target = np.hstack([rng.uniform(-0.4, 0.4, 1), rng.uniform(0.1, 0.4, 1), rng.uniform(-widest, widest, 1)])
+        kind = rng.uniform(0.0, 1.0, 1)[:, 0]
         in_hand, in_target = kind < _IN_HAND, (kind >= _IN_HAND) & (kind < _IN_HAND + _IN_TARGET)
-        thing = np.hstack([draws.uniform(-0.5, 0.5, 1), draws.uniform(0.0, 0.7, 1), draws.uniform(0.0, 2.0 * np.pi, 1)])
-        speed = draws.uniform(-5.0, 5.0, 1)[:, 0]
+        thing = np.hstack([rng.uniform(-0.5, 0.5, 1), rng.uniform(0.0, 0.7, 1), rng.uniform(0.0, 2.0 * np.pi, 1)])
+        speed = rng.uniform(-5.0, 5.0, 1)[:, 0]
         thing[in_target] = target[in_target]
         if in_hand.any():
             thing[in_hand] = _grasp(model, qpos[in_hand])

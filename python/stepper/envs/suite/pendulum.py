@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stepper.envs.streams import Draws
+from stepper.envs.streams import Rng
 from stepper.envs.suite.base import SuiteTask, rotation, tolerance
-from stepper.envs.task import Array, Moment, Quantity
+from stepper.envs.task import Array, Moment, Observation
 
 _UPRIGHT = float(np.cos(np.deg2rad(8.0)))
 """Cosine of the largest angle that is rewarded."""
@@ -21,17 +21,17 @@ class Pendulum(SuiteTask):
     file = "pendulum.xml"
     frame_skip: int = 1
 
-    def quantities(self) -> tuple[Quantity, ...]:
+    def observations(self) -> tuple[Observation, ...]:
         """Cosine, sine and velocity of the angle: (3,)."""
         return (
-            Quantity("orientation", of=lambda now: rotation(now, "pole")[:, [2, 0], 2]),
-            Quantity("velocity", of=lambda now: now.qvel),
+            Observation("orientation", func=lambda now: rotation(now, "pole")[:, [2, 0], 2]),
+            Observation("velocity", func=lambda now: now.qvel, unit="rad/s"),
         )
 
     def score(self, now: Moment) -> Array:
         """1 within 8 degrees."""
         return tolerance(rotation(now, "pole")[:, 2, 2], _UPRIGHT, 1.0)
 
-    def start(self, qpos: Array, qvel: Array, draws: Draws) -> None:
+    def sample_state(self, qpos: Array, qvel: Array, rng: Rng) -> None:
         """At rest anywhere on the circle."""
-        qpos[:] = draws.uniform(-np.pi, np.pi, 1)
+        qpos[:] = rng.uniform(-np.pi, np.pi, 1)

@@ -8,9 +8,9 @@ import numpy as np
 
 from stepper._stepper import Model, Stepper
 from stepper.envs.assets import load_quietly, read_once
-from stepper.envs.streams import Draws
+from stepper.envs.streams import Rng
 from stepper.envs.suite.base import SuiteTask, norm, randomize_joints, small_control, source_tree, tolerance
-from stepper.envs.task import Array, Moment, Quantity, Terms
+from stepper.envs.task import Array, Moment, Observation, Terms
 
 _PARALLEL = 0.9
 """Cosine of the angle of two directions from which on they are too much alike."""
@@ -36,9 +36,12 @@ class PointMass(SuiteTask):
         """-1 and 1."""
         return np.full(model.nu, -1.0), np.full(model.nu, 1.0)
 
-    def quantities(self) -> tuple[Quantity, ...]:
+    def observations(self) -> tuple[Observation, ...]:
         """Place and velocity: (4,)."""
-        return (Quantity("position", of=lambda now: now.qpos), Quantity("velocity", of=lambda now: now.qvel))
+        return (
+            Observation("position", func=lambda now: now.qpos, unit="m"),
+            Observation("velocity", func=lambda now: now.qvel, unit="m/s"),
+        )
 
     def score(self, now: Moment) -> Array:
         """1 in the target, less with the distance from it and with control."""
@@ -48,31 +51,31 @@ class PointMass(SuiteTask):
         away = norm(now.geom_xpos[:, target.id] - now.geom_xpos[:, model.geom("pointmass").id])
         return tolerance(away, 0.0, size, margin=size) * (small_control(now) + 4.0) / 5.0
 
-    def start(self, qpos: Array, qvel: Array, draws: Draws) -> None:
+    def sample_state(self, qpos: Array, qvel: Array, rng: Rng) -> None:
         """At rest, anywhere within the limits."""
-        randomize_joints(self.model(), qpos, draws)
+        randomize_joints(self.model(), qpos, rng)
 
-    def memory(self, num_envs: int) -> Terms:
+    def episode_state(self, num_envs: int) -> Terms:
         """Directions in which the controls pull, rows: along the axes unless they are drawn."""
         return {"directions": np.tile(np.eye(2), (num_envs, 1, 1))}
 
-    def prepare(self, sim: Stepper, memory: Terms, mask: Array, draws: Draws) -> None:
+    def on_reset(self, sim: Stepper, episode_state: Terms, mask: Array, rng: Rng) -> None:
         """Draws directions that are not too much alike."""
         if not self.turned:
             return
-        count = len(draws.envs)
+        count = len(rng.envs)
         directions, again = np.empty((count, 2, 2)), np.ones(count, dtype=bool)
-        directions[:, 0] = _unit(draws.normal(2))
+        directions[:, 0] = _unit(rng.normal(2))
         while again.any():
-            directions[again, 1] = _unit(draws.of(again).normal(2))
+            directions[again, 1] = _unit(rng.of(again).normal(2))
             again[again] = np.abs(np.einsum("ni,ni->n", directions[again, 0], directions[again, 1])) > _PARALLEL
-        memory["directions"][mask] = directions
+        episode_state["directions"][mask] = directions
 
     def advance(self, now: Moment) -> None:
         """Makes the steps of the controls along their directions."""
         control = now.action
         if self.turned:
-            control = np.einsum("nk,nki->ni", np.clip(now.action, -1.0, 1.0), now.memory["directions"])
+            control = np.einsum("nk,nki->ni", np.clip(now.action, -1.0, 1.0), now.episode_state["directions"])
         now.sim.step(control, self.frame_skip)
 
 

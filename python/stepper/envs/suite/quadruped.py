@@ -8,7 +8,7 @@ import numpy as np
 
 from stepper._stepper import Model
 from stepper.envs.assets import load_quietly, read_once, without
-from stepper.envs.streams import Draws
+from stepper.envs.streams import Rng
 from stepper.envs.suite.base import (
     SuiteTask,
     hinges,
@@ -20,7 +20,7 @@ from stepper.envs.suite.base import (
     source_tree,
     tolerance,
 )
-from stepper.envs.task import Array, Moment, Quantity
+from stepper.envs.task import Array, Moment, Observation
 from stepper.shared.rotations import about_vertical
 
 _TOES = ("front_left", "front_right", "back_right", "back_left")
@@ -56,19 +56,19 @@ class Quadruped(SuiteTask):
         """The scene without terrain and range finders; without a ball, the floor is as large as one gets in an episode."""
         return _scene(None if self.fetch else self.move_speed * _EPISODE)
 
-    def quantities(self) -> tuple[Quantity, ...]:
+    def observations(self) -> tuple[Observation, ...]:
         """Hinges and activations, velocity and vertical of the torso, its sensors, forces at the toes: (78,); with a ball (90,)."""
         rows = (
-            Quantity("egocentric_state", of=_egocentric_state),
-            Quantity("torso_velocity", of=lambda now: reading(now, "velocimeter")),
-            Quantity("torso_upright", of=lambda now: rotation(now, "torso")[:, 2, 2]),
-            Quantity("accelerometer", of=lambda now: reading(now, "imu_accel")),
-            Quantity("gyro", of=lambda now: reading(now, "imu_gyro")),
-            Quantity("force_torque", of=_at_the_toes),
+            Observation("egocentric_state", func=_egocentric_state, unit="rad, rad/s"),
+            Observation("torso_velocity", func=lambda now: reading(now, "velocimeter"), unit="m/s"),
+            Observation("torso_upright", func=lambda now: rotation(now, "torso")[:, 2, 2]),
+            Observation("accelerometer", func=lambda now: reading(now, "imu_accel"), unit="m/s^2"),
+            Observation("gyro", func=lambda now: reading(now, "imu_gyro"), unit="rad/s"),
+            Observation("force_torque", func=_at_the_toes, unit="arsinh(N), arsinh(N m)"),
         )
         if not self.fetch:
             return rows
-        return (*rows, Quantity("ball_state", of=_ball), Quantity("target_position", of=_target))
+        return (*rows, Observation("ball_state", func=_ball, unit="m, m/s, rad/s"), Observation("target_position", func=_target, unit="m"))
 
     def score(self, now: Moment) -> Array:
         """Upright, and fast; or near the ball, and with it near the middle."""
@@ -86,22 +86,22 @@ class Quadruped(SuiteTask):
         reward: Array = upright * near * (0.5 + 0.5 * brought)
         return reward
 
-    def start(self, qpos: Array, qvel: Array, draws: Draws) -> None:
+    def sample_state(self, qpos: Array, qvel: Array, rng: Rng) -> None:
         """At rest and just above the ground, with any orientation; with a ball upright, and the ball somewhere in flight."""
         model = self.model()
         at = model.joint("root").qposadr
         if not self.fetch:
-            quat = draws.normal(4)
+            quat = rng.normal(4)
             qpos[:, at + 3 : at + 7] = quat / norm(quat)[:, None]
             lift_until_free(model, qpos, at + 2)
             return
-        qpos[:, at + 3 : at + 7] = about_vertical(draws.uniform(0.0, 2.0 * np.pi, 1)[:, 0])
-        qpos[:, at : at + 2] = draws.uniform(-0.9 * _ARENA, 0.9 * _ARENA, 2)
+        qpos[:, at + 3 : at + 7] = about_vertical(rng.uniform(0.0, 2.0 * np.pi, 1)[:, 0])
+        qpos[:, at : at + 2] = rng.uniform(-0.9 * _ARENA, 0.9 * _ARENA, 2)
         lift_until_free(model, qpos, at + 2)
         ball = model.joint("ball_root")
-        qpos[:, ball.qposadr : ball.qposadr + 2] = draws.uniform(-0.9 * _ARENA, 0.9 * _ARENA, 2)
+        qpos[:, ball.qposadr : ball.qposadr + 2] = rng.uniform(-0.9 * _ARENA, 0.9 * _ARENA, 2)
         qpos[:, ball.qposadr + 2] = 2.0
-        qvel[:, ball.dofadr : ball.dofadr + 2] = 5.0 * draws.normal(2)
+        qvel[:, ball.dofadr : ball.dofadr + 2] = 5.0 * rng.normal(2)
 
 
 def _egocentric_state(now: Moment) -> Array:

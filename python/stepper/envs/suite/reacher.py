@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from stepper._stepper import Stepper
-from stepper.envs.streams import Draws
+from stepper.envs.streams import Rng
 from stepper.envs.suite.base import SuiteTask, move_geom, norm, randomize_joints, tolerance
-from stepper.envs.task import Array, Moment, Quantity, Terms, per_moment
+from stepper.envs.task import Array, Moment, Observation, Terms, per_moment
 
 _FINGER = 0.01
 """Radius of the finger, m."""
@@ -27,25 +27,25 @@ class Reacher(SuiteTask):
     frame_skip: int = 1
     target_size: float = 0.05
 
-    def quantities(self) -> tuple[Quantity, ...]:
+    def observations(self) -> tuple[Observation, ...]:
         """Angles, from the finger to the target, velocities: (6,)."""
         return (
-            Quantity("position", of=lambda now: now.qpos),
-            Quantity("to_target", of=_to_target),
-            Quantity("velocity", of=lambda now: now.qvel),
+            Observation("position", func=lambda now: now.qpos, unit="rad"),
+            Observation("to_target", func=_to_target, unit="m"),
+            Observation("velocity", func=lambda now: now.qvel, unit="rad/s"),
         )
 
     def score(self, now: Moment) -> Array:
         """1 where the finger is in the target."""
         return tolerance(norm(_to_target(now)), 0.0, self.target_size + _FINGER)
 
-    def start(self, qpos: Array, qvel: Array, draws: Draws) -> None:
+    def sample_state(self, qpos: Array, qvel: Array, rng: Rng) -> None:
         """At rest, with angles within their limits."""
-        randomize_joints(self.model(), qpos, draws)
+        randomize_joints(self.model(), qpos, rng)
 
-    def prepare(self, sim: Stepper, memory: Terms, mask: Array, draws: Draws) -> None:
+    def on_reset(self, sim: Stepper, episode_state: Terms, mask: Array, rng: Rng) -> None:
         """The target is 0.05 to 0.2 m from the middle."""
-        angle, radius = draws.uniform(0.0, 2.0 * np.pi, 1), draws.uniform(0.05, 0.2, 1)
+        angle, radius = rng.uniform(0.0, 2.0 * np.pi, 1), rng.uniform(0.05, 0.2, 1)
         move_geom(sim, mask, "target", np.hstack([radius * np.sin(angle), radius * np.cos(angle)]), slice(0, 2))
 
 

@@ -8,10 +8,10 @@ import numpy as np
 
 from stepper._stepper import Model, Stepper
 from stepper.envs.assets import read_once
-from stepper.envs.streams import Draws
-from stepper.envs.suite.arm import arm_quantities, arm_scene, draw_arm, pose
+from stepper.envs.streams import Rng
+from stepper.envs.suite.arm import arm_observations, arm_scene, draw_arm, pose
 from stepper.envs.suite.base import SuiteTask, norm, randomize_without_overlap, tolerance
-from stepper.envs.task import Array, Moment, Quantity, Terms
+from stepper.envs.task import Array, Moment, Observation, Terms
 
 _CLOSE = 0.01
 """Distance that is close, m."""
@@ -37,13 +37,13 @@ class Stacker(SuiteTask):
         """The scene with as many boxes."""
         return _scene(self.boxes)
 
-    def quantities(self) -> tuple[Quantity, ...]:
+    def observations(self) -> tuple[Observation, ...]:
         """Arm and hand, what touches it, the boxes, the target: (35 + 7 boxes,)."""
         return (
-            *arm_quantities(),
-            Quantity("box_pos", of=lambda now: np.stack([pose(now, box) for box in self._names], axis=1)),
-            Quantity("box_vel", of=self._rates),
-            Quantity("target_pos", of=lambda now: pose(now, "target")[:, :2]),
+            *arm_observations(),
+            Observation("box_pos", func=lambda now: np.stack([pose(now, box) for box in self._names], axis=1), unit="m"),
+            Observation("box_vel", func=self._rates, unit="m/s, rad/s"),
+            Observation("target_pos", func=lambda now: pose(now, "target")[:, :2], unit="m"),
         )
 
     def score(self, now: Moment) -> Array:
@@ -54,16 +54,16 @@ class Stacker(SuiteTask):
         reward: Array = tolerance(nearest, margin=2.0 * size) * away
         return reward
 
-    def start(self, qpos: Array, qvel: Array, draws: Draws) -> None:
+    def sample_state(self, qpos: Array, qvel: Array, rng: Rng) -> None:
         """At rest, the arm and the boxes anywhere, where nothing touches."""
-        randomize_without_overlap(self.model(), qpos, draws, self._draw)
+        randomize_without_overlap(self.model(), qpos, rng, self._draw)
 
-    def prepare(self, sim: Stepper, memory: Terms, mask: Array, draws: Draws) -> None:
+    def on_reset(self, sim: Stepper, episode_state: Terms, mask: Array, rng: Rng) -> None:
         """The target is where a box would lie, anywhere on the floor or on up to as many boxes as are left."""
-        size, boxes_below = sim.model.geom("target").size[0], np.floor(draws.uniform(0.0, self.boxes, 1))
+        size, boxes_below = sim.model.geom("target").size[0], np.floor(rng.uniform(0.0, self.boxes, 1))
         at = sim.model.body("target").mocapid
         sim.mocap_pos[mask, at, 2:] = size * (2.0 * boxes_below + 1.0)
-        sim.mocap_pos[mask, at, :1] = draws.uniform(-0.37, 0.37, 1)
+        sim.mocap_pos[mask, at, :1] = rng.uniform(-0.37, 0.37, 1)
 
     @property
     def _names(self) -> list[str]:
@@ -74,13 +74,13 @@ class Stacker(SuiteTask):
         rates: Array = now.qvel[:, [now.sim.model.joint(f"{box}_{k}").dofadr for box in self._names for k in "xyz"]]
         return rates
 
-    def _draw(self, model: Model, qpos: Array, draws: Draws) -> None:
+    def _draw(self, model: Model, qpos: Array, rng: Rng) -> None:
         """Draws a configuration, changed in place."""
-        draw_arm(model, qpos, draws)
+        draw_arm(model, qpos, rng)
         for box in self._names:
             for axis, low, high in (("x", 0.1, 0.3), ("z", 0.0, 0.7), ("y", 0.0, 2.0 * np.pi)):
                 at = model.joint(f"{box}_{axis}").qposadr
-                qpos[:, at : at + 1] = draws.uniform(low, high, 1)
+                qpos[:, at : at + 1] = rng.uniform(low, high, 1)
 
 
 def _to_target(now: Moment, site: str) -> Array:

@@ -8,9 +8,9 @@ import numpy as np
 
 from stepper._stepper import Model, Stepper
 from stepper.envs.assets import load_quietly, read_once
-from stepper.envs.streams import Draws
+from stepper.envs.streams import Rng
 from stepper.envs.suite.base import SuiteTask, move_geom, norm, randomize_joints, reading, rotation, source_tree, tolerance
-from stepper.envs.task import Array, Moment, Quantity, Terms, per_moment
+from stepper.envs.task import Array, Moment, Observation, Terms, per_moment
 
 _SIZE = 0.1
 """Radius of the target, m."""
@@ -32,26 +32,26 @@ class Swimmer(SuiteTask):
         """The chain of links."""
         return _scene(self.links)
 
-    def quantities(self) -> tuple[Quantity, ...]:
+    def observations(self) -> tuple[Observation, ...]:
         """Angles, the target as the head sees it, velocities of the links in their own frames: (4 links + 1,)."""
         return (
-            Quantity("joints", of=lambda now: now.qpos[:, 3:]),
-            Quantity("to_target", of=_to_target),
-            Quantity("body_velocities", of=_velocities),
+            Observation("joints", func=lambda now: now.qpos[:, 3:], unit="rad"),
+            Observation("to_target", func=_to_target, unit="m"),
+            Observation("body_velocities", func=_velocities, unit="m/s, rad/s"),
         )
 
     def score(self, now: Moment) -> Array:
         """1 in the target, less with the distance from it."""
         return tolerance(norm(_to_target(now)), 0.0, _SIZE, margin=5.0 * _SIZE, fall="long_tail")
 
-    def start(self, qpos: Array, qvel: Array, draws: Draws) -> None:
+    def sample_state(self, qpos: Array, qvel: Array, rng: Rng) -> None:
         """At rest, with angles within their limits, in any direction."""
-        randomize_joints(self.model(), qpos, draws)
+        randomize_joints(self.model(), qpos, rng)
 
-    def prepare(self, sim: Stepper, memory: Terms, mask: Array, draws: Draws) -> None:
+    def on_reset(self, sim: Stepper, episode_state: Terms, mask: Array, rng: Rng) -> None:
         """The target is near in a fifth of the episodes."""
-        box = np.where(draws.uniform(0.0, 1.0, 1) < 0.2, 0.3, 2.0)
-        move_geom(sim, mask, "target", box * draws.uniform(-1.0, 1.0, 2), slice(0, 2))
+        box = np.where(rng.uniform(0.0, 1.0, 1) < 0.2, 0.3, 2.0)
+        move_geom(sim, mask, "target", box * rng.uniform(-1.0, 1.0, 2), slice(0, 2))
 
 
 @per_moment

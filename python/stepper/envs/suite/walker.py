@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from stepper.envs.streams import Draws
+from stepper.envs.streams import Rng
 from stepper.envs.suite.base import SuiteTask, randomize_joints, reading, rotations, tolerance
-from stepper.envs.task import Array, Moment, Quantity
+from stepper.envs.task import Array, Moment, Observation
 
 _HEIGHT = 1.2
 """Of the torso, m, above which it stands."""
@@ -24,12 +24,12 @@ class Walker(SuiteTask):
     frame_skip: int = 10
     move_speed: float = 0.0
 
-    def quantities(self) -> tuple[Quantity, ...]:
+    def observations(self) -> tuple[Observation, ...]:
         """Cosines and sines of the bodies' angles, height of the torso, velocities: (24,)."""
         return (
-            Quantity("orientations", of=lambda now: rotations(now)[:, 1:, 0, ::2]),
-            Quantity("height", of=lambda now: now.xpos[:, 1, 2:]),
-            Quantity("velocity", of=lambda now: now.qvel),
+            Observation("orientations", func=lambda now: rotations(now)[:, 1:, 0, ::2]),
+            Observation("height", func=lambda now: now.xpos[:, 1, 2:], unit="m"),
+            Observation("velocity", func=lambda now: now.qvel, unit="m/s, rad/s"),
         )
 
     def score(self, now: Moment) -> Array:
@@ -41,6 +41,6 @@ class Walker(SuiteTask):
         speed, wanted = reading(now, "torso_subtreelinvel")[:, 0], self.move_speed
         return stand * (5.0 * tolerance(speed, wanted, float("inf"), margin=wanted / 2.0, fall="linear", value=0.5) + 1.0) / 6.0
 
-    def start(self, qpos: Array, qvel: Array, draws: Draws) -> None:
+    def sample_state(self, qpos: Array, qvel: Array, rng: Rng) -> None:
         """At rest, with angles within their limits and the torso at any angle."""
-        randomize_joints(self.model(), qpos, draws)
+        randomize_joints(self.model(), qpos, rng)

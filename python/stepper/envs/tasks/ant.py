@@ -7,8 +7,8 @@ from typing import ClassVar
 
 import numpy as np
 
-from stepper.envs.streams import Draws
-from stepper.envs.task import Array, Camera, Moment, MujocoTask, Quantity, Terms, per_moment, square_sum
+from stepper.envs.streams import Rng
+from stepper.envs.task import Array, Camera, Moment, MujocoTask, Observation, Terms, per_moment, square_sum
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -36,13 +36,13 @@ class Ant(MujocoTask):
     exclude_current_positions_from_observation: bool = True
     include_cfrc_ext_in_observation: bool = True
 
-    def quantities(self) -> tuple[Quantity, ...]:
+    def observations(self) -> tuple[Observation, ...]:
         """Configuration without x and y, velocities, torques and forces of contacts on the bodies within their range: (105,)."""
         rows = (
-            Quantity("qpos", columns=slice(2 * int(self.exclude_current_positions_from_observation), None)),
-            Quantity("qvel"),
+            Observation("qpos", columns=slice(2 * int(self.exclude_current_positions_from_observation), None)),
+            Observation("qvel"),
         )
-        contacts = Quantity("cfrc_ext", of=_contact_forces, columns=slice(6, None))
+        contacts = Observation("cfrc_ext", func=_contact_forces, columns=slice(6, None), unit="N m, N")
         return (*rows, contacts) if self.include_cfrc_ext_in_observation else rows
 
     def position(self, now: Moment) -> Array:
@@ -79,11 +79,11 @@ class Ant(MujocoTask):
         x, y = now.qpos[:, :2].T
         return {"x_position": x, "y_position": y, "distance_from_origin": np.hypot(x, y)}
 
-    def start(self, qpos: Array, qvel: Array, draws: Draws) -> None:
+    def sample_state(self, qpos: Array, qvel: Array, rng: Rng) -> None:
         """Uniform noise of positions, normal noise of velocities."""
         scale = self.reset_noise_scale
-        qpos += draws.uniform(-scale, scale, qpos.shape[1])
-        qvel += scale * draws.normal(qvel.shape[1])
+        qpos += rng.uniform(-scale, scale, qpos.shape[1])
+        qvel += scale * rng.normal(qvel.shape[1])
 
 
 @per_moment

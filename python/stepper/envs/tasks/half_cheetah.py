@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-from stepper.envs.streams import Draws
-from stepper.envs.task import Array, Camera, Moment, MujocoTask, Quantity, Terms, square_sum
+from stepper.envs.streams import Rng
+from stepper.envs.task import Array, Camera, Moment, MujocoTask, Observation, Terms, square_sum
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -22,11 +22,11 @@ class HalfCheetah(MujocoTask):
     reset_noise_scale: float = 0.1
     exclude_current_positions_from_observation: bool = True
 
-    def quantities(self) -> tuple[Quantity, ...]:
+    def observations(self) -> tuple[Observation, ...]:
         """Configuration without x, velocities: (17,)."""
         return (
-            Quantity("qpos", columns=slice(int(self.exclude_current_positions_from_observation), None)),
-            Quantity("qvel"),
+            Observation("qpos", columns=slice(int(self.exclude_current_positions_from_observation), None)),
+            Observation("qvel"),
         )
 
     def position(self, now: Moment) -> Array:
@@ -44,8 +44,8 @@ class HalfCheetah(MujocoTask):
         """Where it is."""
         return {"x_position": now.qpos[:, 0]}
 
-    def start(self, qpos: Array, qvel: Array, draws: Draws) -> None:
+    def sample_state(self, qpos: Array, qvel: Array, rng: Rng) -> None:
         """Uniform noise of positions, normal noise of velocities."""
         scale = self.reset_noise_scale
-        qpos += draws.uniform(-scale, scale, qpos.shape[1])
-        qvel += scale * draws.normal(qvel.shape[1])
+        qpos += rng.uniform(-scale, scale, qpos.shape[1])
+        qvel += scale * rng.normal(qvel.shape[1])

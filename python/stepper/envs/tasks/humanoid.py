@@ -7,9 +7,9 @@ from typing import ClassVar
 
 import numpy as np
 
-from stepper.envs.quantities import BODY_TABLES, tendons
-from stepper.envs.streams import Draws
-from stepper.envs.task import Array, Camera, Moment, MujocoTask, Quantity, Terms, square_sum, within
+from stepper.envs.observations import BODY_TABLES, tendons
+from stepper.envs.streams import Rng
+from stepper.envs.task import Array, Camera, Moment, MujocoTask, Observation, Terms, square_sum, within
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -39,11 +39,11 @@ class Humanoid(MujocoTask):
     include_qfrc_actuator_in_observation: bool = True
     include_cfrc_ext_in_observation: bool = True
 
-    def quantities(self) -> tuple[Quantity, ...]:
+    def observations(self) -> tuple[Observation, ...]:
         """Configuration without x and y, velocities, and the tables of `BODY_TABLES` that are included: (348,)."""
         return (
-            Quantity("qpos", columns=slice(2 * int(self.exclude_current_positions_from_observation), None)),
-            Quantity("qvel"),
+            Observation("qpos", columns=slice(2 * int(self.exclude_current_positions_from_observation), None)),
+            Observation("qvel"),
             *(table for table in BODY_TABLES if getattr(self, f"include_{table.name}_in_observation")),
         )
 
@@ -75,8 +75,8 @@ class Humanoid(MujocoTask):
         x, y = now.qpos[:, :2].T
         return {"x_position": x, "y_position": y, **tendons(now), "distance_from_origin": np.hypot(x, y)}
 
-    def start(self, qpos: Array, qvel: Array, draws: Draws) -> None:
+    def sample_state(self, qpos: Array, qvel: Array, rng: Rng) -> None:
         """Uniform noise of positions and velocities."""
         scale = self.reset_noise_scale
-        qpos += draws.uniform(-scale, scale, qpos.shape[1])
-        qvel += draws.uniform(-scale, scale, qvel.shape[1])
+        qpos += rng.uniform(-scale, scale, qpos.shape[1])
+        qvel += rng.uniform(-scale, scale, qvel.shape[1])

@@ -7,8 +7,8 @@ from typing import ClassVar
 
 import numpy as np
 
-from stepper.envs.streams import Draws
-from stepper.envs.task import Array, Camera, Moment, MujocoTask, Quantity, Terms
+from stepper.envs.streams import Rng
+from stepper.envs.task import Array, Camera, Moment, MujocoTask, Observation, Terms
 
 WITHIN = (-10.0, 10.0)
 
@@ -29,14 +29,14 @@ class InvertedDoublePendulum(MujocoTask):
     healthy_reward: float = 10.0
     reset_noise_scale: float = 0.1
 
-    def quantities(self) -> tuple[Quantity, ...]:
+    def observations(self) -> tuple[Observation, ...]:
         """Place of the cart, sines and cosines of the angles, velocities and the force of the cart's limit within 10: (9,)."""
         return (
-            Quantity("qpos", columns=slice(0, 1)),
-            Quantity("sin", of=lambda now: np.sin(now.qpos[:, 1:])),
-            Quantity("cos", of=lambda now: np.cos(now.qpos[:, 1:])),
-            Quantity("qvel", clip=WITHIN),
-            Quantity("qfrc_constraint", columns=slice(0, 1), clip=WITHIN),
+            Observation("qpos", columns=slice(0, 1)),
+            Observation("sin", func=lambda now: np.sin(now.qpos[:, 1:])),
+            Observation("cos", func=lambda now: np.cos(now.qpos[:, 1:])),
+            Observation("qvel", clip=WITHIN),
+            Observation("qfrc_constraint", columns=slice(0, 1), clip=WITHIN),
         )
 
     def healthy(self, now: Moment) -> Array:
@@ -53,8 +53,8 @@ class InvertedDoublePendulum(MujocoTask):
         terms = {"reward_survive": survive, "distance_penalty": -distance, "velocity_penalty": -velocity}
         return survive - distance - velocity, terms
 
-    def start(self, qpos: Array, qvel: Array, draws: Draws) -> None:
+    def sample_state(self, qpos: Array, qvel: Array, rng: Rng) -> None:
         """Uniform noise of positions, normal noise of velocities."""
         scale = self.reset_noise_scale
-        qpos += draws.uniform(-scale, scale, qpos.shape[1])
-        qvel += scale * draws.normal(qvel.shape[1])
+        qpos += rng.uniform(-scale, scale, qpos.shape[1])
+        qvel += scale * rng.normal(qvel.shape[1])

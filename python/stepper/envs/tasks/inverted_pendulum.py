@@ -7,8 +7,8 @@ from typing import ClassVar
 
 import numpy as np
 
-from stepper.envs.streams import Draws
-from stepper.envs.task import Array, Camera, Moment, MujocoTask, Quantity, Terms
+from stepper.envs.streams import Rng
+from stepper.envs.task import Array, Camera, Moment, MujocoTask, Observation, Terms
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -21,9 +21,9 @@ class InvertedPendulum(MujocoTask):
     frame_skip: int = 2
     reset_noise_scale: float = 0.01
 
-    def quantities(self) -> tuple[Quantity, ...]:
+    def observations(self) -> tuple[Observation, ...]:
         """Configuration, velocities: (4,)."""
-        return Quantity("qpos"), Quantity("qvel")
+        return Observation("qpos"), Observation("qvel")
 
     def healthy(self, now: Moment) -> Array:
         """The pole is upright."""
@@ -35,8 +35,8 @@ class InvertedPendulum(MujocoTask):
         survive = now.healthy.astype(np.int64)
         return survive, {"reward_survive": survive}
 
-    def start(self, qpos: Array, qvel: Array, draws: Draws) -> None:
+    def sample_state(self, qpos: Array, qvel: Array, rng: Rng) -> None:
         """Uniform noise of positions and velocities."""
         scale = self.reset_noise_scale
-        qpos += draws.uniform(-scale, scale, qpos.shape[1])
-        qvel += draws.uniform(-scale, scale, qvel.shape[1])
+        qpos += rng.uniform(-scale, scale, qpos.shape[1])
+        qvel += rng.uniform(-scale, scale, qvel.shape[1])

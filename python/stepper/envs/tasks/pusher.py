@@ -7,8 +7,8 @@ from typing import ClassVar
 
 import numpy as np
 
-from stepper.envs.streams import Draws
-from stepper.envs.task import Array, Camera, Moment, MujocoTask, Quantity, Terms, square_sum
+from stepper.envs.streams import Rng
+from stepper.envs.task import Array, Camera, Moment, MujocoTask, Observation, Terms, square_sum
 
 NEAREST = 0.17
 """The cylinder begins farther than this from the goal, m."""
@@ -30,14 +30,14 @@ class Pusher(MujocoTask):
     reward_dist_weight: float = 1.0
     reward_control_weight: float = 0.1
 
-    def quantities(self) -> tuple[Quantity, ...]:
+    def observations(self) -> tuple[Observation, ...]:
         """Angles of the arm, their velocities, places of fingertips, cylinder and goal: (23,)."""
         return (
-            Quantity("qpos", columns=slice(0, 7)),
-            Quantity("qvel", columns=slice(0, 7)),
-            Quantity("tips_arm", of=lambda now: _place(now, "tips_arm")),
-            Quantity("object", of=lambda now: _place(now, "object")),
-            Quantity("goal", of=lambda now: _place(now, "goal")),
+            Observation("qpos", columns=slice(0, 7)),
+            Observation("qvel", columns=slice(0, 7)),
+            Observation("tips_arm", func=lambda now: _place(now, "tips_arm"), unit="m"),
+            Observation("object", func=lambda now: _place(now, "object"), unit="m"),
+            Observation("goal", func=lambda now: _place(now, "goal"), unit="m"),
         )
 
     def advance(self, now: Moment) -> None:
@@ -56,15 +56,15 @@ class Pusher(MujocoTask):
         control = -self.reward_control_weight * square_sum(now.action)
         return distance + control + near, {"reward_dist": distance, "reward_ctrl": control, "reward_near": near}
 
-    def start(self, qpos: Array, qvel: Array, draws: Draws) -> None:
+    def sample_state(self, qpos: Array, qvel: Array, rng: Rng) -> None:
         """The cylinder is anywhere in a rectangle of 0.3 m by 0.4 m but near the goal; the arm has uniform noise of velocities."""
         again = np.ones(len(qpos), dtype=bool)
         while again.any():
-            some = draws.of(again)
+            some = rng.of(again)
             qpos[again, -4:-2] = np.hstack([some.uniform(-0.3, 0.0, 1), some.uniform(-0.2, 0.2, 1)])
             again = square_sum(qpos[:, -4:-2]) <= NEAREST**2
         qpos[:, -2:] = 0.0
-        qvel += draws.uniform(-0.005, 0.005, qvel.shape[1])
+        qvel += rng.uniform(-0.005, 0.005, qvel.shape[1])
         qvel[:, -4:] = 0.0
 
 

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stepper.envs.streams import Draws
-from stepper.envs.task import Array, Moment, MujocoTask, Quantity, Terms, per_moment, square_sum
+from stepper.envs.streams import Rng
+from stepper.envs.task import Array, Moment, MujocoTask, Observation, Terms, per_moment, square_sum
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -23,14 +23,14 @@ class Reacher(MujocoTask):
     reward_dist_weight: float = 1.0
     reward_control_weight: float = 1.0
 
-    def quantities(self) -> tuple[Quantity, ...]:
+    def observations(self) -> tuple[Observation, ...]:
         """Cosines and sines of the angles, place of the target, velocities of the angles, fingertip less target in x and y: (10,)."""
         return (
-            Quantity("cos", of=lambda now: np.cos(now.qpos[:, :2])),
-            Quantity("sin", of=lambda now: np.sin(now.qpos[:, :2])),
-            Quantity("qpos", columns=slice(2, None)),
-            Quantity("qvel", columns=slice(0, 2)),
-            Quantity("fingertip", of=_to_target, columns=slice(0, 2)),
+            Observation("cos", func=lambda now: np.cos(now.qpos[:, :2])),
+            Observation("sin", func=lambda now: np.sin(now.qpos[:, :2])),
+            Observation("qpos", columns=slice(2, None)),
+            Observation("qvel", columns=slice(0, 2)),
+            Observation("fingertip", func=_to_target, columns=slice(0, 2), unit="m"),
         )
 
     def reward(self, now: Moment) -> tuple[Array, Terms]:
@@ -39,12 +39,12 @@ class Reacher(MujocoTask):
         control = -self.reward_control_weight * square_sum(now.action)
         return distance + control, {"reward_dist": distance, "reward_ctrl": control}
 
-    def start(self, qpos: Array, qvel: Array, draws: Draws) -> None:
+    def sample_state(self, qpos: Array, qvel: Array, rng: Rng) -> None:
         """Uniform noise of the arm; the target is anywhere within 0.2 m of the middle, evenly spread, and stands still."""
-        qpos += draws.uniform(-0.1, 0.1, qpos.shape[1])
-        radius, angle = 0.2 * np.sqrt(draws.uniform(0.0, 1.0, 1)[:, 0]), draws.uniform(-np.pi, np.pi, 1)[:, 0]
+        qpos += rng.uniform(-0.1, 0.1, qpos.shape[1])
+        radius, angle = 0.2 * np.sqrt(rng.uniform(0.0, 1.0, 1)[:, 0]), rng.uniform(-np.pi, np.pi, 1)[:, 0]
         qpos[:, -2:] = np.stack([radius * np.cos(angle), radius * np.sin(angle)], axis=1)
-        qvel += draws.uniform(-0.005, 0.005, qvel.shape[1])
+        qvel += rng.uniform(-0.005, 0.005, qvel.shape[1])
         qvel[:, -2:] = 0.0
 
 

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stepper.envs.streams import Draws
-from stepper.envs.task import Array, Moment, MujocoTask, Quantity, Terms, square_sum
+from stepper.envs.streams import Rng
+from stepper.envs.task import Array, Moment, MujocoTask, Observation, Terms, square_sum
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -21,11 +21,11 @@ class Swimmer(MujocoTask):
     reset_noise_scale: float = 0.1
     exclude_current_positions_from_observation: bool = True
 
-    def quantities(self) -> tuple[Quantity, ...]:
+    def observations(self) -> tuple[Observation, ...]:
         """Configuration without x and y, velocities: (8,)."""
         return (
-            Quantity("qpos", columns=slice(2 * int(self.exclude_current_positions_from_observation), None)),
-            Quantity("qvel"),
+            Observation("qpos", columns=slice(2 * int(self.exclude_current_positions_from_observation), None)),
+            Observation("qvel"),
         )
 
     def position(self, now: Moment) -> Array:
@@ -46,8 +46,8 @@ class Swimmer(MujocoTask):
         x, y = now.qpos[:, :2].T
         return {"x_position": x, "y_position": y, "distance_from_origin": np.hypot(x, y)}
 
-    def start(self, qpos: Array, qvel: Array, draws: Draws) -> None:
+    def sample_state(self, qpos: Array, qvel: Array, rng: Rng) -> None:
         """Uniform noise of positions and velocities."""
         scale = self.reset_noise_scale
-        qpos += draws.uniform(-scale, scale, qpos.shape[1])
-        qvel += draws.uniform(-scale, scale, qvel.shape[1])
+        qpos += rng.uniform(-scale, scale, qpos.shape[1])
+        qvel += rng.uniform(-scale, scale, qvel.shape[1])

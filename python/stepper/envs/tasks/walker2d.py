@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-from stepper.envs.streams import Draws
-from stepper.envs.task import Array, Camera, Moment, MujocoTask, Quantity, Terms, square_sum, within
+from stepper.envs.streams import Rng
+from stepper.envs.task import Array, Camera, Moment, MujocoTask, Observation, Terms, square_sum, within
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -26,11 +26,11 @@ class Walker2d(MujocoTask):
     reset_noise_scale: float = 5e-3
     exclude_current_positions_from_observation: bool = True
 
-    def quantities(self) -> tuple[Quantity, ...]:
+    def observations(self) -> tuple[Observation, ...]:
         """Configuration without x, velocities within 10 m/s and rad/s: (17,)."""
         return (
-            Quantity("qpos", columns=slice(int(self.exclude_current_positions_from_observation), None)),
-            Quantity("qvel", clip=(-10.0, 10.0)),
+            Observation("qpos", columns=slice(int(self.exclude_current_positions_from_observation), None)),
+            Observation("qvel", clip=(-10.0, 10.0)),
         )
 
     def position(self, now: Moment) -> Array:
@@ -56,10 +56,10 @@ class Walker2d(MujocoTask):
 
     def info(self, now: Moment) -> Terms:
         """Where it is; the height is that above the model's reference."""
-        return {"x_position": now.qpos[:, 0], "z_distance_from_origin": now.qpos[:, 1] - now.rest[1]}
+        return {"x_position": now.qpos[:, 0], "z_distance_from_origin": now.qpos[:, 1] - now.default_qpos[1]}
 
-    def start(self, qpos: Array, qvel: Array, draws: Draws) -> None:
+    def sample_state(self, qpos: Array, qvel: Array, rng: Rng) -> None:
         """Uniform noise of positions and velocities."""
         scale = self.reset_noise_scale
-        qpos += draws.uniform(-scale, scale, qpos.shape[1])
-        qvel += draws.uniform(-scale, scale, qvel.shape[1])
+        qpos += rng.uniform(-scale, scale, qpos.shape[1])
+        qvel += rng.uniform(-scale, scale, qvel.shape[1])

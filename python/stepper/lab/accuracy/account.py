@@ -27,6 +27,7 @@ from stepper.lab.study.worlds import StepperWorld, World
 from stepper.lab.timing import Timed
 from stepper.loading import describe
 from stepper.shared.machine import cpu_name, one_core
+from stepper.shared.progress import Tick, silent
 
 Array = NDArray[np.float64]
 Description = dict[str, Any]
@@ -94,22 +95,25 @@ class Account:
         return self.document.markdown()
 
 
-def account(source: Any, *, episodes: int = 4) -> Account:
+def account(source: Any, *, episodes: int = 4, tick: Tick | None = None) -> Account:
     """Runs episodes of a study or model, says what of the scene they used, and measures what each part of it costs.
 
     Args:
         source: A study or the file of one; or a model as of `stepper.load`, which gets random controls for a second.
         episodes: How many, at the nominal point.
+        tick: Called with what is being done and the fraction done.
 
     Raises:
         ValueError: No episode.
     """
     if episodes < 1:
         raise ValueError(f"episodes is {episodes}, must be at least 1")
-    study = Study.from_model(source)
+    study, told = Study.from_model(source), tick or silent
+    told("run", 0.0)
     seen = touching(study, range(episodes))
+    told("run", 1.0)
     uses = tuple(_uses(study, seen))
-    parts = tuple(_costs(study, range(episodes)))
+    parts = tuple(_costs(study, range(episodes), told))
     document = Document(f"What {study.name} uses, and what it costs")
     document.sections += [_used(uses, seen, episodes), _spent(study, parts)]
     return Account(study, uses, parts, document)
@@ -257,7 +261,7 @@ def _states(study: Study, episodes: range) -> tuple[list[_States], Any]:
     return [(every[0][k], every[1][k], every[2][k], every[3][k]) for k in cut], sim.options
 
 
-def _costs(study: Study, episodes: range) -> Iterator[Part]:
+def _costs(study: Study, episodes: range, tick: Tick) -> Iterator[Part]:
     """The whole, every part that the scene has, and the rest."""
     compiled = study.loaded[1]
     if compiled is None:
@@ -275,9 +279,10 @@ def _costs(study: Study, episodes: range) -> Iterator[Part]:
     with one_core():
         for case in cases:
             case.once()
-        for _ in range(_ROUNDS):
+        for number in range(_ROUNDS):
             for case in cases:
                 case.measure(_LEAST)
+            tick("costs", (number + 1) / _ROUNDS)
     steps = len(states) * BATCH
     # The least of the rounds: what else runs on the machine only adds, and more than the parts differ by.
     spent = [1e6 * min(case.times) / steps for case in cases]

@@ -88,7 +88,7 @@ def closed_form(study: Study, episodes: Sequence[int]) -> Trace:
     seen.look(world)
     for k, time in enumerate(times[1:], start=1):
         world.sim.reset(qpos=rows[0][k], qvel=rows[1][k])
-        world.time = float(time)
+        world.time = np.full(world.num_envs, time)
         seen.look(world)
     # No run can be told to take too long beside what took no steps.
     return replace(seen.trace(world, study.controls, math.inf), settings={"exact": name}, timestep=math.nan)

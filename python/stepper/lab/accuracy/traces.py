@@ -141,7 +141,7 @@ class Seen:
         lost = ~self.finite
         for array in shown:
             array[lost] = np.nan
-        self.rows.append((now.time, shown, held, np.array(now.xfrc_applied, float)))
+        self.rows.append((float(now.time[0]), shown, held, np.array(now.xfrc_applied, float)))
         if lost.any() and isinstance(now, StepperWorld):
             # A state that is not finite, and one that is about to be, take as many iterations as there may be, step after step.
             now.sim.reset(lost, qpos=self._start[0], qvel=self._start[1])

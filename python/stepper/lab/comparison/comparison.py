@@ -13,10 +13,12 @@ import numpy as np
 from stepper._options import Options
 from stepper._stepper import Model, Stepper
 from stepper.lab.comparison.draw import draw
-from stepper.lab.comparison.trial import Array, Course, Drive, Engine, Ours, Slip, Theirs, run
+from stepper.lab.comparison.trial import Array, Course, Drive, Slip, run
+from stepper.lab.study.worlds import Plan, make_world
 from stepper.loading import load
 from stepper.shared.files import existing
 from stepper.shared.machine import require
+from stepper.shared.progress import Tick, silent
 
 ONSET = 1e-3
 """rad or m by which configurations differ where motions have parted."""
@@ -90,6 +92,7 @@ def compare(
     hold: float = 0.02,
     reward: Callable[..., Any] | None = None,
     seed: int = 0,
+    tick: Tick | None = None,
 ) -> Comparison:
     """Runs the same episodes under hard contact, under MuJoCo's law and, where it is installed, in MuJoCo itself.
 
@@ -104,6 +107,7 @@ def compare(
         hold: Time for which a random control is held, s.
         reward: A function of (qpos, qvel) before the step, controls (num_envs, nu) and (qpos, qvel) after it that returns (num_envs,).
         seed: Of what is random.
+        tick: Called with the name of an engine and the fraction of its steps.
 
     Returns:
         What differs: `print` shows it, `Comparison.draw` makes a picture.
@@ -128,10 +132,15 @@ def compare(
     if drive is None:
         drive = _random(model, num_envs, steps, max(1, round(hold / timestep)), rng)
     slip = Slip(compiled) if compiled is not None else None
-    engines: list[Engine] = [Ours("hard", model, hard, qpos, qvel), Ours("MuJoCo's law", model, law, qpos, qvel)]
+    plans = {"hard": Plan(model, {}, hard), "MuJoCo's law": Plan(model, {}, law)}
     if compiled is not None:
-        engines.append(Theirs(compiled, timestep, qpos, qvel))
-    return Comparison(tuple(run(engine, drive, steps, timestep, slip=slip, reward=reward) for engine in engines), reward is not None)
+        plans["MuJoCo"] = Plan(model, {}, Options(), mujoco={"timestep": timestep}, compiled=compiled)
+    courses, told = [], tick or silent
+    for name, plan in plans.items():
+        world = make_world(plan, num_envs)
+        world.start(qpos, qvel, None, 0)
+        courses.append(run(name, world, drive, steps, slip=slip, reward=reward, tick=told))
+    return Comparison(tuple(courses), reward is not None)
 
 
 def _load(source: Any) -> tuple[Model, Any]:

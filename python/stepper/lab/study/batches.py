@@ -236,8 +236,8 @@ def _check_controls(drive: Any, world: World, ctrl: Any) -> None:
         env, actuator = (int(k) for k in found[0])
         name = world.model.actuator(actuator).name or f"#{actuator}"
         raise ValueError(
-            f"the drive {drives.name_of(drive)} gives actuator {name!r} the control {rows[env, actuator]} at {world.time:g} s of episode "
-            f"{int(world.episodes[env])}: controls must be finite"
+            f"the drive {drives.name_of(drive)} gives actuator {name!r} the control {rows[env, actuator]} at {world.time[env]:g} s of "
+            f"episode {int(world.episodes[env])}: controls must be finite"
         )
 
 

@@ -29,7 +29,7 @@ class Episodes:
 
     Args:
         study: The study.
-        values: Of parameters, by name; the others are nominal.
+        values: Of parameters, by name or selector; the others are nominal.
         numbers: Of the episodes that are asked for.
         setting: Name of the settings.
 
@@ -52,6 +52,7 @@ class Episodes:
                 f"episode is {max(numbers)}, and {study.name}, whose sensors have errors of each episode's own, has {study.episodes}: give "
                 "it more episodes"
             )
+        study = study.at({name: value for name, value in values.items() if name not in study.parameters})
         point = point_at(study, values, setting)
         self.study = study
         self.episodes = list(range(study.episodes)) if together(study) else list(numbers)

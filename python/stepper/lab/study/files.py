@@ -17,8 +17,7 @@ over = "change"
 success = ">= 0.05"
 
 [parameters.friction]
-target = "geom_friction"
-column = 0
+selector = "geom_friction[floor,box][0]"
 low = 0.2
 high = 1.0
 source = "rubber on wood, measured"
@@ -34,7 +33,7 @@ from dataclasses import fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from stepper._hints import near
+from stepper._hints import near, present_keyword
 from stepper._options import Options
 from stepper.actuators import ActuatorModel
 from stepper.lab.study.drives import Policy, Recorded, find, load_file
@@ -136,7 +135,10 @@ def _measured(table: dict[str, Any], folder: Path) -> dict[str, Any]:
 def _part(kind: type[Any], table: Any, place: str) -> Any:
     if not isinstance(table, dict):
         raise ValueError(f"{place} is {table!r}, must be a table")
-    check_keys(table, {field.name for field in fields(kind)}, place)
+    known = {field.name for field in fields(kind)}
+    if renamed := next((key for key in table if key not in known and present_keyword(f"stepper.lab.{kind.__name__}", key)), None):
+        raise ValueError(f"{place} has no {renamed!r}: use {present_keyword(f'stepper.lab.{kind.__name__}', renamed)}")
+    check_keys(table, known, place)
     try:
         return kind(**table)
     except TypeError as error:

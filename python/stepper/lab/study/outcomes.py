@@ -27,7 +27,8 @@ class Outcome:
 
     Attributes:
         name: What it is called in tables.
-        measure: A function of a `World` that returns a number of every environment, (num_envs,); or words: "body NAME x", "site NAME z",
+        measure: A function of the world that returns a number of every environment, (num_envs,). The world reads as a `Stepper` does, so
+            that a reward or an observed quantity of a task is a measure too. Or words: "body NAME x", "site NAME z",
             "joint NAME" (its position), "jointvel NAME", "sensor NAME 0" (a reading without error), "force NAME x" (of all contacts on a
             body, world axes), without an axis the norm.
         over: Which of its values counts: at the "end", the "change" from the start, the "max", "min" or "mean" of what is seen at the start
@@ -100,12 +101,12 @@ def words_of(text: str) -> Measure:
     """
     kind, *rest = text.split()
     readers = {
-        "body": lambda now, name: now.body(name),
-        "site": lambda now, name: now.site(name),
-        "joint": lambda now, name: now.joint(name),
-        "jointvel": lambda now, name: now.joint_velocity(name),
-        "sensor": lambda now, name: now.truth(name),
-        "force": lambda now, name: now.contact_force(name)[:, :3],
+        "body": lambda now, name: now.read("xpos", name),
+        "site": lambda now, name: now.read("site_xpos", name),
+        "joint": lambda now, name: now.read("qpos", name),
+        "jointvel": lambda now, name: now.read("qvel", name),
+        "sensor": lambda now, name: now.read("sensordata_ideal", name),
+        "force": lambda now, name: now.read("body_contact_force", name)[:, :3],
     }
     if kind not in readers or not 1 <= len(rest) <= 2:
         raise ValueError(

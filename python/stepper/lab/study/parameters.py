@@ -1,17 +1,18 @@
-"""Parameters of a study: what of a model, its sensors, its actuators, its settings or its drive they change, and how far.
+"""Parameters of a study: numbers of a model, its sensors, its actuators, its settings or its drive that may vary, and how far.
 
-What a parameter changes is said by its `target`:
+A selector (`stepper.shared.selectors`) says which numbers a parameter changes:
 
-    geom_friction, body_mass, dof_damping ...   a field of `stepper.Model` that `Model.replace` takes
-    kp, kd                                      gains of position and velocity servos: gain[0] with bias[1]; bias[2]
-    sensor.delay, sensor.noise_std ...          a number of `stepper.Transfer`
-    actuator.delay, actuator.servo.kp ...       a number of `stepper.Drive`, its motor or its servo
+    geom_friction[floor,box][0]                 a field of `stepper.Model` that `Model.replace` takes, or a part of it
+    actuator_kp[hip], actuator_kv[hip]          gains of servos
+    sensor.delay[imu], sensor.noise_std ...     a number of `stepper.Transfer`
+    actuator.delay[hip], actuator.servo.kp ...  a number of `stepper.Drive`, its motor or its servo
     options.timestep, options.contact ...       a setting of the step; options.precision too
-    drive                                       nothing of the model: the drive and the measures read it, as `now.theta[name]`
+    drive                                       no number of the model: the drive and the measures read it, as `now.theta[name]`
 """
 
 from __future__ import annotations
 
+import dataclasses
 import fnmatch
 import math
 from collections.abc import Mapping, Sequence
@@ -21,12 +22,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from stepper._hints import near
+from stepper._hints import hint_keywords, near, unknown_field
 from stepper._options import Options
 from stepper._stepper import Model
 from stepper.actuators import PID, ActuatorModel, DCMotor, Drive
 from stepper.sensors import SensorModel, Transfer
-from stepper.shared.fields import OF_PAIRS, check_pairs
+from stepper.shared.fields import COMPOUNDS, FIELDS, OF_PAIRS, check_pairs
+from stepper.shared.selectors import Selector, parse, parse_range, parts_of, rows_of
 
 Array = NDArray[np.float64]
 Value = float | str
@@ -41,17 +43,18 @@ COUNTS = {"iterations", "max_contacts"}
 """Settings that are whole numbers."""
 SETTINGS = frozenset(field.name for field in fields(Options)) | {"precision"}
 LEVELS = 5
+_HEADS = ("sensor", "actuator", "options", "drive")
+"""Beginnings of selectors of what is no field of the model."""
 
 
+@hint_keywords("stepper.lab.Parameter")
 @dataclass(frozen=True, kw_only=True)
 class Parameter:
-    """A number that may be other than it is, how far, and how one knows.
+    """Parameter of a study: a number that may vary, its range and the source of the range.
 
     Attributes:
-        target: What it changes, see `stepper.lab.study.parameters`.
-        names: Elements that change, by name or pattern: geoms (also "body/geom", and "body/*" for all of a body), explicit pairs (also
-        "geom/geom"), bodies, joints, actuators, sensors, tendons; "#3" is an index.
-        column: Which number of each element, e.g. 0 for the sliding friction of "geom_friction"; None is all.
+        selector: Numbers that change, `field[names][columns]` (docs/reference/what_can_vary.md): "geom_friction[floor,box][0]",
+            "actuator.delay[hip]", "options.timestep", "drive".
         how: "set" to the value, "scale" by it, or "add" it. With body_mass, inertia is scaled alike: the same shape of another density.
         low: Least plausible value.
         high: Greatest one.
@@ -61,9 +64,7 @@ class Parameter:
         source: Where the range comes from: a data sheet, a measurement, a paper.
     """
 
-    target: str
-    names: tuple[str, ...] = ("*",)
-    column: int | None = None
+    selector: str = dataclasses.field(kw_only=False)
     how: str = "set"
     low: float | None = None
     high: float | None = None
@@ -75,7 +76,6 @@ class Parameter:
     def __post_init__(self) -> None:
         if self.how not in ("set", "scale", "add"):
             raise ValueError(f'how is {self.how!r}, must be "set", "scale" or "add"')
-        object.__setattr__(self, "names", (self.names,) if isinstance(self.names, str) else tuple(self.names))
         if self.values is not None:
             object.__setattr__(self, "values", tuple(self.values))
         for name in ("low", "high"):
@@ -84,7 +84,7 @@ class Parameter:
                 remedy = f': a choice among words takes values, as in values = ("{value}", ...)' if isinstance(value, str) else ""
                 raise ValueError(f"{name} is {value!r}, must be a number{remedy}")
         if self.kind == "options" and self.leaf in CHOICES and self.values is None:
-            raise ValueError(f"target is {self.target!r}, which is a choice among words: give values, not low and high")
+            raise ValueError(f"selector is {self.selector!r}, which is a choice among words: give values, not low and high")
         bounds = (self.low, self.high)
         if self.values is None and None in bounds:
             raise ValueError(f"low is {self.low} and high is {self.high}: give both, or values")
@@ -92,21 +92,30 @@ class Parameter:
             raise ValueError(f"low is {self.low}, must be below high, which is {self.high}")
         if self.kind == "options" and self.leaf not in SETTINGS:
             guess, known = near(self.leaf, SETTINGS), ", ".join(sorted(SETTINGS))
-            raise ValueError(f"target is {self.target!r}, and there is no setting {self.leaf!r}{guess or ','} settings are: {known}")
-        if "." in self.target and self.kind == "field":
-            guess = near(self.target.partition(".")[0], ("sensor", "actuator", "options"))
-            raise ValueError(f"target is {self.target!r}: what stands before the dot must be sensor, actuator or options{guess}")
+            raise ValueError(f"selector is {self.selector!r}, and there is no setting {self.leaf!r}{guess or ','} settings are: {known}")
+        if "." in self.parsed.field and self.kind == "field":
+            guess = near(self.parsed.field.partition(".")[0], _HEADS[:3])
+            raise ValueError(f"selector is {self.selector!r}: before the dot must be sensor, actuator or options{guess}")
+        if self.kind != "field" and self.parsed.columns is not None:
+            raise ValueError(f"selector is {self.selector!r}, which has no columns: leave them out")
+        if self.kind in ("options", "drive") and self.parsed.elements is not None:
+            raise ValueError(f"selector is {self.selector!r}: {self.parsed.field} has no elements; leave the brackets out")
+
+    @property
+    def parsed(self) -> Selector:
+        """The selector, as field, elements and columns."""
+        return parse(self.selector)
 
     @property
     def kind(self) -> str:
-        """Of what the target is: "field", "sensor", "actuator", "options" or "drive"."""
-        head = self.target.partition(".")[0]
-        return head if head in ("sensor", "actuator", "options", "drive") else "field"
+        """Kind of the selector: "field", "sensor", "actuator", "options" or "drive"."""
+        head = self.parsed.field.partition(".")[0]
+        return head if head in _HEADS else "field"
 
     @property
     def leaf(self) -> str:
-        """The target behind its first dot."""
-        return self.target.partition(".")[2]
+        """Field of the selector behind its first dot."""
+        return self.parsed.field.partition(".")[2]
 
     @property
     def unchanged(self) -> Value | None:
@@ -145,6 +154,52 @@ def _is_number(value: Any) -> bool:
     return isinstance(value, int | float | np.number) and not isinstance(value, bool) and math.isfinite(value)
 
 
+def asked_for(parameters: Mapping[str, Parameter], wanted: Sequence[str]) -> dict[str, Parameter]:
+    """Parameters by the texts that a user gives: names of a study's parameters, or selectors with a range.
+
+    Raises:
+        ValueError: A text that is neither.
+    """
+    found = {}
+    for text in wanted:
+        if text in parameters:
+            found[text] = parameters[text]
+            continue
+        selector, bounds = parse_range(text, "parameters") if _selects(text) else (None, None)
+        if selector is None or bounds is None:
+            raise ValueError(_no_parameter(text, parameters, "give a selector with its range, as 'geom_friction[floor][0]=0.2..1'"))
+        found[str(selector)] = Parameter(str(selector), low=bounds[0], high=bounds[1])
+    return found
+
+
+def _no_parameter(text: str, parameters: Mapping[str, Parameter], otherwise: str) -> str:
+    """Error message for a text that is neither a name nor a selector."""
+    known = ", ".join(parameters) or "none"
+    return f"there is no parameter {text!r}{near(text, parameters) or ','} there are: {known}; or {otherwise}"
+
+
+def _selects(text: str) -> bool:
+    """Whether a text begins with the field of a selector."""
+    field = text.partition("=")[0].partition("[")[0]
+    return field in FIELDS or field in COMPOUNDS or field.partition(".")[0] in _HEADS[:3]
+
+
+def moved(parameters: Mapping[str, Parameter], values: Mapping[str, Value]) -> dict[str, Parameter]:
+    """Parameters with these nominal values, by name or selector.
+
+    Raises:
+        ValueError: A text that is neither, or a value that a parameter may not have.
+    """
+    found = dict(parameters)
+    for text, value in values.items():
+        if text not in parameters and not _selects(text):
+            raise ValueError(_no_parameter(text, parameters, "give a selector, as 'geom_friction[floor][0]'"))
+        own = parameters.get(text) or Parameter(text, values=(value,))
+        own.check_value(value, f"parameter {text!r}")
+        found[text] = dataclasses.replace(own, nominal=value)
+    return found
+
+
 def check(parameters: Mapping[str, Parameter], model: Model) -> None:
     """Raises ValueError for a parameter that changes nothing of a model, named."""
     for name, parameter in parameters.items():
@@ -152,13 +207,13 @@ def check(parameters: Mapping[str, Parameter], model: Model) -> None:
             if parameter.kind == "field":
                 _places(parameter, model)
             elif parameter.kind == "sensor":
-                _chosen(parameter, [[s["name"] or f"#{i}"] for i, s in enumerate(model.sensors)], "sensor")
+                rows_of(model, "sensor", parameter.parsed.elements, _where(parameter))
                 _number_of(Transfer, parameter.leaf)
             elif parameter.kind == "actuator":
-                _chosen(parameter, _labels(model.actuator_names), "actuator")
+                rows_of(model, "actuator", parameter.parsed.elements, _where(parameter))
                 part, _, leaf = parameter.leaf.rpartition(".")
                 if part not in _PARTS:
-                    raise ValueError(f"target is {parameter.target!r}: a drive has no {part!r}, it has: motor, servo")
+                    raise ValueError(f"selector is {parameter.selector!r}: a drive has no {part!r}, it has: motor, servo")
                 _number_of(_PARTS[part], leaf)
             elif parameter.kind == "drive" and parameter.unchanged is None:
                 raise ValueError("give it a nominal value, which the drive reads where nothing is perturbed")
@@ -167,27 +222,30 @@ def check(parameters: Mapping[str, Parameter], model: Model) -> None:
     _check_pairs(parameters, model)
 
 
+def _where(parameter: Parameter) -> str:
+    return f"selector {parameter.selector!r}"
+
+
 def _check_pairs(parameters: Mapping[str, Parameter], model: Model) -> None:
     """Raises ValueError for a field of geoms that an explicit pair overrides."""
     for name, parameter in parameters.items():
-        if parameter.target not in OF_PAIRS:
+        if parameter.parsed.field not in OF_PAIRS:
             continue
-        target = OF_PAIRS[parameter.target]
-        pairs = {k for other in parameters.values() if other.target == target for k in _indices(other, model)}
+        of_pair = OF_PAIRS[parameter.parsed.field]
+        pairs = {k for other in parameters.values() if other.parsed.field == of_pair for k in _rows(other, model)}
         try:
-            check_pairs(model, parameter.target, _indices(parameter, model), pairs, f'give a parameter with target "{target}" too')
+            check_pairs(model, parameter.parsed.field, _rows(parameter, model), pairs, f'give a parameter "{of_pair}[{{pair}}]..." too')
         except ValueError as error:
             raise ValueError(f"parameter {name!r}: {error}") from None
 
 
-def _indices(parameter: Parameter, model: Model) -> list[int]:
+def _rows(parameter: Parameter, model: Model) -> list[int]:
     """Elements that a parameter of a field changes."""
-    rows, what = _elements(parameter.target, model)
-    return _chosen(parameter, rows, what)
+    return rows_of(model, FIELDS[parameter.parsed.field].element, parameter.parsed.elements, _where(parameter))
 
 
 _PARTS: dict[str, type] = {"": Drive, "motor": DCMotor, "servo": PID}
-"""What numbers of an actuator are of, by what stands before the last dot."""
+"""Classes with the numbers of an actuator, by the part of the selector before the last dot."""
 _NO_NUMBERS = frozenset({"noise", "limits", "motor", "servo", "control"})
 
 
@@ -198,68 +256,19 @@ def _number_of(kind: type, leaf: str) -> None:
         raise ValueError(f"a {kind.__name__} has no number {leaf!r}{near(leaf, known) or ','} it has: {', '.join(known)}")
 
 
-def _labels(names: Sequence[str]) -> list[list[str]]:
-    return [[name or f"#{i}", f"#{i}"] for i, name in enumerate(names)]
-
-
-def _elements(field: str, model: Model) -> tuple[list[list[str]], str]:
-    """Labels of the rows of a field, and what they are."""
-    kind = field.partition("_")[0]
-    if kind == "geom":
-        geoms = [model.geom(i) for i in range(model.ngeom)]
-        return [[g.name or f"#{g.id}", f"#{g.id}", f"{model.body(g.bodyid).name}/{g.name}"] for g in geoms], "geom"
-    if kind == "pair":
-        pairs = [model.pair(i) for i in range(model.npair)]
-        ends = [[model.geom(g).name or f"#{g}" for g in (pair.geom1, pair.geom2)] for pair in pairs]
-        return [[p.name or f"#{p.id}", f"#{p.id}", "/".join(own)] for p, own in zip(pairs, ends, strict=True)], "pair"
-    if kind == "dof":
-        joints = [model.joint(i) for i in range(model.njnt)]
-        return [[j.name or f"#{j.id}", f"#{j.id}"] for j in joints for _ in range(j.nv)], "joint"
-    names = {"body": model.body_names, "jnt": model.joint_names, "actuator": model.actuator_names, "tendon": model.tendon_names}
-    return (_labels(names[kind]), kind) if kind in names else ([], field)
-
-
-def _chosen(parameter: Parameter, labels: list[list[str]], what: str) -> list[int]:
-    found = [i for i, own in enumerate(labels) if any(fnmatch.fnmatchcase(label, pattern) for label in own for pattern in parameter.names)]
-    if not found:
-        known = ", ".join(own[0] for own in labels[:30]) or "none"
-        raise ValueError(f"no {what} fits {list(parameter.names)}, there are: {known}{' ...' if len(labels) > 30 else ''}")
+def _places(parameter: Parameter, model: Model) -> list[tuple[str, NDArray[np.int64], float]]:
+    """Fields, places in their flat rows and signs of all numbers that change."""
+    selector = parameter.parsed
+    if selector.field not in FIELDS and selector.field not in COMPOUNDS:
+        raise ValueError(unknown_field("selector", selector.field, [*FIELDS, *COMPOUNDS, "drive"], "docs/reference/what_can_vary.md"))
+    found = []
+    for part in parts_of(model, selector):
+        chosen = part.index.reshape(-1)
+        if part.field in ("body_mass", "body_inertia"):
+            # A body without mass cannot have some.
+            chosen = chosen[np.asarray(getattr(model, part.field), float).reshape(-1)[chosen] > 0]
+        found.append((part.field, chosen, part.sign))
     return found
-
-
-def _fields(parameter: Parameter) -> list[tuple[str, int | None]]:
-    """Fields of the model with the columns that a target stands for."""
-    gains: dict[str, list[tuple[str, int | None]]] = {
-        "kp": [("actuator_gain", 0), ("actuator_bias", 1)],
-        "kd": [("actuator_bias", 2)],
-    }
-    return gains.get(parameter.target) or [(parameter.target, parameter.column)]
-
-
-def _places(parameter: Parameter, model: Model) -> list[tuple[str, Any]]:
-    """(field, index into it) of all numbers that change."""
-    places: list[tuple[str, Any]] = []
-    for field, column in _fields(parameter):
-        try:
-            value = np.asarray(getattr(model, field), float)
-        except (AttributeError, TypeError, ValueError):
-            fields_of = [name for name in dir(model) if not name.startswith("_") and isinstance(getattr(model, name, None), np.ndarray)]
-            guess = near(field, [*fields_of, "kp", "kd", "drive"])
-            raise ValueError(
-                f"target is {parameter.target!r}, which is no field of a model that can be replaced{guess or ';'} see help(stepper.Model)"
-            ) from None
-        rows, what = _elements(field, model)
-        if value.ndim == 0 or not rows:
-            places.append((field, () if column is None else (column,)))
-            continue
-        chosen = _chosen(parameter, rows, what)
-        if field in ("body_mass", "body_inertia"):
-            # What has no mass cannot be given some.
-            chosen = [i for i in chosen if np.any(value[i] > 0)]
-        if column is not None and not 0 <= column < (value.shape[1] if value.ndim > 1 else 1):
-            raise ValueError(f"column is {column}, and {field} has the shape {value.shape}")
-        places.append((field, chosen if column is None or value.ndim == 1 else (chosen, column)))
-    return places
 
 
 def model_fields(parameters: Mapping[str, Parameter], model: Model, thetas: Sequence[Theta]) -> dict[str, Array]:
@@ -273,22 +282,16 @@ def model_fields(parameters: Mapping[str, Parameter], model: Model, thetas: Sequ
         if parameter.kind != "field" or not any(name in theta for theta in thetas):
             continue
         masses = made.get("body_mass", np.asarray(model.body_mass, float)).copy()
-        for field, index in _places(parameter, model):
+        for field, places, sign in _places(parameter, model):
             own = np.asarray(getattr(model, field), float)
             rows = made.setdefault(field, np.tile(own, (len(thetas), *[1] * own.ndim)))
+            flat = rows.reshape(len(thetas), -1)
             for env, theta in enumerate(thetas):
                 if name in theta:
-                    _set(rows, (env, *index) if isinstance(index, tuple) else (env, index), parameter, theta[name], field)
-        if parameter.target == "body_mass":
+                    flat[env, places] = sign * parameter.change(sign * flat[env, places], float(theta[name]))
+        if parameter.parsed.field == "body_mass":
             _scale_inertia(made, model, masses)
     return {field: rows for field, rows in made.items() if not np.array_equal(rows, np.broadcast_to(getattr(model, field), rows.shape))}
-
-
-def _set(rows: Array, at: tuple[Any, ...], parameter: Parameter, value: Value, field: str) -> None:
-    number = float(value)
-    # The stiffness of a servo is the negative of its bias.
-    signed = -number if field == "actuator_bias" and parameter.target in ("kp", "kd") and parameter.how == "set" else number
-    rows[at] = parameter.change(rows[at], signed)
 
 
 def _scale_inertia(made: dict[str, Array], model: Model, before: Array) -> None:
@@ -308,7 +311,7 @@ def sensor_model(
     names = [s["name"] or f"#{i}" for i, s in enumerate(model.sensors)]
     named: dict[str, Transfer] = dict(base.named) if base else {}
     for name, parameter in given.items():
-        for index in _chosen(parameter, [[n] for n in names], "sensor"):
+        for index in rows_of(model, "sensor", parameter.parsed.elements, _where(parameter)):
             label = names[index]
             own = named.get(label) or _fitting(base, label) or Transfer()
             before = getattr(own, parameter.leaf)
@@ -343,7 +346,7 @@ def actuator_model(
     named: dict[str, Drive] = dict(base.named) if base else {}
     for name, parameter in given.items():
         values = [theta.get(name) for theta in thetas]
-        for index in _chosen(parameter, _labels(model.actuator_names), "actuator"):
+        for index in rows_of(model, "actuator", parameter.parsed.elements, _where(parameter)):
             label = model.actuator_names[index] or f"#{index}"
             own = named.get(label) or (base.drive_of(label) if base else None) or Drive()
             named[label] = _driven(own, parameter, values, f"parameter {name!r}: actuator {label!r}")

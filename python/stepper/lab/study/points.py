@@ -39,7 +39,7 @@ def inapplicable(study: Study, setting: str, parameter: Parameter) -> str | None
         return f"these settings fix {parameter.leaf} themselves"
     if given.get("engine") == "mujoco":
         return _lacking(parameter)
-    if parameter.target == "geom_restitution" and given.get("contact", study.options.contact) == "mujoco":
+    if parameter.parsed.field == "geom_restitution" and given.get("contact", study.options.contact) == "mujoco":
         return "restitution has no part in MuJoCo's law"
     return None
 
@@ -52,8 +52,8 @@ def _lacking(parameter: Parameter) -> str | None:
         return f"MuJoCo has no {parameter.leaf}"
     if parameter.kind == "options" and (words := _LACKING & {*parameter.levels(), parameter.nominal}):
         return f"MuJoCo has no {parameter.leaf} {', '.join(sorted(map(str, words)))}"
-    if parameter.target in ("geom_restitution", "geom_concave", "eq_stiffness", "eq_damping"):
-        return f"MuJoCo has no {parameter.target}"
+    if parameter.parsed.field in ("geom_restitution", "geom_concave", "eq_stiffness", "eq_damping"):
+        return f"MuJoCo has no {parameter.parsed.field}"
     return None
 
 

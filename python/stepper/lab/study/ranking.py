@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +24,7 @@ from stepper.lab.study.batches import run_points
 from stepper.lab.study.document import Document, Section, counted
 from stepper.lab.study.intervals import wilson
 from stepper.lab.study.journal import diverged
+from stepper.lab.study.parameters import asked_for
 from stepper.lab.study.points import USUAL, Point, inapplicable
 from stepper.lab.study.report import in_force, study_of
 from stepper.lab.study.results import Results
@@ -106,7 +107,7 @@ def rank(
         study: A study, or the file of one.
         out: The folder that has a folder for every study.
         samples: Points of each of the two matrices, a power of 2. Points in all are samples times (2 + number of parameters).
-        parameters: Names; None is all that have a range.
+        parameters: Names, or selectors with a range, as "geom_friction[floor][0]=0.2..1"; None is all that have a range.
         setting: Name of the settings.
         tick: Progress.
 
@@ -119,6 +120,9 @@ def rank(
         MissingPackageError: SciPy is not installed.
     """
     study = study_of(study)
+    if parameters is not None:
+        chosen = asked_for(study.parameters, parameters)
+        study, parameters = replace(study, parameters={**study.parameters, **chosen}), list(chosen)
     names = _names(study, parameters, setting)
     if samples < 2 or samples & (samples - 1):
         raise ValueError(f"samples is {samples}, must be a power of 2, of 2 and more")
@@ -160,8 +164,6 @@ def _names(study: Study, asked: Sequence[str] | None, setting: str) -> list[str]
     ranged = [name for name, p in study.parameters.items() if p.low is not None and p.high is not None and p.kind != "options"]
     names = ranged if asked is None else list(asked)
     for name in names:
-        if name not in study.parameters:
-            raise ValueError(f"there is no parameter {name!r}, there are: {', '.join(study.parameters) or 'none'}")
         if name not in ranged:
             raise ValueError(
                 f"parameter {name!r} has no low and high, or is a setting of the step, which environments of a batch share: sweep it"

@@ -138,24 +138,23 @@ class RapierWorld(MujocoWorld):
             scene.push(self._applied[env])
             for _ in range(nstep):
                 scene.world.step()
-        self.time += nstep * self.timestep
+        self.time = self.time + nstep * self.timestep
         self._fresh, self._behind = False, True
 
     @property
     def qpos(self) -> Array:
-        """See `World.qpos`."""
+        """See `Stepper.qpos`."""
         self._read()
         return super().qpos
 
     @property
     def qvel(self) -> Array:
-        """See `World.qvel`."""
+        """See `Stepper.qvel`."""
         self._read()
         return super().qvel
 
-    @property
-    def body_contact_force(self) -> Array:
-        """See `World.body_contact_force`: there is none."""
+    def contacts(self) -> NDArray[np.void]:
+        """See `World`: there are none."""
         raise ModelError("rapier cannot run this: its contacts' forces are not read, and the study's drive or outcome asks for them")
 
     def _now(self) -> list[Any]:
@@ -173,7 +172,7 @@ class RapierWorld(MujocoWorld):
                 data.qpos[:], data.qvel[:] = qpos, qvel
             else:
                 self._lost[env] = True
-            data.time = self.time
+            data.time = self.time[env]
 
     def certificate(self) -> dict[str, NDArray[Any]]:
         """See `World.certificate`: whether the state was finite, and the depth after every control."""

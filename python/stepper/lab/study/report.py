@@ -69,7 +69,7 @@ def sweep(
     Args:
         study: A study, or the file of one.
         out: The folder that has a folder for every study.
-        parameters: Names; None is all.
+        parameters: Names, or selectors with a range, as "geom_friction[floor][0]=0.2..1"; None is all of the study.
         cliffs: Whether the end of success is located.
         resolution: Width of a cliff's bracket over the range of its parameter, between 0 and 1.
         tick: Progress.
@@ -87,7 +87,7 @@ def sweep(
         document = Document(f"Sweep of {study.name}")
         document.sections += [*_perturbations(found, results.folder), *_cliffs(found, results.folder), *in_force(study, len(found.table))]
         files = [*found.table.save(results.folder), *document.save(results.folder, "sweep")]
-    return Report(study, found, (), document, tuple(files))
+    return Report(found.study, found, (), document, tuple(files))
 
 
 def report(study: Study | str | os.PathLike[str], out: str | os.PathLike[str] = "out", *, tick: Tick | None = None) -> Report:

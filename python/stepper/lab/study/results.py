@@ -11,6 +11,7 @@ from typing import Any
 
 from stepper.lab.study.journal import Journal
 from stepper.lab.study.study import Study
+from stepper.shared.files import in_one_piece
 
 IN_FORCE = "in_force.json"
 
@@ -36,9 +37,8 @@ class Results:
         name = hashlib.sha256(text.encode()).hexdigest()[:16]
         if name in told:
             return
-        partial = file.with_suffix(".part")
-        partial.write_text(json.dumps(told | {name: json.loads(text)}, indent=2, sort_keys=True) + "\n", encoding="utf-8")
-        partial.replace(file)
+        with in_one_piece(file) as stream:
+            stream.write((json.dumps(told | {name: json.loads(text)}, indent=2, sort_keys=True) + "\n").encode())
 
     def __enter__(self) -> Results:
         return self

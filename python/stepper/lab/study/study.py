@@ -25,7 +25,7 @@ from stepper.actuators import ActuatorModel
 from stepper.lab.study import drives
 from stepper.lab.study.episode import Episodes
 from stepper.lab.study.outcomes import Outcome
-from stepper.lab.study.parameters import Parameter, Theta, Value, check
+from stepper.lab.study.parameters import Parameter, Theta, Value, check, moved
 from stepper.lab.study.points import USUAL
 from stepper.lab.study.worlds import World
 from stepper.loading import compile_source, is_saved, load
@@ -286,11 +286,7 @@ class Study(metaclass=Hinting):
         given = self.setting(setting)
         # Of MuJoCo's rows alone: what stepper does not read makes none of its rows anew.
         compiled = [self._compiled_digest] if given.get("engine") == "mujoco" else []
-        own = {
-            name: [value, p.target, list(p.names), p.column, p.how]
-            for name, value in sorted(theta.items())
-            for p in [self.parameters[name]]
-        }
+        own = {name: [value, str(p.parsed), p.how] for name, value in sorted(theta.items()) for p in [self.parameters[name]]}
         return _digest([self._identity_digest, own, given, episode, *compiled])
 
     @cached_property
@@ -309,7 +305,7 @@ class Study(metaclass=Hinting):
         """Runs one episode: the same, to the bit, as in the tables of `sweep`, `report` and `rank`.
 
         Args:
-            values: Of parameters, by name; the others are nominal.
+            values: Of parameters, by name or selector; the others are nominal.
             number: Which episode; it has its own start, random controls and errors of sensors.
             seed: In place of the study's own.
             setting: Name of the settings.
@@ -326,6 +322,17 @@ class Study(metaclass=Hinting):
         study = self if seed is None else replace(self, seed=seed)
         (row,) = Episodes(study, values or {}, [number], setting).rows(record)
         return row
+
+    def at(self, values: Mapping[str, Value]) -> Study:
+        """The study with these nominal values.
+
+        Args:
+            values: Numbers or words by name of a parameter, or by selector, as "geom_friction[floor][0]".
+
+        Raises:
+            ValueError: No such parameter, or a value that it may not have.
+        """
+        return replace(self, parameters=moved(self.parameters, values))
 
     def generators(self, episodes: Sequence[int]) -> list[np.random.Generator]:
         """Random numbers of the starts of episodes."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
 import numpy as np
@@ -15,7 +15,7 @@ from stepper.lab.progress import Tick
 from stepper.lab.study.batches import run_points
 from stepper.lab.study.intervals import wilson
 from stepper.lab.study.journal import Journal, Row, diverged
-from stepper.lab.study.parameters import COUNTS, Value
+from stepper.lab.study.parameters import COUNTS, Value, asked_for
 from stepper.lab.study.points import USUAL, Point, inapplicable, nominal_of
 from stepper.lab.study.study import Study
 from stepper.lab.study.table import Table
@@ -152,7 +152,7 @@ def sweep(
     Args:
         study: The study; it must have parameters and an outcome.
         journal: What is known of it.
-        parameters: Names; None is all.
+        parameters: Names, or selectors with a range, as "geom_friction[floor][0]=0.2..1"; None is all of the study.
         cliffs: Whether the end of success is located.
         resolution: Width of a cliff's bracket over the range of its parameter, between 0 and 1.
         tick: Progress.
@@ -167,9 +167,8 @@ def sweep(
         raise ValueError(f"resolution is {resolution}, must be between 0 and 1: the width of a cliff's bracket over the range")
     if not study.all_outcomes:
         raise ValueError("the study has no outcome, so there is nothing to compare; give it one")
-    names = list(study.parameters) if parameters is None else list(parameters)
-    if unknown := set(names) - set(study.parameters):
-        raise ValueError(f"there are no parameters {sorted(unknown)}, there are: {', '.join(study.parameters) or 'none'}")
+    chosen = study.parameters if parameters is None else asked_for(study.parameters, parameters)
+    names, study = list(chosen), replace(study, parameters={**study.parameters, **chosen})
     settings, skipped = [USUAL, *study.settings], []
     cells: list[tuple[str, str, Value | None]] = [(setting, "", None) for setting in settings]
     for setting in settings:

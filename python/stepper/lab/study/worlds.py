@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import functools
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any, ClassVar
@@ -10,12 +11,14 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from stepper._hints import near
+from stepper._hints import near, no_attribute
 from stepper._options import Options, Precision
+from stepper._quantities import read
 from stepper._status import Status
 from stepper._stepper import Model, ModelError, Stepper
 from stepper.actuators import ActuatorModel
 from stepper.lab.study.parameters import ROWS_FROM_NOTHING
+from stepper.loading import load
 from stepper.sensors import SensorModel
 from stepper.shared.fields import RANDOMIZED
 from stepper.shared.machine import require
@@ -60,21 +63,27 @@ class Thetas(dict[str, NDArray[Any]]):
         raise KeyError(f"the study has no parameter {name!r} with a value{near(str(name), self) or ','} there are: {known}")
 
 
-class World:
-    """Environments of one engine at one time.
+CHANGING = frozenset({"step", "reset", "set_state", "randomize", "rollout", "record", "copy_state", "linearize", "view", "save_problem"})
+"""Methods of a stepper that are not for reading."""
 
-    Arrays have the environments in front. What a name says is a view for reading, but `xfrc_applied`, which may be written to.
+
+class World:
+    """Environments of one engine at one time, for drives and measures.
+
+    It reads as a `Stepper` does, with the environments in front: `qpos`, `qvel`, `xpos`, `xquat`, `site_xpos`, `geom_xpos`, `sensordata`,
+    `sensordata_ideal`, `body_contact_force`, `contacts()` and `read(name, of)`; in stepper itself all other attributes too. Arrays of real
+    numbers have 64 bits. `xfrc_applied` may be written to.
 
     Attributes:
-        engine: "stepper" or "mujoco".
-        model: The scene, without what differs between environments.
+        engine: "stepper", "mujoco" or "rapier".
+        model: The scene, without differences between environments.
         num_envs: Number of environments.
         timestep: s.
-        time: Since the start of the episode, s.
+        time: Since the start of the episode, (num_envs,) s.
         senses: Whether a sensor was read.
         ideal: Whether sensors are to have no errors whatever the study gives them: where episodes are run again to tell whose a failure is,
             in a chart and in a tuning. A drive that has errors of its own, as a field of view, leaves them out then.
-        last_ctrl: What the drive said last; None where it holds what is in force.
+        last_ctrl: Last controls of the drive; None where it holds those in force.
         theta: Values of the study's parameters by name: (num_envs,), numbers or words.
         episodes: Number of each environment's episode, (num_envs,).
     """
@@ -82,64 +91,20 @@ class World:
     engine: ClassVar[str]
 
     def __init__(self, plan: Plan, num_envs: int):
-        self.model, self.num_envs, self.time = plan.model, num_envs, 0.0
+        self.model, self.num_envs, self.time = plan.model, num_envs, np.zeros(num_envs)
         self.theta = Thetas()
         self.episodes: NDArray[np.int64] = np.arange(num_envs)
         self.timestep = 0.0
         self.last_ctrl: Any = None
         self.senses = self.ideal = False
 
-    # What an engine has to have.
+    def __getattr__(self, name: str) -> Any:
+        # Python calls this only for attributes that are not found otherwise.
+        raise no_attribute(World, name)
 
-    @property
-    def qpos(self) -> Array:
-        """Configurations, (num_envs, nq)."""
-        raise NotImplementedError
-
-    @property
-    def qvel(self) -> Array:
-        """Velocities, (num_envs, nv)."""
-        raise NotImplementedError
-
-    @property
-    def xpos(self) -> Array:
-        """Positions of the bodies, (num_envs, nbody, 3) in m."""
-        raise NotImplementedError
-
-    @property
-    def xquat(self) -> Array:
-        """Orientations of the bodies, (num_envs, nbody, 4)."""
-        raise NotImplementedError
-
-    @property
-    def site_xpos(self) -> Array:
-        """Positions of the sites, (num_envs, nsite, 3) in m."""
-        raise NotImplementedError
-
-    @property
-    def geom_xpos(self) -> Array:
-        """Positions of the geoms, (num_envs, ngeom, 3) in m."""
-        raise NotImplementedError
-
-    @property
-    def sensordata(self) -> Array:
-        """Sensor readings, (num_envs, nsensordata)."""
-        raise NotImplementedError
-
-    @property
-    def sensordata_ideal(self) -> Array:
-        """Readings of ideal sensors, (num_envs, nsensordata)."""
-        raise NotImplementedError
-
-    @property
-    def body_contact_force(self) -> Array:
-        """Force (3) in N and torque (3) in N m of all contacts of the last step on every body, world axes: (num_envs, nbody, 6)."""
-        raise NotImplementedError
-
-    @property
-    def xfrc_applied(self) -> Array:
-        """Writable, read by every step until changed: force (N) and torque (N m) on every body, world axes: (num_envs, nbody, 6)."""
-        raise NotImplementedError
+    def read(self, name: str, of: str | int | Sequence[str | int] | None = None) -> NDArray[Any]:
+        """Values of a quantity for all its elements, or for some by name or index: see `Stepper.read`."""
+        return read(self, name, of)
 
     def start(self, qpos: Array, qvel: Array, keyframe: str | int | None, seed: int) -> None:
         """Begins an episode in all environments."""
@@ -173,40 +138,6 @@ class World:
         beyond: NDArray[np.bool_] = ~(np.abs(state) <= _HUGE).all(axis=1)
         return beyond
 
-    # By name.
-
-    def body(self, name: str | int) -> Array:
-        """Position of a body, (num_envs, 3) in m."""
-        return self.xpos[:, self.model.body(name).id]
-
-    def site(self, name: str | int) -> Array:
-        """Position of a site, (num_envs, 3) in m."""
-        return self.site_xpos[:, self.model.site(name).id]
-
-    def joint(self, name: str | int) -> Array:
-        """Position of a joint, (num_envs, its nq)."""
-        joint = self.model.joint(name)
-        return self.qpos[:, joint.qposadr : joint.qposadr + joint.nq]
-
-    def joint_velocity(self, name: str | int) -> Array:
-        """Velocity of a joint, (num_envs, its nv)."""
-        joint = self.model.joint(name)
-        return self.qvel[:, joint.dofadr : joint.dofadr + joint.nv]
-
-    def sensor(self, name: str | int) -> Array:
-        """What a sensor says, (num_envs, its dim)."""
-        sensor = self.model.sensor(name)
-        return self.sensordata[:, sensor.adr : sensor.adr + sensor.dim]
-
-    def truth(self, name: str | int) -> Array:
-        """What an ideal sensor would say, (num_envs, its dim)."""
-        sensor = self.model.sensor(name)
-        return self.sensordata_ideal[:, sensor.adr : sensor.adr + sensor.dim]
-
-    def contact_force(self, name: str | int) -> Array:
-        """Force and torque of all contacts of the last step on a body, (num_envs, 6)."""
-        return self.body_contact_force[:, self.model.body(name).id]
-
 
 class StepperWorld(World):
     """Environments of a `Stepper`, which is `sim`."""
@@ -232,57 +163,12 @@ class StepperWorld(World):
         names = ("residual", "max_penetration", "max_limit_violation", "max_equality_violation")
         self._worst: dict[str, NDArray[Any]] = {"status": np.zeros(num_envs, np.int64)} | {name: np.zeros(num_envs) for name in names}
 
-    @property
-    def qpos(self) -> Array:
-        """See `World.qpos`."""
-        return np.asarray(self.sim.qpos, np.float64)
-
-    @property
-    def qvel(self) -> Array:
-        """See `World.qvel`."""
-        return np.asarray(self.sim.qvel, np.float64)
-
-    @property
-    def xpos(self) -> Array:
-        """See `World.xpos`."""
-        return np.asarray(self.sim.xpos, np.float64)
-
-    @property
-    def xquat(self) -> Array:
-        """See `World.xquat`."""
-        return np.asarray(self.sim.xquat, np.float64)
-
-    @property
-    def site_xpos(self) -> Array:
-        """See `World.site_xpos`."""
-        return np.asarray(self.sim.site_xpos, np.float64)
-
-    @property
-    def geom_xpos(self) -> Array:
-        """See `World.geom_xpos`."""
-        return np.asarray(self.sim.geom_xpos, np.float64)
-
-    @property
-    def sensordata(self) -> Array:
-        """See `World.sensordata`."""
-        self.senses = True
-        return np.asarray(self.sim.sensordata, np.float64)
-
-    @property
-    def sensordata_ideal(self) -> Array:
-        """See `World.sensordata_ideal`."""
-        self.senses = True
-        return np.asarray(self.sim.sensordata_ideal, np.float64)
-
-    @property
-    def body_contact_force(self) -> Array:
-        """See `World.body_contact_force`."""
-        return np.asarray(self.sim.body_contact_force, np.float64)
-
-    @property
-    def xfrc_applied(self) -> Array:
-        """See `World.xfrc_applied`."""
-        return self.sim.xfrc_applied
+    def __getattr__(self, name: str) -> Any:
+        if name.startswith("_") or name == "sim" or name in CHANGING or not hasattr(Stepper, name):
+            return super().__getattr__(name)
+        self.senses |= name in ("sensordata", "sensordata_ideal")
+        value = getattr(self.sim, name)
+        return np.asarray(value, np.float64) if isinstance(value, np.ndarray) and value.dtype == np.float32 else value
 
     def start(self, qpos: Array, qvel: Array, keyframe: str | int | None, seed: int) -> None:
         """See `World.start`."""
@@ -297,7 +183,7 @@ class StepperWorld(World):
             self._held = None
         for worst in self._worst.values():
             worst[:] = 0
-        self.time = 0.0
+        self.time = np.zeros(self.num_envs)
 
     def advance(self, ctrl: Any, nstep: int) -> None:
         """See `World.advance`."""
@@ -315,7 +201,7 @@ class StepperWorld(World):
         # After a step the simulation itself holds what is in force.
         self._held = None
         self.sim.step(ctrl, nstep)
-        self.time += nstep * self.timestep
+        self.time = self.time + nstep * self.timestep
 
     def certificate(self) -> dict[str, NDArray[Any]]:
         """See `World.certificate`: flags of `Status`, residual of the last step of every control, and violations of positions."""
@@ -410,7 +296,7 @@ class MujocoWorld(World):
             data.qpos[:], data.qvel[:], data.time = q, v, 0.0
         self._applied[:] = 0.0
         self._depth[:], self._status[:] = 0.0, 0
-        self.time, self._fresh, self._pushed = 0.0, False, False
+        self.time, self._fresh, self._pushed = np.zeros(self.num_envs), False, False
 
     def advance(self, ctrl: Any, nstep: int) -> None:
         """See `World.advance`."""
@@ -436,7 +322,7 @@ class MujocoWorld(World):
                 if pushed:
                     data.xfrc_applied[:] = self._applied[env]
                 self._mujoco.mj_step(model, data, nstep)
-        self.time += nstep * self.timestep
+        self.time = self.time + nstep * self.timestep
         self._fresh = False
 
     @contextlib.contextmanager
@@ -462,62 +348,93 @@ class MujocoWorld(World):
 
     @property
     def qpos(self) -> Array:
-        """See `World.qpos`."""
+        """See `Stepper.qpos`."""
         return np.array([data.qpos for data in self._data])
 
     @property
     def qvel(self) -> Array:
-        """See `World.qvel`."""
+        """See `Stepper.qvel`."""
         return np.array([data.qvel for data in self._data])
 
     @property
     def xpos(self) -> Array:
-        """See `World.xpos`."""
+        """See `Stepper.xpos`."""
         return np.array([data.xpos for data in self._now()])
 
     @property
     def xquat(self) -> Array:
-        """See `World.xquat`."""
+        """See `Stepper.xquat`."""
         return np.array([data.xquat for data in self._now()])
 
     @property
     def site_xpos(self) -> Array:
-        """See `World.site_xpos`."""
+        """See `Stepper.site_xpos`."""
         return np.array([data.site_xpos for data in self._now()])
 
     @property
     def geom_xpos(self) -> Array:
-        """See `World.geom_xpos`."""
+        """See `Stepper.geom_xpos`."""
         return np.array([data.geom_xpos for data in self._now()])
 
     @property
     def sensordata(self) -> Array:
-        """See `World.sensordata`."""
+        """See `Stepper.sensordata`."""
         return np.array([data.sensordata for data in self._now()])
 
     @property
     def sensordata_ideal(self) -> Array:
-        """See `World.sensordata_ideal`."""
+        """See `Stepper.sensordata_ideal`."""
         return self.sensordata
 
     @property
     def body_contact_force(self) -> Array:
-        """See `World.body_contact_force`."""
-        out, wrench = np.zeros((self.num_envs, self.model.nbody, 6)), np.zeros(6)
+        """See `Stepper.body_contact_force`."""
+        out = np.zeros((self.num_envs, self.model.nbody, 6))
+        contacts = self.contacts()
+        xipos = np.array([data.xipos for data in self._data])
+        force, torque = (np.einsum("ij,ijk->ik", contacts[name], contacts["frame"]) for name in ("force", "torque"))
+        for side, sign in enumerate((-1.0, 1.0)):
+            at = (contacts["env"], contacts["body"][:, side])
+            np.add.at(out, at, sign * np.concatenate([force, torque + np.cross(contacts["pos"] - xipos[at], force)], axis=1))
+        return out
+
+    def energy(self) -> tuple[Array, Array]:
+        """Potential and kinetic energy: see `Stepper.energy`."""
+        found = []
+        for data, model in zip(self._now(), self._models, strict=True):
+            self._mujoco.mj_energyPos(model, data)
+            self._mujoco.mj_energyVel(model, data)
+            found.append(data.energy.copy())
+        potential, kinetic = np.array(found).T
+        return potential, kinetic
+
+    @property
+    def max_limit_violation(self) -> Array:
+        """Farthest that a hinge or slide is beyond its range at the present state, (num_envs,) in rad or m."""
+        m, joints = self._models[0], self._mujoco.mjtJoint
+        one = (m.jnt_limited != 0) & np.isin(m.jnt_type, [joints.mjJNT_HINGE, joints.mjJNT_SLIDE])
+        q = self.qpos[:, m.jnt_qposadr[one]]
+        low, high = np.array([model.jnt_range[one] for model in self._models]).transpose(2, 0, 1)
+        beyond: Array = np.max(np.maximum(low - q, q - high), axis=1, initial=0.0)
+        return beyond
+
+    def contacts(self) -> NDArray[np.void]:
+        """Contacts of the last step: see `Stepper.contacts`."""
+        rows, wrench = [], np.zeros(6)
         for env, (data, model) in enumerate(zip(self._data, self._models, strict=True)):
             for i, contact in enumerate(data.contact):
                 self._mujoco.mj_contactForce(model, data, i, wrench)
                 frame = contact.frame.reshape(3, 3)
-                force, torque = wrench[:3] @ frame, wrench[3:] @ frame
-                for sign, geom in zip((-1.0, 1.0), contact.geom, strict=True):
-                    body = int(model.geom_bodyid[geom])
-                    arm = contact.pos - data.xipos[body]
-                    out[env, body] += sign * np.concatenate([force, torque + np.cross(arm, force)])
-        return out
+                own = {
+                    "env": env, "geom": contact.geom, "body": model.geom_bodyid[contact.geom], "pos": contact.pos, "normal": frame[0],
+                    "distance": contact.dist - contact.includemargin, "force": wrench[:3], "torque": wrench[3:], "frame": frame,
+                }  # fmt: skip
+                rows.append(tuple(own[name].copy() if isinstance(own[name], np.ndarray) else own[name] for name in _contact_type().names))
+        return np.array(rows, _contact_type())
 
     @property
     def xfrc_applied(self) -> Array:
-        """See `World.xfrc_applied`."""
+        """See `Stepper.xfrc_applied`."""
         return self._applied
 
     def certificate(self) -> dict[str, NDArray[Any]]:
@@ -538,6 +455,12 @@ class MujocoWorld(World):
             **{name: getattr(opt, name) for name in ("iterations", "tolerance", "impratio", "noslip_iterations")},
             "precision": "f64",
         }
+
+
+@functools.cache
+def _contact_type() -> Any:
+    """Type of a row of `Stepper.contacts`."""
+    return Stepper(load("<mujoco><worldbody><geom size='1'/></worldbody></mujoco>")).contacts().dtype
 
 
 def _ignore(_: str) -> None:

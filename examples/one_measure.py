@@ -1,0 +1,84 @@
+"""One function as a reward, an observation and an outcome of a study, and on a stepper itself.
+
+A hand on two joints reaches for a target. `distance` reads the same names everywhere: `qpos`, `xpos`, `sensordata`, `contacts()` and
+`read(name, of)` are those of `stepper.Stepper`, whether a task, a study or a script asks.
+
+    python examples/one_measure.py      # the same number, four times
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import stepper
+from numpy.typing import NDArray
+from stepper.envs import Observation, StepperVectorEnv, Task
+
+Array = NDArray[Any]
+
+SCENE = """
+<mujoco>
+  <option timestep="0.01" gravity="0 0 0"/>
+  <worldbody>
+    <body name="upper"><joint name="shoulder" axis="0 0 1" damping="0.1"/><geom type="capsule" size=".02" fromto="0 0 0 .3 0 0"/>
+      <body name="lower" pos=".3 0 0"><joint name="elbow" axis="0 0 1" damping="0.1"/>
+        <geom type="capsule" size=".02" fromto="0 0 0 .3 0 0"/><site name="hand" pos=".3 0 0"/></body></body>
+    <site name="target" pos=".2 .4 0"/>
+  </worldbody>
+  <actuator><motor joint="shoulder" ctrlrange="-1 1"/><motor joint="elbow" ctrlrange="-1 1"/></actuator>
+</mujoco>
+"""
+CTRL = np.array([0.05, 0.02])
+"""Controls of all runs, N m."""
+STEPS = 20
+"""Steps of all runs."""
+
+
+def distance(now: Any) -> Array:
+    """Distance from the hand to the target, (num_envs,) m."""
+    return np.asarray(np.linalg.norm(now.read("site_xpos", "hand") - now.read("site_xpos", "target"), axis=-1))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Reach(Task):
+    """Reach the target: the reward is the negative distance, which is observed too."""
+
+    frame_skip: int = STEPS
+
+    def model(self) -> stepper.Model:
+        """The scene."""
+        return stepper.load(SCENE)
+
+    def observations(self) -> tuple[Observation, ...]:
+        """Joint angles, velocities and the distance."""
+        return (Observation("qpos"), Observation("qvel"), Observation("distance", func=distance))
+
+    def reward(self, now: Any) -> tuple[Array, dict[str, Array]]:
+        """Less the farther away."""
+        return -distance(now), {}
+
+
+def measured() -> dict[str, float]:
+    """Distance after the same motion: of a stepper, a reward, an observation and an outcome of a study."""
+    sim = stepper.Stepper(stepper.load(SCENE), num_envs=2)
+    sim.step(CTRL, nstep=STEPS)
+
+    env = StepperVectorEnv(Reach(), num_envs=2)
+    env.reset(seed=0)
+    observation, reward, *_ = env.step(np.tile(CTRL, (2, 1)))
+
+    outcome = stepper.lab.Outcome(name="distance", measure=distance, unit="m")
+    study = stepper.lab.Study(model=SCENE, drive=lambda now: CTRL, outcomes=outcome, seconds=0.01 * STEPS, control=0.01 * STEPS)
+    return {
+        "stepper": float(distance(sim)[0]),
+        "reward": -float(reward[0]),
+        "observation": float(observation[0, -1]),
+        "outcome": study.episode()["outcomes"]["distance"],
+    }
+
+
+if __name__ == "__main__":
+    for place, value in measured().items():
+        print(f"{place:12} {value:.15f} m")

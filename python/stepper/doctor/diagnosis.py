@@ -1,0 +1,98 @@
+"""The report of `stepper doctor`."""
+
+from __future__ import annotations
+
+import os
+import platform
+import subprocess
+from dataclasses import dataclass
+
+from stepper._stepper import __version__, cpu_levels
+from stepper.doctor.extras import Extra, extras
+from stepper.doctor.self_test import digest_at, expected_digest
+from stepper.shared.machine import allowed_cores, cpu_name, package_version
+
+_LEVEL = "STEPPER_CPU_LEVEL"
+_VERSIONS = ("numpy", "mujoco-core", "mujoco")
+_MEANING = (
+    "This build does not compute the bits of the tested one at these CPU levels. Recordings and saved trajectories of other machines will "
+    "differ. Report it with this output, and use another level meanwhile: STEPPER_CPU_LEVEL=baseline."
+)
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """State of an installation. `print` shows it as `stepper doctor` does.
+
+    Attributes:
+        versions: Versions of stepper, Python, the system and the packages it works with, by name.
+        cpu: Name of the processor.
+        cores: Number of cores that this process may use.
+        cpu_levels: CPU levels that this machine and this build have, slowest first.
+        cpu_level: The level in use, or the unusable one that `STEPPER_CPU_LEVEL` names.
+        level_error: Why `STEPPER_CPU_LEVEL` cannot be used; empty if it can, or is not set.
+        extras: Optional packages.
+        self_test: Result of the self-test by CPU level: empty if the bits are the expected ones, otherwise what is wrong.
+    """
+
+    versions: dict[str, str]
+    cpu: str
+    cores: int
+    cpu_levels: list[str]
+    cpu_level: str
+    level_error: str
+    extras: tuple[Extra, ...]
+    self_test: dict[str, str]
+
+    def __bool__(self) -> bool:
+        """Whether the level in use exists and no self-test failed. Missing extras are no fault."""
+        return not self.level_error and not any(self.self_test.values())
+
+    def __str__(self) -> str:
+        lines = ["Versions", *(f"  {name:<12} {version}" for name, version in self.versions.items())]
+        lines += ["", "Processor", f"  {self.cpu}, {self.cores} cores"]
+        lines += [f"  {'CPU levels':<12} {', '.join(self.cpu_levels)}; in use: {self.level_error or self.cpu_level}"]
+        lines += ["", "Extras", *(f"  {extra.name:<12} {extra}" for extra in self.extras)]
+        if self.self_test:
+            lines += ["", "Self-test", *(f"  {level:<12} {wrong or 'expected bits'}" for level, wrong in self.self_test.items())]
+        if any(self.self_test.values()):
+            lines += ["", _MEANING]
+        return "\n".join(lines)
+
+
+def diagnose(*, self_test: bool = True) -> Diagnosis:
+    """Examines this installation.
+
+    Args:
+        self_test: Whether to step a short trajectory at every CPU level, each in a process of its own, and compare its bits: a second
+            or two.
+    """
+    levels = cpu_levels()
+    asked = os.environ.get(_LEVEL, "")
+    error = f"none, as {_LEVEL}={asked} names no level of this machine and build; unset it, or use one of {', '.join(levels)}"
+    return Diagnosis(
+        versions=_versions(),
+        cpu=cpu_name(),
+        cores=len(allowed_cores()),
+        cpu_levels=levels,
+        cpu_level=asked or levels[-1],
+        level_error="" if asked in {"", *levels} else error,
+        extras=extras(),
+        self_test={level: _verdict(level) for level in levels} if self_test else {},
+    )
+
+
+def _versions() -> dict[str, str]:
+    """Versions by name, in the order of the report."""
+    system = {"stepper": __version__, "python": platform.python_version(), "system": platform.platform()}
+    return system | {name: version for name in _VERSIONS if (version := package_version(name))}
+
+
+def _verdict(level: str) -> str:
+    """What is wrong with the self-test at a CPU level; empty if nothing is."""
+    try:
+        digest = digest_at(level)
+    except (RuntimeError, subprocess.TimeoutExpired) as error:
+        return str(error)
+    expected = expected_digest()
+    return "" if digest == expected else f"other bits: {digest[:16]}, expected {expected[:16]}"

@@ -1,0 +1,51 @@
+"""Optional packages: which are installed, and the command that installs the others."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from stepper.shared.machine import package_version
+
+PACKAGES = {
+    "mjcf": ("mujoco-core",),
+    "cli": ("matplotlib", "rich", "scipy", "typer"),
+    "envs": ("gymnasium", "mujoco-core"),
+    "viewer": ("moviepy", "mujoco-core", "rerun-sdk", "viser"),
+    "train": ("gymnasium", "matplotlib", "moviepy", "mujoco-core", "scipy", "torch"),
+    "identify": ("scipy",),
+    "onnx": ("onnxruntime",),
+}
+"""Distributions that each extra of pyproject.toml installs."""
+
+
+@dataclass(frozen=True)
+class Extra:
+    """An extra of the package, as in `pip install "stepper-sim[viewer]"`.
+
+    Attributes:
+        name: Name of the extra.
+        versions: Version of each of its packages by name; None if the package is not installed.
+    """
+
+    name: str
+    versions: dict[str, str | None]
+
+    @property
+    def missing(self) -> list[str]:
+        """Names of its packages that are not installed."""
+        return [name for name, version in self.versions.items() if version is None]
+
+    @property
+    def command(self) -> str:
+        """Command that installs it."""
+        return f'pip install "stepper-sim[{self.name}]"'
+
+    def __str__(self) -> str:
+        if self.missing:
+            return f"missing {', '.join(self.missing)}: {self.command}"
+        return ", ".join(f"{name} {version}" for name, version in self.versions.items())
+
+
+def extras() -> tuple[Extra, ...]:
+    """All extras, with the versions that are installed."""
+    return tuple(Extra(name, {package: package_version(package) for package in packages}) for name, packages in PACKAGES.items())

@@ -1,0 +1,71 @@
+"""A short trajectory with contacts, limits and servos, and a digest of its bits.
+
+`scene.stepper` is its model and `digest.txt` the expected digest; `python tests/self_test_scene.py` writes both.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from stepper._options import Options, Precision
+from stepper._stepper import Model, Stepper
+
+FOLDER = Path(__file__).parent
+SCENE = FOLDER / "scene.stepper"
+DIGEST = FOLDER / "digest.txt"
+PATIENCE = 120.0
+"""Seconds that one CPU level may take; 0.3 on an idle machine."""
+_ENVS = 19
+"""Number of environments: it leaves lanes of every register width empty."""
+_CALLS, _STEPS = 50, 4
+
+
+def trajectory_digest() -> str:
+    """SHA-256 of the trajectory in both precisions and with both contact laws, at the CPU level of this process."""
+    model = Model.from_file(SCENE)
+    digest = hashlib.sha256()
+    precisions: tuple[Precision, ...] = ("f64", "f32")
+    laws: tuple[Literal["hard", "mujoco"], ...] = ("hard", "mujoco")
+    for precision in precisions:
+        for law in laws:
+            for bits in _trajectory(Stepper(model, _ENVS, precision=precision, options=Options(contact=law))):
+                digest.update(bits)
+    return digest.hexdigest()
+
+
+def expected_digest() -> str:
+    """Digest of the build that was tested."""
+    return DIGEST.read_text(encoding="ascii").strip()
+
+
+def digest_at(level: str) -> str:
+    """Digest of a process that uses a CPU level.
+
+    Raises:
+        RuntimeError: The process failed; the message has its last line.
+    """
+    command = [sys.executable, "-P", "-c", f"from {__name__} import trajectory_digest; print(trajectory_digest())"]
+    environment = os.environ | {"STEPPER_CPU_LEVEL": level}
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=PATIENCE, check=False)
+    if done.returncode != 0:
+        said = done.stderr.strip().splitlines() or [f"exit code {done.returncode}"]
+        raise RuntimeError(f"the self-test failed at CPU level {level}: {said[-1]}")
+    return done.stdout.strip()
+
+
+def _trajectory(sim: Stepper) -> Iterator[bytes]:
+    """Bits of positions, velocities and residuals along a trajectory from set velocities with set controls."""
+    sim.set_state(qvel=np.linspace(-0.5, 0.5, _ENVS * sim.model.nv).reshape(_ENVS, -1))
+    ctrl = np.linspace(-1.0, 1.0, _ENVS * sim.model.nu).reshape(_ENVS, -1)
+    for _ in range(_CALLS):
+        sim.step(ctrl, nstep=_STEPS)
+        for array in (sim.qpos, sim.qvel, sim.residual):
+            yield array.tobytes()

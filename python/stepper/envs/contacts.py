@@ -1,0 +1,47 @@
+"""Contact forces of geoms, as rewards of legged robots use them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from stepper._stepper import Model
+from stepper.envs.assets import once_per_model
+from stepper.envs.task import Array, Moment, per_moment
+
+
+def contact_forces(now: Moment, geoms: Sequence[str], against: Sequence[str] | None = None) -> Array:
+    """Normal forces on geoms in the last step, the sum over the contacts of each: (num_envs, n) N.
+
+    Args:
+        now: The moment.
+        geoms: Names of the n geoms.
+        against: Names of the geoms that they touch; None is any.
+
+    Raises:
+        KeyError: No geom of a name.
+    """
+    model, contacts = now.sim.model, _contacts(now)
+    columns, others = _columns(model, tuple(geoms)), None if against is None else _columns(model, tuple(against)) >= 0
+    forces = np.zeros(len(now.action) * len(geoms))
+    for side in range(2):
+        column = columns[contacts["geom"][:, side]]
+        counts = column >= 0 if others is None else (column >= 0) & others[contacts["geom"][:, 1 - side]]
+        places = contacts["env"][counts].astype(np.intp) * len(geoms) + column[counts]
+        forces += np.bincount(places, contacts["force"][counts, 0], len(forces))
+    return forces.reshape(-1, len(geoms))
+
+
+@per_moment
+def _contacts(now: Moment) -> Array:
+    contacts: Array = now.contacts()
+    return contacts
+
+
+@once_per_model
+def _columns(model: Model, geoms: tuple[str, ...]) -> Array:
+    """Column of each geom of the model, (ngeom,); -1 for others."""
+    columns = np.full(model.ngeom, -1)
+    columns[[model.geom(name).id for name in geoms]] = np.arange(len(geoms))
+    return columns

@@ -1,0 +1,162 @@
+"""Terms of the reward of mjlab's velocity tasks, without their weights."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Mapping
+
+import numpy as np
+
+from stepper._stepper import Model
+from stepper.envs.assets import once_per_model
+from stepper.envs.contacts import contact_forces
+from stepper.envs.locomotion.rough.commands import command
+from stepper.envs.locomotion.rough.state import foot_forces, foot_heights, foot_speeds, ground_normal, linear_velocity, stance
+from stepper.envs.task import Array, Moment, Terms, per_moment, square_sum
+
+_SOFT = 0.9
+"""Share of a joint's range within its soft limits."""
+_MOVES, _RUNS = 0.05, 1.5
+"""Speeds of a command, m/s plus rad/s, from which on a robot is to walk, and to run."""
+_HEIGHT = 0.1
+"""Height to which a foot is to swing, m."""
+_HIT = 10.0
+"""Force from which on a contact counts as a hit, N."""
+
+
+@per_moment
+def _speed(now: Moment) -> Array:
+    """Speed of the command: (num_envs,) m/s plus rad/s."""
+    wanted = command(now)
+    speed: Array = np.hypot(wanted[:, 0], wanted[:, 1]) + np.abs(wanted[:, 2])
+    return speed
+
+
+def _linear(now: Moment) -> Array:
+    velocity = linear_velocity(now)
+    error = square_sum(command(now)[:, :2] - velocity[:, :2]) + np.square(velocity[:, 2])
+    return np.exp(-error / 0.25)
+
+
+def _angular(now: Moment) -> Array:
+    rates = now.qvel[:, 3:6]
+    error = np.square(command(now)[:, 2] - rates[:, 2]) + square_sum(rates[:, :2])
+    reward: Array = np.exp(-error / 0.5)
+    return reward
+
+
+def _upright(now: Moment) -> Array:
+    """Whether the base is parallel to the ground."""
+    return np.exp(-square_sum(ground_normal(now)[:, :2]) / 0.2)
+
+
+def _pose(now: Moment) -> Array:
+    """How near joints are to the stance, with tolerances by the speed of the command."""
+    still, walk, run = _tolerances(now.sim.model, type(now.task))
+    speed = _speed(now)[:, None]
+    tolerance = np.where(speed < _MOVES, still, np.where(speed < _RUNS, walk, run))
+    reward: Array = np.exp(-square_sum((now.qpos[:, 7:] - stance(now.sim.model)) / tolerance) / now.sim.model.nu)
+    return reward
+
+
+def _limits(now: Moment) -> Array:
+    """Angles beyond the soft limits of the joints, rad."""
+    low, high = _soft_limits(now.sim.model)
+    angles = now.qpos[:, 7:]
+    beyond: Array = np.einsum("ij->i", np.maximum(low - angles, 0.0) + np.maximum(angles - high, 0.0))
+    return beyond
+
+
+def _action_rate(now: Moment) -> Array:
+    return square_sum(now.episode_state["last"] - now.episode_state["before"])
+
+
+def _clearance(now: Moment) -> Array:
+    """Differences of the feet's heights from that of a swing, times their speeds."""
+    return _moving(now, np.abs(foot_heights(now) - _HEIGHT) * foot_speeds(now))
+
+
+def _swing(now: Moment) -> Array:
+    """Relative differences of the greatest heights of swings that ended."""
+    state = now.episode_state
+    return _moving(now, np.square(state["swing"] / _HEIGHT - 1.0) * state["landed"])
+
+
+def _slip(now: Moment) -> Array:
+    """Squares of the speeds of feet on the ground."""
+    return _moving(now, np.square(foot_speeds(now)) * (foot_forces(now) > 0.0))
+
+
+def _landing(now: Moment) -> Array:
+    """Forces on feet that landed."""
+    return _moving(now, foot_forces(now) * now.episode_state["landed"])
+
+
+def _turning(now: Moment) -> Array:
+    """Rates of turn about horizontal axes."""
+    return square_sum(now.qvel[:, 3:5])
+
+
+def _hits(part: str) -> Callable[[Moment], Array]:
+    """A term: how many steps of an action geoms of a part of the robot hit the terrain, taken from the last of them."""
+
+    def hits(now: Moment) -> Array:
+        struck = hit(now, getattr(now.task, part))
+        count: Array = now.task.frame_skip * struck.astype(np.float64)
+        return count
+
+    return hits
+
+
+def hit(now: Moment, geoms: tuple[str, ...]) -> Array:
+    """Whether one of some geoms hit the terrain in the last step: (num_envs,) bool."""
+    if not geoms:
+        return np.zeros(len(now.action), dtype=bool)
+    return np.asarray(np.any(contact_forces(now, geoms, ["terrain"]) > _HIT, axis=1))
+
+
+def _moving(now: Moment, costs: Array) -> Array:
+    """Sums of costs of the feet (num_envs, nfeet) where the command is to move."""
+    # One after the other: np.sum would round those of a single environment in another order.
+    sums: Array = np.einsum("ij->i", costs) * (_speed(now) > _MOVES)
+    return sums
+
+
+TERMS: Mapping[str, Callable[[Moment], Array]] = {
+    "track_linear_velocity": _linear,
+    "track_angular_velocity": _angular,
+    "upright": _upright,
+    "pose": _pose,
+    "body_ang_vel": _turning,
+    "dof_pos_limits": _limits,
+    "action_rate": _action_rate,
+    "foot_clearance": _clearance,
+    "foot_swing_height": _swing,
+    "foot_slip": _slip,
+    "soft_landing": _landing,
+    "shank_collision": _hits("SHANKS"),
+    "trunk_collision": _hits("TRUNK"),
+}
+"""Terms by name, (num_envs,) each."""
+
+
+def terms_of(now: Moment, weights: Mapping[str, float]) -> Terms:
+    """Terms times weights; those of weight 0 are left out."""
+    return {name: weight * TERMS[name](now) for name, weight in weights.items() if weight}
+
+
+@once_per_model
+def _tolerances(model: Model, task: type) -> tuple[Array, Array, Array]:
+    """Tolerances of the joints to stand, walk and run: (nu,) rad each."""
+    tables = (task.STANDING, task.WALKING, task.RUNNING)  # type: ignore[attr-defined]
+    names = model.joint_names[1:]
+    found = [np.array([next(v for pattern, v in table.items() if re.search(pattern, name)) for name in names]) for table in tables]
+    return found[0], found[1], found[2]
+
+
+@once_per_model
+def _soft_limits(model: Model) -> tuple[Array, Array]:
+    """Least and greatest angles within the soft limits: (nu,) rad each."""
+    low, high = np.asarray(model.jnt_range)[1:].T
+    middle, half = 0.5 * (low + high), 0.5 * _SOFT * (high - low)
+    return middle - half, middle + half

@@ -1,0 +1,107 @@
+"""Readings of a robot on rough terrain that observations and rewards share."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+
+from stepper._quantities import headings
+from stepper._stepper import Model
+from stepper.envs.assets import once_per_model
+from stepper.envs.contacts import contact_forces
+from stepper.envs.task import Array, Moment, per_moment
+from stepper.shared.rotations import matrices
+
+SCAN = np.stack(np.meshgrid(np.linspace(-0.8, 0.8, 17), np.linspace(-0.5, 0.5, 11), indexing="ij"), axis=-1).reshape(-1, 2)
+"""Places of the height scan ahead of the base and to its left, (187, 2) m."""
+_INVERSE = SCAN / (SCAN**2).sum(axis=0)
+"""Slopes of the plane that fits heights at the places of the scan best, per height: (187, 2) 1/m."""
+
+
+@per_moment
+def frame(now: Moment) -> Array:
+    """Axes of the base in the world, columns: (num_envs, 3, 3)."""
+    return matrices(now.qpos[:, 3:7])
+
+
+@per_moment
+def heading(now: Moment) -> Array:
+    """Angle of the base about the vertical: (num_envs,) rad."""
+    return headings(now.qpos[:, 3:7])
+
+
+@per_moment
+def linear_velocity(now: Moment) -> Array:
+    """Velocity of the base in its own frame: (num_envs, 3) m/s."""
+    return in_base(now, now.qvel[:, :3])
+
+
+def in_base(now: Moment, vectors: Array) -> Array:
+    """Vectors of the world (num_envs, 3) in the frame of the base."""
+    turned: Array = np.einsum("ni,nij->nj", vectors, frame(now))
+    return turned
+
+
+@per_moment
+def ground_scan(now: Moment) -> Array:
+    """Heights of the ground at the places of the scan, which turn with the heading: (num_envs, 187) m."""
+    scan: Array = now.task.TERRAIN.ground.around(now.qpos[:, :2], heading(now), SCAN, beyond=0.0)
+    return scan
+
+
+@per_moment
+def ground_normal(now: Moment) -> Array:
+    """Normal of the plane that fits the scanned ground best, in the frame of the base: (num_envs, 3)."""
+    slopes = np.einsum("nk,ki->ni", ground_scan(now), _INVERSE)
+    c, s = np.cos(heading(now)), np.sin(heading(now))
+    normal = np.stack([s * slopes[:, 1] - c * slopes[:, 0], -s * slopes[:, 0] - c * slopes[:, 1], np.ones(len(c))], axis=1)
+    return in_base(now, normal / np.sqrt(np.einsum("ni,ni->n", normal, normal))[:, None])
+
+
+@per_moment
+def foot_heights(now: Moment) -> Array:
+    """Heights of the feet's sites above the ground: (num_envs, nfeet) m."""
+    places = now.site_xpos[:, _sites(now.sim.model, tuple(now.task.FEET))]
+    heights: Array = places[..., 2] - now.task.TERRAIN.height(places[..., :2])
+    return heights
+
+
+@per_moment
+def foot_speeds(now: Moment) -> Array:
+    """Horizontal speeds of the feet's sites: (num_envs, nfeet) m/s."""
+    model = now.sim.model
+    sites = _sites(model, tuple(now.task.FEET))
+    bodies = [model.site(k).bodyid for k in sites]
+    velocity = now.body_linvel[:, bodies] + np.cross(now.body_angvel[:, bodies], now.site_xpos[:, sites] - now.xpos[:, bodies])
+    speeds: Array = np.hypot(velocity[..., 0], velocity[..., 1])
+    return speeds
+
+
+@per_moment
+def foot_forces(now: Moment) -> Array:
+    """Normal forces between the feet and the terrain in the last step: (num_envs, nfeet) N."""
+    geoms = now.task.FEET.values()
+    forces = contact_forces(now, [name for names in geoms for name in names], ["terrain"])
+    ends = np.cumsum([0, *map(len, geoms)])
+    return np.stack([forces[:, a:b].sum(axis=1) for a, b in pairwise(ends)], axis=1)
+
+
+@once_per_model
+def _sites(model: Model, names: tuple[str, ...]) -> list[int]:
+    return [model.site(name).id for name in names]
+
+
+@once_per_model
+def stance(model: Model) -> Array:
+    """Angles of the joints at the beginning: (nu,) rad."""
+    angles: Array = np.array(model.keyframe("stance").qpos[7:])
+    return angles
+
+
+@once_per_model
+def action_scale(model: Model) -> Array:
+    """Change of a servo's set point by an action of 1: (nu,) rad. It is a quarter of what gives the largest torque, as in mjlab."""
+    low, high = model.actuator_ctrlrange.T
+    scale: Array = (high - low) / 4.0
+    return scale

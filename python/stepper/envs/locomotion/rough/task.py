@@ -1,0 +1,236 @@
+"""A legged robot follows velocity commands over generated terrain."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from stepper._stepper import Model, Stepper
+from stepper.envs.locomotion.rough.commands import (
+    STAGES,
+    Stages,
+    command,
+    command_state,
+    draw_commands,
+    draw_push_times,
+    push,
+    renew_commands,
+)
+from stepper.envs.locomotion.rough.rewards import TERMS, hit, terms_of
+from stepper.envs.locomotion.rough.state import action_scale, foot_forces, foot_heights, ground_scan, in_base, linear_velocity, stance
+from stepper.envs.streams import Rng
+from stepper.envs.task import Array, Moment, Observation, Reset, Task, Terms, square_sum
+from stepper.envs.terrain import Flat, PyramidSlope, PyramidStairs, RandomRough, Terrain, TerrainCurriculum, Wave
+from stepper.shared.rotations import about_vertical
+
+ROUGH = Terrain(
+    sub_terrains={
+        "flat": Flat(proportion=0.2),
+        "stairs": PyramidStairs(proportion=0.2, step_height_range=(0.0, 0.1)),
+        "stairs_inv": PyramidStairs(proportion=0.2, step_height_range=(0.0, 0.1), inverted=True),
+        "slope": PyramidSlope(proportion=0.1, slope_range=(0.0, 1.0)),
+        "slope_inv": PyramidSlope(proportion=0.1, slope_range=(0.0, 1.0), inverted=True),
+        "rough": RandomRough(proportion=0.1, height_range=(0.02, 0.1)),
+        "wave": Wave(proportion=0.1),
+    },
+    border_width=4.0,
+)
+"""Terrain of mjlab's rough velocity tasks, as a height field: its stairs are ramps of 0.1 m between treads of 0.2 m."""
+_MOST = 2.0
+"""Largest action: half the largest torque, away from the stance."""
+_LIFT = (0.01, 0.05)
+"""Least and greatest height above the stance at the beginning, m."""
+_BIAS = 0.015
+"""Largest error of an encoder, rad."""
+_SHIFT = np.array([0.025, 0.025, 0.03])
+"""Largest shift of the base's centre of mass, m."""
+_SCANNED = 5.0
+"""Height that the scan observes as 1, m."""
+_FAR = 0.5
+"""Share of the commanded way below which an environment goes to an easier row."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class RoughTask(Task):
+    """Follow velocity commands over rough terrain: observations, rewards, events and curricula of mjlab's rough velocity tasks.
+
+    An action is the change of the servos' set points from the stance, 1 for a quarter of the largest torque. A command holds for 3 to 8 s.
+    Each episode has its own friction of the feet, centre of mass of the base and encoder errors, and pushes every 1 to 3 s.
+    An environment goes to a harder row of the terrain when it leaves its tile, to an easier one when it makes less than half of the
+    commanded way. Commands become faster after 120,000 and 240,000 actions of an environment.
+
+    Attributes:
+        frame_skip: Steps for each action.
+        episode_steps: Actions of an episode, for the way that a command asks for.
+        noise: Errors of the observation, times mjlab's; 0 is the truth.
+        push: Pushes, times mjlab's; 0 is none.
+        friction: Least and largest friction of the feet.
+        max_init_level: Hardest row in which environments begin.
+        stages: Bounds of the commands by the number of actions of an environment; see `commands.STAGES`.
+        weights: Weights of the terms of the reward, of some or all; the others are those of `WEIGHTS`.
+
+    Raises:
+        ValueError: A negative noise or push, a row that the terrain has not, a weight of a term that there is not.
+    """
+
+    WEIGHTS: ClassVar[Mapping[str, float]] = {
+        "track_linear_velocity": 2.0,
+        "track_angular_velocity": 2.0,
+        "upright": 1.0,
+        "pose": 1.0,
+        "body_ang_vel": 0.0,
+        "dof_pos_limits": -1.0,
+        "action_rate": -0.1,
+        "foot_clearance": -2.0,
+        "foot_swing_height": -0.25,
+        "foot_slip": -0.1,
+        "soft_landing": -1e-5,
+        "shank_collision": 0.0,
+        "trunk_collision": 0.0,
+    }
+    """Weights of the terms of the reward, per s."""
+    TERRAIN: ClassVar[Terrain] = ROUGH
+    """The terrain, which is the geom "terrain" of the model."""
+    FEET: ClassVar[Mapping[str, tuple[str, ...]]]
+    """Geoms of the feet by their sites."""
+    THIGHS: ClassVar[tuple[str, ...]] = ()
+    """Geoms whose hits end an episode."""
+    SHANKS: ClassVar[tuple[str, ...]] = ()
+    """Geoms whose hits cost reward: "shank_collision"."""
+    TRUNK: ClassVar[tuple[str, ...]] = ()
+    """Likewise: "trunk_collision"."""
+    STANDING: ClassVar[Mapping[str, float]]
+    """Tolerances of joints by patterns of their names where the command is to stand, rad."""
+    WALKING: ClassVar[Mapping[str, float]]
+    """Likewise, to walk."""
+    RUNNING: ClassVar[Mapping[str, float]]
+    """Likewise, to run."""
+    steepest: ClassVar[float | None] = None
+    """Cosine of the inclination of the base at which an episode ends; None is none."""
+    carried = (*TerrainCurriculum.carried, "steps")
+
+    frame_skip: int = 4
+    episode_steps: int = 1000
+    noise: float = 1.0
+    push: float = 1.0
+    friction: tuple[float, float] = (0.3, 1.2)
+    max_init_level: int = 5
+    stages: Stages = STAGES
+    weights: Mapping[str, float] | None = None
+
+    def __post_init__(self) -> None:
+        for name in ("noise", "push", "max_init_level"):
+            if not getattr(self, name) >= 0.0:
+                raise ValueError(f"{name} is {getattr(self, name)}, must be at least 0")
+        if unknown := sorted(set(self.weights or {}) - set(TERMS)):
+            raise ValueError(f"weights has {unknown}, terms of the reward are {', '.join(TERMS)}")
+
+    @property
+    def levels(self) -> TerrainCurriculum:
+        """Levels of the environments."""
+        return TerrainCurriculum(terrain=self.TERRAIN, max_init_level=self.max_init_level)
+
+    def action_bounds(self, model: Model) -> tuple[Array, Array]:
+        """Bounds at which servos reach half their largest torques, away from the stance."""
+        return np.full(model.nu, -_MOST), np.full(model.nu, _MOST)
+
+    def observations(self) -> tuple[Observation, ...]:
+        """Velocities and gravity in the frame of the base, joints beside the stance, last action, command, height scan."""
+        k = self.noise
+        return (
+            Observation("base_lin_vel", func=linear_velocity, noise=0.5 * k, unit="m/s"),
+            Observation("base_ang_vel", func=lambda now: now.qvel[:, 3:6], noise=0.2 * k, unit="rad/s"),
+            Observation("projected_gravity", func=lambda now: in_base(now, np.tile([0.0, 0.0, -1.0], (len(now.qpos), 1))), noise=0.05 * k),
+            Observation("joint_pos", func=_joint_pos, noise=0.01 * k, unit="rad"),
+            Observation("joint_vel", func=lambda now: now.qvel[:, 6:], noise=1.5 * k, unit="rad/s"),
+            Observation("actions", func=lambda now: now.episode_state["last"]),
+            Observation("command", func=command, unit="m/s, rad/s"),
+            Observation(
+                "height_scan", func=lambda now: (now.qpos[:, 2:3] - ground_scan(now)) / _SCANNED, noise=0.1 / _SCANNED * k, unit="5 m"
+            ),
+        )
+
+    def reward(self, now: Moment) -> tuple[Array, Terms]:
+        """Sum of the terms times the time of an action; "tracking_error" is the distance from the command in x and y, m/s."""
+        terms = terms_of(now, {**self.WEIGHTS, **(self.weights or {})})
+        error = np.sqrt(square_sum(linear_velocity(now)[:, :2] - command(now)[:, :2]))
+        # One after the other: np.sum would round those of a single environment in another order.
+        total: Array = now.dt * sum(terms.values(), np.zeros(len(error)))
+        return total, {"tracking_error": error} | {f"reward_{name}": term for name, term in terms.items()}
+
+    def healthy(self, now: Moment) -> Array:
+        """No thigh hit the ground, and the base is upright where the robot has a bound."""
+        safe: Array = ~hit(now, self.THIGHS)
+        if self.steepest is not None:
+            safe &= -in_base(now, np.tile([0.0, 0.0, -1.0], (len(safe), 1)))[:, 2] > self.steepest
+        return safe
+
+    def truncated(self, now: Moment) -> Array:
+        """Beside the terrain."""
+        return self.TERRAIN.leaves(now.qpos[:, :2])
+
+    def info(self, now: Moment) -> Terms:
+        """The command, and the level of the terrain."""
+        return {"command": command(now), "terrain_level": np.array(now.episode_state["terrain_level"])}
+
+    def episode_state(self, num_envs: int) -> Terms:
+        """Commands, pushes, levels, encoder errors, the last two actions, and swings of the feet."""
+        nu, feet = len(self.model().actuator_names), len(self.FEET)
+        joints = {name: np.zeros((num_envs, nu)) for name in ("last", "before", "encoder_bias")}
+        swings = {"peak": np.zeros((num_envs, feet)), "swing": np.zeros((num_envs, feet)), "landed": np.zeros((num_envs, feet), dtype=bool)}
+        return command_state(num_envs) | self.levels.episode_state(num_envs) | joints | swings
+
+    def sample_state(self, qpos: Array, qvel: Array, rng: Rng) -> None:
+        """In the stance, in any direction, a little above the ground."""
+        qpos[:] = self.model().keyframe("stance").qpos
+        qpos[:, 2] += rng.uniform(*_LIFT, 1)[:, 0]
+        qpos[:, 3:7] = about_vertical(rng.uniform(-np.pi, np.pi, 1)[:, 0])
+
+    def place(self, reset: Reset) -> None:
+        """Near the middle of the tile of the environment's level."""
+        super().place(reset)
+        self.levels.place(reset)
+
+    def on_reset(self, sim: Stepper, episode_state: Terms, mask: Array, rng: Rng) -> None:
+        """Draws commands, the time of the first push, encoder errors, friction of the feet and the centre of mass of the base."""
+        model, envs, dt = sim.model, rng.envs, sim.timestep * self.frame_skip
+        draw_commands(episode_state, envs, rng, dt, self.stages)
+        draw_push_times(episode_state, envs, rng, dt)
+        episode_state["encoder_bias"][envs] = self.noise * rng.uniform(-_BIAS, _BIAS, model.nu)
+        rows = {name: np.zeros((len(mask), *getattr(model, name).shape)) for name in ("geom_friction", "body_ipos")}
+        for name, values in rows.items():
+            values[envs] = getattr(model, name)
+        feet = [model.geom(name).id for names in self.FEET.values() for name in names]
+        rows["geom_friction"][envs[:, None], feet, 0] = rng.uniform(*self.friction, 1)
+        rows["body_ipos"][envs, 1] += _SHIFT * rng.uniform(-1.0, 1.0, 3)
+        sim.randomize(mask, **rows)
+
+    def advance(self, now: Moment) -> None:
+        """Renews commands, pushes, and makes the steps."""
+        state, model = now.episode_state, now.sim.model
+        state["steps"] += 1
+        renew_commands(now, self.stages)
+        push(now, self.push)
+        state["before"][:] = state["last"]
+        state["last"][:] = now.action
+        now.sim.step(stance(model) + action_scale(model) * now.action - state["encoder_bias"], self.frame_skip)
+        on_ground, heights = foot_forces(now) > 0.0, foot_heights(now)
+        state["landed"][:] = on_ground & (state["peak"] > 0.0)
+        state["swing"][:] = np.where(state["landed"], state["peak"], 0.0)
+        state["peak"][:] = np.where(on_ground, 0.0, np.maximum(state["peak"], heights))
+
+    def on_end(self, now: Moment, envs: Array) -> None:
+        """Moves environments that left their tile to a harder row, and those that made too little way to an easier one."""
+        state = now.episode_state
+        distance = self.levels.distance(state, envs, now.qpos[envs])
+        way = np.hypot(*command(now)[envs, :2].T) * self.episode_steps * now.dt
+        self.levels.move(state, envs, up=distance > self.TERRAIN.size / 2, down=distance < _FAR * way)
+
+
+def _joint_pos(now: Moment) -> Array:
+    """Angles that the encoders read, beside the stance: (num_envs, nu) rad."""
+    angles: Array = now.qpos[:, 7:] - stance(now.sim.model) + now.episode_state["encoder_bias"]
+    return angles

@@ -1,0 +1,37 @@
+"""Rows of the tables of several tasks."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from stepper._stepper import Model
+from stepper.envs.assets import once_per_model
+from stepper.envs.task import Array, Moment, Observation, Terms
+
+
+@once_per_model
+def _tendon_matrices(model: Model) -> tuple[Array, Array]:
+    """What makes lengths of tendons of qpos, (nq, ntendon), and their velocities of qvel, (nv, ntendon)."""
+    names = model.tendon_names
+    lengths, rates = np.zeros((model.nq, len(names))), np.zeros((model.nv, len(names)))
+    for k in range(len(names)):
+        tendon = model.tendon(k)
+        for joint, coefficient in zip(tendon.jntid.tolist(), tendon.coef.tolist(), strict=True):
+            lengths[model.joint(joint).qposadr, k] = coefficient
+            rates[model.joint(joint).dofadr, k] = coefficient
+    return lengths, rates
+
+
+def tendons(now: Moment) -> Terms:
+    """Lengths and velocities of the fixed tendons, (num_envs, ntendon) each, as "tendon_length" and "tendon_velocity"."""
+    lengths, rates = _tendon_matrices(now.sim.model)
+    return {"tendon_length": now.qpos @ lengths, "tendon_velocity": now.qvel @ rates}
+
+
+BODY_TABLES = (
+    Observation("cinert", columns=slice(10, None)),
+    Observation("cvel", columns=slice(6, None)),
+    Observation("qfrc_actuator", columns=slice(6, None)),
+    Observation("cfrc_ext", columns=slice(6, None)),
+)
+"""What humanoids observe of their bodies: of all but the world, and forces of all joints but the free one."""

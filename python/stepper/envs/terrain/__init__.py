@@ -1,0 +1,32 @@
+"""Terrains of many tiles, from easy to hard, and curricula over them. docs/terrain.md has an example."""
+
+from stepper.envs.terrain.curriculum import TerrainCurriculum, stage_of
+from stepper.envs.terrain.generator import Terrain
+from stepper.envs.terrain.sub_terrains import (
+    BoxTerrain,
+    DiscreteObstacles,
+    Flat,
+    Gap,
+    PyramidSlope,
+    PyramidStairs,
+    RandomRough,
+    SteppingStones,
+    SubTerrain,
+    Wave,
+)
+
+__all__ = [
+    "BoxTerrain",
+    "DiscreteObstacles",
+    "Flat",
+    "Gap",
+    "PyramidSlope",
+    "PyramidStairs",
+    "RandomRough",
+    "SteppingStones",
+    "SubTerrain",
+    "Terrain",
+    "TerrainCurriculum",
+    "Wave",
+    "stage_of",
+]

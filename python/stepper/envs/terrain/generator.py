@@ -1,0 +1,204 @@
+"""Tiled terrain: a row of tiles for each level of difficulty, a column for each kind."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+from xml.etree.ElementTree import Element, tostring
+
+import numpy as np
+
+from stepper.envs.task import Array
+from stepper.envs.terrain.sub_terrains import BoxTerrain, SubTerrain
+from stepper.sensors import HeightField
+
+if TYPE_CHECKING:
+    import mujoco
+
+_WHOLE = 1e-6
+"""Largest difference of a number of cells from a whole one."""
+_LEAST = 1e-3
+"""Least extent in z of a height field, m: MuJoCo refuses 0, the extent of flat ground."""
+_BASE = 0.5
+"""Thickness of the ground below its lowest point, m."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Terrain:
+    """Square tiles in rows along x, from the easiest to the hardest, and a column along y for each kind; the middle is at the origin.
+
+        ground = Terrain(sub_terrains={"rough": RandomRough(), "stairs": PyramidStairs()}, seed=1)
+        ground.add_to(spec)  # a height field "terrain" in a mujoco.MjSpec
+        ground.origins  # (num_rows, 2, 3) m, middles of the tiles on the surface
+
+    Equal arguments give equal terrains. A tile depends on the seed and on its row and column alone.
+
+    Attributes:
+        sub_terrains: Kinds by name, a column each.
+        num_rows: Levels of difficulty.
+        size: Side of a tile, m.
+        horizontal_scale: Distance of the points of the height field, m. A vertical step becomes a ramp of this length.
+        border_width: Width of the flat ground around all tiles, m.
+        difficulty_range: Difficulties of the first row and the last, from 0 to 1.
+        seed: Seed of everything random.
+
+    Raises:
+        ValueError: No kinds, no rows, a tile or border that is not a whole number of cells, difficulties out of their range.
+    """
+
+    sub_terrains: Mapping[str, SubTerrain]
+    num_rows: int = 10
+    size: float = 8.0
+    horizontal_scale: float = 0.1
+    border_width: float = 2.0
+    difficulty_range: tuple[float, float] = (0.0, 1.0)
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        if not self.sub_terrains or self.num_rows < 1:
+            raise ValueError(f"there are {len(self.sub_terrains)} sub_terrains and {self.num_rows} rows, must be at least 1 of each")
+        if not self.horizontal_scale > 0.0:
+            raise ValueError(f"horizontal_scale is {self.horizontal_scale}, must be above 0 m")
+        for name in ("size", "border_width"):
+            cells = getattr(self, name) / self.horizontal_scale
+            if abs(cells - round(cells)) > _WHOLE or round(cells) < (1 if name == "size" else 0):
+                raise ValueError(f"{name} is {getattr(self, name)} m, must be a whole number of cells of {self.horizontal_scale} m")
+        if not 0.0 <= self.difficulty_range[0] <= self.difficulty_range[1] <= 1.0:
+            raise ValueError(f"difficulty_range is {self.difficulty_range}, must be two numbers from 0 to 1, the easier one first")
+
+    @property
+    def difficulties(self) -> Array:
+        """Difficulty of each row, (num_rows,)."""
+        return np.linspace(*self.difficulty_range, self.num_rows)
+
+    @property
+    def proportions(self) -> Array:
+        """Share of the environments of each kind, (num_columns,)."""
+        shares = np.array([kind.proportion for kind in self.sub_terrains.values()])
+        normalised: Array = shares / shares.sum()
+        return normalised
+
+    @property
+    def half(self) -> Array:
+        """Half the extent in x and y, border included, m: (2,)."""
+        half: Array = 0.5 * self.size * np.array([self.num_rows, len(self.sub_terrains)]) + self.border_width
+        return half
+
+    @functools.cached_property
+    def elevation(self) -> Array:
+        """Heights of the points, (rows along y, columns along x) m, from the least corner. They have single precision, as MuJoCo's."""
+        border, cells = round(self.border_width / self.horizontal_scale), round(self.size / self.horizontal_scale)
+        shape = [2 * border + cells * count + 1 for count in (len(self.sub_terrains), self.num_rows)]
+        heights = np.zeros(shape)
+        for row in range(self.num_rows):
+            for column in range(len(self.sub_terrains)):
+                first, second = border + cells * column, border + cells * row
+                heights[first : first + cells + 1, second : second + cells + 1] += self._tile(row, column)
+        lowest, extent = heights.min(), max(float(np.ptp(heights)), _LEAST)
+        single = ((heights - lowest) / extent).astype(np.float32)
+        elevation: Array = single.astype(np.float64) * extent + lowest
+        return elevation
+
+    @functools.cached_property
+    def ground(self) -> HeightField:
+        """The terrain as a height field to read from, without a simulation."""
+        return HeightField.from_elevation(self.elevation, self.half)
+
+    @functools.cached_property
+    def origins(self) -> Array:
+        """Middles of the tiles on the surface, (num_rows, num_columns, 3) m."""
+        x, y = (self.size * (np.arange(count) - (count - 1) / 2) for count in (self.num_rows, len(self.sub_terrains)))
+        places = np.stack(np.broadcast_arrays(x[:, None], y), axis=-1)
+        return np.concatenate([places, self.height(places)[..., None]], axis=-1)
+
+    def height(self, xy: Array) -> Array:
+        """Heights of the surface at places (..., 2), m; 0 beside the terrain."""
+        return self.ground.heights(None, xy, beyond=0.0)
+
+    def leaves(self, xy: Array, margin: float = 0.3) -> Array:
+        """Whether places (..., 2) are beside the terrain or nearer to its border than a margin, m: for `Task.truncated`."""
+        return np.asarray(np.any(np.abs(xy) > self.half - margin, axis=-1))
+
+    def boxes(self) -> Array:
+        """The terrain as boxes: middles and half sides, (n, 2, 3) m. They have vertical walls, but cost more than a height field.
+
+        Raises:
+            ValueError: A kind that does not consist of boxes.
+        """
+        found = []
+        for column, (name, kind) in enumerate(self.sub_terrains.items()):
+            if not isinstance(kind, BoxTerrain):
+                raise ValueError(f"sub_terrain {name!r} is a {type(kind).__name__}, which has no boxes: add_to(spec) makes a height field")
+            for row in range(self.num_rows):
+                corners = kind.boxes(self.size, self.difficulties[row], self._rng(row, column))
+                corners = corners[(corners[:, 1] > corners[:, 0] + _WHOLE).all(axis=1)]
+                place = [*self.origins[row, column, :2], 0.0]
+                found.append(np.stack([corners.mean(axis=1) + place, (corners[:, 1] - corners[:, 0]) / 2], axis=1))
+        return np.concatenate([*found, self._border()])
+
+    def add_to(self, spec: mujoco.MjSpec, name: str = "terrain", *, boxes: bool = False, **attributes: Any) -> None:
+        """Adds the terrain to the world of a scene, for `stepper.load(spec.compile())`.
+
+        Args:
+            spec: The scene, which is changed.
+            name: Name of the height field and of its geom; boxes are called "terrain_0" and so on.
+            boxes: Whether to add boxes instead of a height field.
+            **attributes: Attributes of the geoms, as friction, rgba or contype.
+
+        Raises:
+            ValueError: Boxes of a kind that does not consist of boxes.
+        """
+        import mujoco  # noqa: PLC0415 - an optional package
+
+        if boxes:
+            for k, (pos, size) in enumerate(self.boxes()):
+                spec.worldbody.add_geom(name=f"{name}_{k}", type=mujoco.mjtGeom.mjGEOM_BOX, pos=pos, size=size, **attributes)
+            return
+        data, lowest, size = self._field()
+        spec.add_hfield(name=name, nrow=len(data), ncol=data.shape[1], size=size, userdata=data.ravel())
+        kind = mujoco.mjtGeom.mjGEOM_HFIELD
+        spec.worldbody.add_geom(name=name, type=kind, hfieldname=name, pos=[0.0, 0.0, lowest], **attributes)
+
+    def mjcf(self, name: str = "terrain", **attributes: str) -> tuple[str, str]:
+        """MJCF of the height field: what belongs into `<asset>`, and what belongs into `<worldbody>`."""
+        asset, geom = self.elements(name, **attributes)
+        return tostring(asset, encoding="unicode"), tostring(geom, encoding="unicode")
+
+    def elements(self, name: str = "terrain", **attributes: str) -> tuple[Element, Element]:
+        """Elements of MJCF of the height field: the asset, and the geom with further attributes."""
+        data, lowest, size = self._field()
+        # MJCF has rows from the greatest y to the least. Nine digits determine a number of single precision.
+        values = " ".join(f"{value:.9g}" for value in data[::-1].ravel().tolist())
+        shape = {"nrow": str(len(data)), "ncol": str(data.shape[1]), "size": " ".join(map(repr, size))}
+        asset = Element("hfield", {"name": name, "elevation": values, **shape})
+        place = {"name": name, "type": "hfield", "hfield": name, "pos": f"0 0 {lowest!r}"}
+        return asset, Element("geom", place | attributes)
+
+    def _field(self) -> tuple[Array, float, list[float]]:
+        """Heights from 0 to 1 in single precision, height of 0, and MuJoCo's size of the field."""
+        lowest, extent = float(self.elevation.min()), max(float(np.ptp(self.elevation)), _LEAST)
+        data = ((self.elevation - lowest) / extent).astype(np.float32)
+        return data, lowest, [*self.half.tolist(), extent, _BASE]
+
+    def _tile(self, row: int, column: int) -> Array:
+        """Heights of the points of a tile, (cells + 1, cells + 1) m. Those of its border are 0."""
+        kind = list(self.sub_terrains.values())[column]
+        line = np.linspace(-self.size / 2, self.size / 2, round(self.size / self.horizontal_scale) + 1)
+        heights = kind.heights(line, line, self.size, float(self.difficulties[row]), self._rng(row, column))
+        inside = np.abs(line) <= self.size / 2 - max(kind.border_width, self.horizontal_scale / 2) + _WHOLE
+        return np.where(inside & inside[:, None], heights, 0.0)
+
+    def _rng(self, row: int, column: int) -> np.random.Generator:
+        """Random numbers of a tile."""
+        return np.random.default_rng([self.seed, row, column])
+
+    def _border(self) -> Array:
+        """Boxes around all tiles: (4, 2, 3), or none."""
+        (x, y), width = self.half, self.border_width
+        if not width:
+            return np.empty((0, 2, 3))
+        sides = [((x - width / 2, 0.0), (width / 2, y)), ((0.0, y - width / 2), (x - width, width / 2))]
+        signs = ((1.0, sides[0]), (-1.0, sides[0]), (1.0, sides[1]), (-1.0, sides[1]))
+        return np.array([[[s * a, s * b, -_BASE / 2], [*half, _BASE / 2]] for s, ((a, b), half) in signs])

@@ -1,0 +1,272 @@
+"""Kinds of terrain: heights of a square tile by difficulty, seamless with its neighbours at height 0."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+
+import numpy as np
+
+from stepper.envs.task import Array
+
+Range = tuple[float, float]
+"""Values of a parameter in the easiest tile and in the hardest."""
+
+_EDGE = 1e-9
+"""Distance by which a box reaches beyond its edge, m, so that rounding errors leave out no point of the grid on it."""
+_THICKNESS = 0.5
+"""Thickness of the ground below its lowest point, m."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class SubTerrain(ABC):
+    """Kind of terrain of a tile. In its middle is a place to begin, and its border has height 0.
+
+    Attributes:
+        proportion: Share of the environments on tiles of this kind, compared with those of other kinds.
+        border_width: Width of the flat border, m.
+    """
+
+    proportion: float = 1.0
+    border_width: float = 0.25
+
+    def __post_init__(self) -> None:
+        for name in ("proportion", "border_width"):
+            if not getattr(self, name) >= 0.0:
+                raise ValueError(f"{name} of {type(self).__name__} is {getattr(self, name)}, must be at least 0")
+
+    @abstractmethod
+    def heights(self, x: Array, y: Array, size: float, difficulty: float, rng: np.random.Generator) -> Array:
+        """Heights at points of a tile.
+
+        Args:
+            x: Coordinates from the middle, (n,) m, ascending.
+            y: Likewise, (m,) m.
+            size: Side of the tile, m.
+            difficulty: From 0, easiest, to 1, hardest.
+            rng: Random numbers of this tile.
+
+        Returns:
+            (m, n) m, without the border, which the terrain makes flat.
+        """
+
+
+class BoxTerrain(SubTerrain):
+    """Kind of terrain that consists of boxes, so that a scene can have it as boxes, with vertical walls."""
+
+    @abstractmethod
+    def boxes(self, size: float, difficulty: float, rng: np.random.Generator) -> Array:
+        """Boxes of a tile: least and greatest corners from its middle, (n, 2, 3) m. They cover the tile, border included."""
+
+    def heights(self, x: Array, y: Array, size: float, difficulty: float, rng: np.random.Generator) -> Array:
+        """Tops of the highest boxes at points of a tile."""
+        heights = np.full((len(y), len(x)), -np.inf)
+        for (x_low, y_low, _), (x_high, y_high, top) in self.boxes(size, difficulty, rng):
+            columns = slice(np.searchsorted(x, x_low - _EDGE), np.searchsorted(x, x_high + _EDGE))
+            rows = slice(np.searchsorted(y, y_low - _EDGE), np.searchsorted(y, y_high + _EDGE))
+            heights[rows, columns] = np.maximum(heights[rows, columns], top)
+        return heights
+
+
+@dataclass(frozen=True, kw_only=True)
+class Flat(BoxTerrain):
+    """Flat ground, whatever the difficulty."""
+
+    def boxes(self, size: float, difficulty: float, rng: np.random.Generator) -> Array:
+        """One box."""
+        return np.array([_box(-size / 2, size / 2, -size / 2, size / 2, -_THICKNESS, 0.0)])
+
+
+@dataclass(frozen=True, kw_only=True)
+class RandomRough(SubTerrain):
+    """Rough ground: random heights of points, with plane pieces between them.
+
+    Attributes:
+        height_range: Greatest height, m.
+        spacing: Distance of the points, m.
+    """
+
+    height_range: Range = (0.0, 0.1)
+    spacing: float = 0.2
+
+    def heights(self, x: Array, y: Array, size: float, difficulty: float, rng: np.random.Generator) -> Array:
+        """Heights from 0 to the greatest, uniformly distributed at the random points."""
+        points = np.linspace(-size / 2, size / 2, max(2, round(size / self.spacing) + 1))
+        drawn = rng.uniform(0.0, _at(self.height_range, difficulty), (len(points), len(points)))
+        along = np.stack([np.interp(x, points, row) for row in drawn])
+        return np.stack([np.interp(y, points, column) for column in along.T], axis=1)
+
+
+@dataclass(frozen=True, kw_only=True)
+class PyramidSlope(SubTerrain):
+    """Slopes to a platform in the middle.
+
+    Attributes:
+        slope_range: Rise per distance.
+        platform_width: Side of the platform, m.
+        inverted: Whether slopes go down to the middle.
+    """
+
+    slope_range: Range = (0.0, 0.7)
+    platform_width: float = 2.0
+    inverted: bool = False
+
+    def heights(self, x: Array, y: Array, size: float, difficulty: float, rng: np.random.Generator) -> Array:
+        """Heights that rise with the distance from the border."""
+        distance = size / 2 - self.border_width - _from_middle(x, y)
+        rise = np.clip(distance, 0.0, max(0.0, (size - self.platform_width) / 2 - self.border_width))
+        return (-1.0 if self.inverted else 1.0) * _at(self.slope_range, difficulty) * rise
+
+
+@dataclass(frozen=True, kw_only=True)
+class Wave(SubTerrain):
+    """Hills and hollows in a regular pattern.
+
+    Attributes:
+        amplitude_range: Height of the hills and depth of the hollows, m.
+        num_waves: Waves along each side.
+    """
+
+    amplitude_range: Range = (0.0, 0.2)
+    num_waves: int = 4
+
+    def heights(self, x: Array, y: Array, size: float, difficulty: float, rng: np.random.Generator) -> Array:
+        """Products of sines that vanish on the border."""
+        along, across = (np.sin(2.0 * np.pi * self.num_waves * (places / size + 0.5)) for places in (x, y))
+        return _at(self.amplitude_range, difficulty) * across[:, None] * along
+
+
+@dataclass(frozen=True, kw_only=True)
+class PyramidStairs(BoxTerrain):
+    """Stairs to a platform in the middle.
+
+    Attributes:
+        step_height_range: Height of a step, m.
+        step_width: Depth of a tread, m.
+        platform_width: Least side of the platform, m.
+        inverted: Whether stairs go down to the middle.
+    """
+
+    border_width: float = 1.0
+    step_height_range: Range = (0.0, 0.2)
+    step_width: float = 0.3
+    platform_width: float = 3.0
+    inverted: bool = False
+
+    def boxes(self, size: float, difficulty: float, rng: np.random.Generator) -> Array:
+        """A box for each step and all that is above it; of inverted stairs four for each step."""
+        step, outer = _at(self.step_height_range, difficulty), size / 2 - self.border_width
+        count = max(0, int((outer - self.platform_width / 2) / self.step_width + _EDGE))
+        halves = outer - self.step_width * np.arange(count + 1)
+        if not self.inverted:
+            pyramid = [_box(-half, half, -half, half, -_THICKNESS, step * (k + 1)) for k, half in enumerate(halves[:count])]
+            return np.array([_box(-size / 2, size / 2, -size / 2, size / 2, -_THICKNESS, 0.0), *pyramid])
+        bottom = -step * count - _THICKNESS
+        rings = [_ring(size / 2, halves[0], bottom, 0.0)]
+        rings += [_ring(halves[k], halves[k + 1], bottom, -step * (k + 1)) for k in range(count)]
+        last = halves[count]
+        return np.concatenate([*rings, [_box(-last, last, -last, last, bottom, -step * count)]])
+
+
+@dataclass(frozen=True, kw_only=True)
+class Gap(BoxTerrain):
+    """A gap all around a platform in the middle.
+
+    Attributes:
+        gap_width_range: Width of the gap, m.
+        platform_width: Side of the platform, m.
+        depth: Depth of the gap, m.
+    """
+
+    gap_width_range: Range = (0.05, 0.6)
+    platform_width: float = 2.0
+    depth: float = 1.0
+
+    def boxes(self, size: float, difficulty: float, rng: np.random.Generator) -> Array:
+        """The platform, the ground around, and the bottom of the gap."""
+        inner, bottom = self.platform_width / 2, -self.depth - _THICKNESS
+        outer = inner + _at(self.gap_width_range, difficulty)
+        middle = [_box(-inner, inner, -inner, inner, bottom, 0.0), _box(-outer, outer, -outer, outer, bottom, -self.depth)]
+        return np.concatenate([_ring(size / 2, outer, bottom, 0.0), middle])
+
+
+@dataclass(frozen=True, kw_only=True)
+class SteppingStones(BoxTerrain):
+    """Stones over a pit, around a platform in the middle.
+
+    Attributes:
+        stone_size_range: Side of a stone, m.
+        stone_distance_range: Distance of the stones, m.
+        height_variation: Greatest difference of a stone's top from 0, m.
+        platform_width: Side of the platform, m.
+        depth: Depth of the pit, m.
+    """
+
+    stone_size_range: Range = (0.8, 0.3)
+    stone_distance_range: Range = (0.05, 0.3)
+    height_variation: float = 0.0
+    platform_width: float = 1.0
+    depth: float = 1.0
+
+    def boxes(self, size: float, difficulty: float, rng: np.random.Generator) -> Array:
+        """The stones, the platform, the border, and the bottom of the pit."""
+        side, distance = _at(self.stone_size_range, difficulty), _at(self.stone_distance_range, difficulty)
+        outer, inner, bottom = size / 2 - self.border_width, self.platform_width / 2, -self.depth - _THICKNESS
+        count = max(1, int((2.0 * outer - distance) / (side + distance) + _EDGE))
+        # Even gaps all around, the outer ones included.
+        gap = (2.0 * outer - count * side) / (count + 1)
+        starts = -outer + gap + (side + gap) * np.arange(count)
+        tops = rng.uniform(-self.height_variation, self.height_variation, (count, count))
+        stones = [_box(x, x + side, y, y + side, bottom, tops[i, j]) for i, x in enumerate(starts) for j, y in enumerate(starts)]
+        pit, platform = _box(-outer, outer, -outer, outer, bottom, -self.depth), _box(-inner, inner, -inner, inner, bottom, 0.0)
+        return np.concatenate([_ring(size / 2, outer, bottom, 0.0), [pit, platform], stones])
+
+
+@dataclass(frozen=True, kw_only=True)
+class DiscreteObstacles(BoxTerrain):
+    """Boxes on flat ground, around a free place in the middle.
+
+    Attributes:
+        height_range: Greatest height of a box, m; the least is half of it.
+        width_range: Least and greatest side of a box, m, whatever the difficulty.
+        num_obstacles: Number of boxes; those that would reach into the free place are left out.
+        platform_width: Side of the free place, m.
+    """
+
+    height_range: Range = (0.02, 0.2)
+    width_range: tuple[float, float] = (0.3, 1.0)
+    num_obstacles: int = 40
+    platform_width: float = 1.0
+
+    def boxes(self, size: float, difficulty: float, rng: np.random.Generator) -> Array:
+        """The ground and the boxes on it."""
+        outer = size / 2 - self.border_width
+        sides = np.minimum(rng.uniform(*self.width_range, (self.num_obstacles, 2)), 2.0 * outer)
+        low = -outer + rng.uniform(0.0, 1.0, (self.num_obstacles, 2)) * (2.0 * outer - sides)
+        tops = rng.uniform(0.5, 1.0, self.num_obstacles) * _at(self.height_range, difficulty)
+        free = np.any((low > self.platform_width / 2) | (low + sides < -self.platform_width / 2), axis=1)
+        parts = zip(low[free], (low + sides)[free], tops[free], strict=True)
+        obstacles = [_box(x, x_high, y, y_high, -_THICKNESS, top) for (x, y), (x_high, y_high), top in parts]
+        return np.array([_box(-size / 2, size / 2, -size / 2, size / 2, -_THICKNESS, 0.0), *obstacles])
+
+
+def _at(values: Range, difficulty: float) -> float:
+    """Value of a parameter at a difficulty."""
+    return values[0] + difficulty * (values[1] - values[0])
+
+
+def _from_middle(x: Array, y: Array) -> Array:
+    """Larger of the distances from the middle along x and y, (m, n) m."""
+    distance: Array = np.maximum(np.abs(x), np.abs(y)[:, None])
+    return distance
+
+
+def _box(*bounds: float) -> list[list[float]]:
+    """Corners of a box of bounds in x, y and z."""
+    return [list(bounds[::2]), list(bounds[1::2])]
+
+
+def _ring(outer: float, inner: float, bottom: float, top: float) -> Array:
+    """Four boxes around a square, of half sides outer and inner: (4, 2, 3)."""
+    sides = [(-outer, outer, -outer, -inner), (-outer, outer, inner, outer), (-outer, -inner, -inner, inner), (inner, outer, -inner, inner)]
+    return np.array([_box(*side, bottom, top) for side in sides])

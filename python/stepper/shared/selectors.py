@@ -1,0 +1,383 @@
+"""Selectors: one spelling of a parameter, `field`, `field[names]` or `field[names][columns]`.
+
+    geom_friction                        all numbers of a field
+    geom_friction[floor,box][0]          sliding friction of two geoms
+    geom_friction[*_foot][0]             names by pattern
+    dof_damping[root][2]                 third degree of freedom of a joint
+    body_mass[3]                         element without a name, by its index: a row of the field
+    gravity[2]                           fields of the whole model have columns alone
+    geom_friction['a,b'][0]              names with , [ ] ' or " are quoted, and so are names of digits
+
+Selected numbers have a shape as in NumPy: one name or index of one row, and one column, have no axis; several and patterns have one.
+"""
+
+from __future__ import annotations
+
+import ast
+import fnmatch
+import functools
+import re
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from stepper._hints import near, unknown, unknown_field
+from stepper._other_names import EARLIER_SELECTORS
+from stepper._stepper import Model, Stepper, selected
+from stepper.shared.fields import COMPOUNDS, FIELDS, RANDOMIZED
+
+Array = NDArray[np.float64]
+Item = str | int
+"""Name, pattern or index of an element."""
+
+_ITEM = r"""\s*(?:'(?:[^'\\]|\\.)*'|"(?:[^"\\]|\\.)*"|[^\[\],'"]+)\s*"""
+_LIST = rf"\[({_ITEM}(?:,{_ITEM})*)\]\s*"
+_TEXT = re.compile(rf"\s*([A-Za-z_][\w.]*)\s*(?:{_LIST})?(?:{_LIST})?", re.DOTALL)
+_EARLIER = re.compile(r"\s*(\w+):([^=]+)(.*)", re.DOTALL)
+_JOINT_ROWS = {"dof": ("dofadr", "nv"), "coordinate": ("qposadr", "nq")}
+"""Attributes of a joint with the first row and the number of rows of kinds that belong to joints."""
+
+
+@dataclass(frozen=True)
+class Selector:
+    """Numbers of a field, by names and columns.
+
+    Attributes:
+        field: Name of the field.
+        elements: Names, patterns and indices of elements; None is all.
+        columns: Indices of numbers of each element, or of the field if it belongs to the whole model; None is all.
+    """
+
+    field: str
+    elements: tuple[Item, ...] | None = None
+    columns: tuple[int, ...] | None = None
+
+    def __post_init__(self) -> None:
+        for name in ("elements", "columns"):
+            if getattr(self, name) == ():
+                raise ValueError(f"{name} of a selector of {self.field!r} is empty: give one at least, or None for all")
+        if self.columns is not None and self.elements is None and not _global(self.field):
+            object.__setattr__(self, "elements", ("*",))
+
+    def __str__(self) -> str:
+        parts = (self.elements and ",".join(map(_quoted, self.elements)), self.columns and ",".join(map(str, self.columns)))
+        return self.field + "".join(f"[{part}]" for part in parts if part)
+
+
+def _global(field: str) -> bool:
+    """Whether a field belongs to the whole model."""
+    return field in FIELDS and not FIELDS[field].element
+
+
+def _quoted(item: Item) -> str:
+    """An element as `parse` reads it."""
+    if isinstance(item, int):
+        return str(item)
+    plain = item and item == item.strip() and item.isprintable() and not re.search(r"""[\[\],'"\\]|^-?[0-9]+$""", item)
+    return item if plain else repr(item)
+
+
+def parse(text: str, where: str = "selector") -> Selector:
+    """The selector that a text spells.
+
+    Args:
+        text: `field`, `field[names]` or `field[names][columns]`.
+        where: Argument that has the text, for errors.
+
+    Raises:
+        TypeError: No text.
+        ValueError: Another spelling.
+    """
+    found, rest = parse_start(text, where)
+    if rest:
+        raise _spelling(where, text)
+    return found
+
+
+def parse_start(text: str, where: str = "selector") -> tuple[Selector, str]:
+    """The selector that a text begins with, and the rest of the text; see `parse`."""
+    if not isinstance(text, str):
+        raise TypeError(f"{where} is {text!r}, must be a str, as 'geom_friction[floor,box][0]'")
+    return _parsed(text, where)
+
+
+def parse_range(text: str, where: str = "selector") -> tuple[Selector, tuple[float, float] | None]:
+    """A selector with the range behind it, as "geom_friction[floor][0]=0.1..2", or without one; see `parse`."""
+    selector, rest = parse_start(text, where)
+    if not rest:
+        return selector, None
+    try:
+        low, high = (float(end) for end in rest.removeprefix("=").split(".."))
+    except ValueError:
+        raise ValueError(f"{where} has {text!r}: the range is '{rest[1:]}', must be two numbers, as '0.1..2'") from None
+    return selector, (low, high)
+
+
+@functools.lru_cache(maxsize=1024)
+def _parsed(text: str, where: str) -> tuple[Selector, str]:
+    found = _TEXT.match(text)
+    if found is None or text[found.end() : found.end() + 1] not in ("", "="):
+        raise _spelling(where, text)
+    field, first, second = found.groups()
+    elements, columns = (None if part is None else _items(part, text, where) for part in (first, second))
+    if _global(field) and elements is not None:
+        if columns is not None:
+            raise ValueError(f"{where} has {text!r}: {field} belongs to the whole model; write its columns alone, as '{field}[{second}]'")
+        elements, columns = None, elements
+    if columns is not None and not all(isinstance(column, int) for column in columns):
+        raise ValueError(f"{where} has {text!r}: columns are {list(columns)}, must be numbers, as '{field}[{'*][' if elements else ''}0]'")
+    return Selector(field, elements, columns), text[found.end() :]  # type: ignore[arg-type]
+
+
+def _items(part: str, text: str, where: str) -> tuple[Item, ...]:
+    items: list[Item] = []
+    for item in (found.strip() for found in re.findall(_ITEM, part, re.DOTALL)):
+        if re.fullmatch("-?[0-9]+", item):
+            items.append(int(item))
+        elif item[:1] in ("'", '"'):
+            try:
+                items.append(ast.literal_eval(item))
+            except (SyntaxError, ValueError):
+                raise _spelling(where, text) from None
+        else:
+            items.append(item)
+    if not all(item != "" for item in items):
+        raise ValueError(f"{where} has {text!r}: a name is empty; write the index of an element without a name")
+    return tuple(items)
+
+
+def _spelling(where: str, text: str) -> ValueError:
+    """Error of a text that is no selector; of an earlier spelling it has the present one."""
+    earlier = _EARLIER.fullmatch(text)
+    if earlier is None:
+        return ValueError(
+            f"{where} has {text!r}, which is no selector: write field[names][columns], as 'geom_friction[floor,box][0]'; "
+            "names with , [ ] or quotes are quoted"
+        )
+    field, names, rest = earlier.groups()
+    form = f"{field}[{{}}]" if field in FIELDS else EARLIER_SELECTORS.get(field)
+    if form is None:
+        return ValueError(f"{where} has {text!r}: write 'field[{names}]'{near(field, [*FIELDS, *EARLIER_SELECTORS])}")
+    listed = ",".join(re.sub("^#", "", name.strip()) for name in names.split(","))
+    return ValueError(f"{where} has {text!r}: write '{form.format(listed)}{rest}'")
+
+
+@dataclass(frozen=True)
+class Part:
+    """Numbers of one field that a selector selects.
+
+    Attributes:
+        field: Name of the field.
+        index: Places in the flat row of the field, in the shape of the values.
+        sign: Factor from values to numbers.
+    """
+
+    field: str
+    index: NDArray[np.int64]
+    sign: float = 1.0
+
+
+def parts_of(model: Model, selector: Selector, where: str = "selector") -> list[Part]:
+    """Numbers of fields that a selector selects: of one field, or of those that a compound parameter stands for.
+
+    Raises:
+        ValueError: An unknown field, element or column.
+    """
+    if (compound := COMPOUNDS.get(selector.field)) is None:
+        return [Part(selector.field, places(model, selector, where))]
+    if selector.columns is not None:
+        raise ValueError(f"{where} has '{selector}': {selector.field} is one number of each {compound.element}; leave out the columns")
+    return [
+        Part(field, places(model, Selector(field, selector.elements, (column,)), where), sign) for field, column, sign in compound.parts
+    ]
+
+
+def places(model: Model, selector: Selector, where: str = "selector") -> NDArray[np.int64]:
+    """Places of selected numbers in the flat row of their field, in the shape of the values.
+
+    Raises:
+        ValueError: An unknown field, element or column.
+    """
+    field, columns = selector.field, selector.columns
+    if field not in FIELDS:
+        raise ValueError(unknown_field(where, field, [*FIELDS, *COMPOUNDS], "docs/reference/what_can_vary.md"))
+    shape = np.shape(getattr(model, field))
+    index = np.arange(int(np.prod(shape)), dtype=np.int64).reshape(shape)
+    if _global(field):
+        return index if columns is None else _columns(index, columns, selector, where)
+    if selector.elements is None:
+        return index
+    kind = FIELDS[field].element
+    chosen = [_chosen(model, kind, item, f"{where} has '{selector}'") for item in selector.elements]
+    one = len(chosen) == 1 and chosen[0][1]
+    if kind in _JOINT_ROWS and index.ndim == 1 and columns is not None:
+        return _of_joints([k for rows, _ in chosen for k in rows], selector, where, one=one)
+    rows = list(dict.fromkeys(int(k) for own, _ in chosen for part in own for k in np.atleast_1d(part)))
+    found = index[rows[0]] if one and len(rows) == 1 else index[rows]
+    if columns is None:
+        return np.asarray(found)
+    if index.ndim == 1:
+        raise ValueError(f"{where} has '{selector}': {field} has one number of each {kind}; leave out the columns")
+    return _columns(found, columns, selector, where)
+
+
+def _columns(index: NDArray[np.int64], columns: Sequence[int], selector: Selector, where: str) -> NDArray[np.int64]:
+    """Columns of an array of places; one column has no axis."""
+    width = index.shape[-1] if index.ndim else 0
+    if wrong := [column for column in columns if not -width <= column < width]:
+        there = f"columns are 0 to {width - 1}" if width else "it is a single number; leave out the columns"
+        raise ValueError(f"{where} has '{selector}': there is no column {wrong[0]}; {there}")
+    if len({column % width for column in columns}) < len(columns):
+        raise ValueError(f"{where} has '{selector}', which names a column twice: name it once")
+    found: NDArray[np.int64] = np.asarray(index[..., columns[0]] if len(columns) == 1 else index[..., list(columns)])
+    return found
+
+
+def _of_joints(rows: Sequence[int | range], selector: Selector, where: str, *, one: bool) -> NDArray[np.int64]:
+    """Places of degrees of freedom or coordinates of joints by name, chosen by columns."""
+    if any(isinstance(own, int) for own in rows):
+        raise ValueError(f"{where} has '{selector}': an index is one row of {selector.field}; leave out the columns, or name a joint")
+    columns = selector.columns or ()
+    found = [_columns(np.array(own), columns, selector, where) for own in dict.fromkeys(rows) if not isinstance(own, int)]
+    return found[0] if one else np.stack(found)
+
+
+def rows_of(model: Model, kind: str, items: Sequence[Item] | None, where: str = "selector") -> list[int]:
+    """Indices of elements of a kind ("geom", "joint", "sensor") by names, patterns and indices; None is all.
+
+    Raises:
+        ValueError: An item that no element fits.
+    """
+    chosen = [_chosen(model, kind, item, where)[0] for item in (("*",) if items is None else items)]
+    return list(dict.fromkeys(int(k) for rows in chosen for k in rows))
+
+
+def _chosen(model: Model, kind: str, item: Item, where: str) -> tuple[list[Any], bool]:
+    """Rows that an item selects (ranges of rows of joints for kinds that belong to them), and whether it is one element."""
+    labels = _labels(model, kind)
+    if isinstance(item, int):
+        count = len(labels) if kind not in _JOINT_ROWS else int({"dof": model.nv, "coordinate": model.nq}[kind])
+        if not -count <= item < count:
+            raise ValueError(f"{where}: there is no {kind} {item}; the model has {count}")
+        return [item % count], True
+    exact = [k for k, own in enumerate(labels) if item in own]
+    pattern = item.replace("[", "[[]")
+    wild = any(character in item for character in "*?")
+    found = exact or [k for k, own in enumerate(labels) if wild and any(fnmatch.fnmatchcase(label, pattern) for label in own)]
+    if not found:
+        what = "joint" if kind in _JOINT_ROWS else kind
+        if wild:
+            known = ", ".join(own[0] or str(k) for k, own in enumerate(labels[:30])) or "none"
+            raise ValueError(f"{where}: no {what} fits {item!r}, there are: {known}{' ...' if len(labels) > 30 else ''}")
+        if re.fullmatch("#[0-9]+", item):
+            raise ValueError(f"{where}: no {what} {item!r}; write the index {item[1:]} alone")
+        raise ValueError(f"{where}: {unknown(what, item, [own[0] for own in labels])}")
+    if kind not in _JOINT_ROWS:
+        return found, bool(exact)
+    first, count_of = _JOINT_ROWS[kind]
+    joints = [model.joint(k) for k in found]
+    return [range(getattr(j, first), getattr(j, first) + getattr(j, count_of)) for j in joints], bool(exact)
+
+
+def _labels(model: Model, kind: str) -> list[list[str]]:
+    """Names of every element, "" where it has none, and further labels: "body/geom" of a geom, "geom/geom" of an explicit pair."""
+    if kind == "equality":
+        return [[""] for _ in range(len(model.eq_active0))]
+    names = list(getattr(model, f"{'joint' if kind in _JOINT_ROWS else kind}_names"))
+    if kind == "geom":
+        return [[name, f"{model.body(model.geom(k).bodyid).name}/{name}"] for k, name in enumerate(names)]
+    if kind == "pair":
+        pairs = [model.pair(k) for k in range(model.npair)]
+        ends = [[model.geom(g).name or str(g) for g in (pair.geom1, pair.geom2)] for pair in pairs]
+        return [[name, f"{one}/{other}", f"{other}/{one}"] for name, (one, other) in zip(names, ends, strict=True)]
+    return [[name] for name in names]
+
+
+def randomized_fields(sim: Stepper, values: Mapping[str, ArrayLike | None], envs: Any, fields: Mapping[str, Any] | None) -> dict[str, Any]:
+    """Whole fields for `Stepper.randomize` from values by selector, and those that were given whole.
+
+    Raises:
+        ValueError: An unknown selector, a wrong shape, a number that is given twice.
+    """
+    model, n = sim.model, sim.num_envs or 1
+    by_index = envs is not None and np.asarray(envs).dtype != np.bool_
+    rows = np.array(selected(envs, n)) if by_index else np.arange(n)
+    lead = (len(rows),) if by_index or sim.num_envs is not None else ()
+    present = sim.randomized
+
+    def base(field: str) -> Array:
+        own = np.asarray(getattr(model, field), np.float64)
+        now = np.asarray(present.get(field, np.broadcast_to(own, (n, *own.shape))), np.float64).reshape(n, -1)
+        return now[rows].reshape(*lead, -1)
+
+    return _whole("Stepper.randomize", model, values, base, lead=lead, known=RANDOMIZED, fields=fields or {})
+
+
+def replaced_fields(model: Model, values: Any, fields: Mapping[str, Any] | None) -> dict[str, Any]:
+    """Whole fields for `Model.replace` from values by selector, and those that were given whole.
+
+    Raises:
+        TypeError: No mapping.
+        ValueError: An unknown selector, a wrong shape, a number that is given twice.
+    """
+    if not isinstance(values, Mapping):
+        raise TypeError(f"Model.replace: values is {values!r}, must be a dict of selectors, as {{'geom_friction[floor][0]': 0.5}}")
+
+    def base(field: str) -> Array:
+        return np.array(getattr(model, field), np.float64).reshape(-1)
+
+    return _whole("Model.replace", model, values, base, lead=(), known=FIELDS, fields=fields or {})
+
+
+def _whole(
+    where: str,
+    model: Model,
+    values: Mapping[str, Any],
+    base: Callable[[str], Array],
+    *,
+    lead: tuple[int, ...],
+    known: Collection[str],
+    fields: Mapping[str, Any],
+) -> dict[str, Any]:
+    """Whole fields for a call.
+
+    Args:
+        where: The call, for errors.
+        model: The scene.
+        values: Values by selector.
+        base: Present numbers of a field, (*lead, numbers).
+        lead: Shape of the environments.
+        known: Fields that the call takes.
+        fields: Fields that are given whole.
+    """
+    made: dict[str, Array] = {}
+    taken: dict[str, NDArray[np.bool_]] = {}
+    for text, value in values.items():
+        selector = parse(text, where)
+        if selector.field not in known and selector.field not in COMPOUNDS:
+            raise ValueError(unknown_field(where, selector.field, [*known, *COMPOUNDS], "docs/reference/what_can_vary.md"))
+        for part in parts_of(model, selector, where):
+            own = made.setdefault(part.field, base(part.field))
+            used = taken.setdefault(part.field, np.zeros(own.shape[-1], bool))
+            if part.field in fields or used[part.index].any():
+                raise ValueError(f"{where} has {text!r}, whose numbers are given by another argument too: give each number once")
+            used[part.index] = True
+            if value is None:
+                own[..., part.index] = np.asarray(getattr(model, part.field), np.float64).reshape(-1)[part.index]
+            else:
+                own[..., part.index] = part.sign * _numbers(f"{where}: {text!r}", value, lead, part.index.shape)
+    return {**fields, **{field: own.reshape(*lead, *np.shape(getattr(model, field))) for field, own in made.items()}}
+
+
+def _numbers(what: str, value: ArrayLike, lead: tuple[int, ...], tail: tuple[int, ...]) -> Array:
+    """Values of a selector, broadcast to (*lead, *tail)."""
+    given = np.asarray(value, np.float64)
+    if given.shape == lead and tail:
+        given = given.reshape(*lead, *(1 for _ in tail))
+    elif given.shape not in ((), (*lead, *tail)):
+        shapes = dict.fromkeys(str(shape) for shape in ((*lead, *tail), lead) if shape)
+        raise ValueError(f"{what} has shape {given.shape}, must be {' or '.join([*shapes, 'a single number'])}")
+    return np.broadcast_to(given, (*lead, *tail))

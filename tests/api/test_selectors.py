@@ -1,0 +1,252 @@
+"""Selectors: one grammar for parts of a field, and the same numbers whether a field is given whole or in part."""
+
+import numpy as np
+import pytest
+import stepper
+from hypothesis import given
+from hypothesis import strategies as st
+from stepper.shared.fields import COMPOUNDS, FIELDS, RANDOMIZED
+from stepper.shared.selectors import Selector, parse, places
+
+SCENE = """<mujoco><option gravity="0 0 -9.81"/><worldbody><geom name="floor" type="plane" size="1 1 1"/>
+  <body name="base"><freejoint name="root"/><geom name="a,b" size=".1"/><geom size=".2" pos="1 0 0"/>
+    <body name="arm"><joint name="hip" axis="0 1 0" range="-1 1" stiffness="2" damping=".1" armature=".01" frictionloss=".1"/>
+      <geom name="left_foot" size=".1" pos="0 0 -1"/><geom name="right_foot" size=".1" pos="0 1 -1"/></body></body>
+  <body name="cart"><joint name="7" type="slide" damping="1"/><geom name="it's [x]" size=".1" mass="2" pos="5 0 0"/></body></worldbody>
+  <contact><pair name="sole" geom1="floor" geom2="right_foot"/></contact>
+  <actuator><position name="servo" joint="hip" kp="5" kv=".5"/><motor name="motor" joint="7"/></actuator>
+  <sensor><jointpos name="angle" joint="hip"/></sensor></mujoco>"""
+MODEL = stepper.load(SCENE)
+ITEMS = st.text(min_size=1, max_size=12) | st.integers(-5, 20) | st.text("ab,[]'\"\\ 0*?=:.", min_size=1, max_size=6)
+FIELDS_OF_ELEMENTS = st.sampled_from([name for name, field in FIELDS.items() if field.element] + [*COMPOUNDS, "sensor.delay", "thing"])
+
+
+@given(
+    FIELDS_OF_ELEMENTS,
+    st.none() | st.lists(ITEMS, min_size=1, max_size=4),
+    st.none() | st.lists(st.integers(-3, 9), min_size=1, max_size=3),
+)
+def test_a_selector_is_read_as_it_is_written(field, elements, columns):
+    selector = Selector(field, elements and tuple(elements), columns and tuple(columns))
+    assert parse(str(selector)) == selector
+
+
+@given(st.sampled_from(["gravity", "wind"]), st.none() | st.lists(st.integers(0, 2), min_size=1, max_size=3, unique=True))
+def test_fields_of_the_whole_model_have_columns_alone(field, columns):
+    selector = Selector(field, None, columns and tuple(columns))
+    assert parse(str(selector)) == selector
+    assert np.array_equal(places(MODEL, selector), np.arange(3) if not columns else columns[0] if len(columns) == 1 else columns)
+
+
+@pytest.mark.parametrize(("text", "expected"), [
+    ("geom_friction[floor]", [0, 1, 2]),
+    ("geom_friction[floor][0]", 0),
+    ("geom_friction[floor,left_foot][0]", [0, 9]),
+    ("geom_friction[*_foot][0,2]", [[9, 11], [12, 14]]),
+    ("geom_friction[2][0]", 6),
+    ("geom_friction[-1]", [15, 16, 17]),
+    ("geom_friction['a,b'][1]", 4),
+    ('geom_friction["it\'s [x]"][0]', 15),
+    ("geom_restitution[base/*]", [1, 2]),
+    ("geom_restitution[ left_foot , right_foot ]", [3, 4]),
+    ("pair_friction[sole][0]", 0),
+    ("pair_friction[right_foot/floor][0]", 0),
+    ("dof_damping[root]", [0, 1, 2, 3, 4, 5]),
+    ("dof_damping[root][2]", 2),
+    ("dof_damping[hip]", 6),
+    ("dof_damping[3]", 3),
+    ("dof_damping['7']", 7),
+    ("dof_damping[hip,'7']", [6, 7]),
+    ("dof_solref[hip]", [12, 13]),
+    ("dof_solref[root][1]", [1, 3, 5, 7, 9, 11]),
+    ("dof_solref[6][1]", 13),
+    ("jnt_range[hip]", [2, 3]),
+    ("qpos0[root][2]", 2),
+    ("qpos0[hip]", 7),
+    ("actuator_gain[servo,motor][0]", [0, 3]),
+])  # fmt: skip
+def test_names_indices_and_columns_have_the_shape_of_numpy(text, expected):
+    found = places(MODEL, parse(text))
+    assert np.array_equal(found, expected)
+    assert found.shape == np.shape(expected)
+
+
+@pytest.mark.parametrize(("text", "message"), [
+    ("geom_friction[flor][0]", "no geom 'flor'; did you mean floor"),
+    ("geom_friction[*_hand]", "no geom fits '\\*_hand', there are: floor, a,b"),
+    ("geom_friction[9]", "there is no geom 9; the model has 6"),
+    ("geom_friction[floor][3]", "there is no column 3; columns are 0 to 2"),
+    ("geom_friction[floor][0,-3]", "which names a column twice: name it once"),
+    ("geom_friction[#2]", "no geom '#2'; write the index 2 alone"),
+    ("body_mass[base][0]", "body_mass has one number of each body; leave out the columns"),
+    ("dof_damping[3][0]", "an index is one row of dof_damping; leave out the columns, or name a joint"),
+    ("gravity[0][1]", "gravity belongs to the whole model; write its columns alone, as 'gravity\\[1\\]'"),
+    ("geom_friction[floor", "which is no selector: write field\\[names\\]\\[columns\\]"),
+    ("geom_friction[]", "which is no selector"),
+    ("geom_friction['']", "a name is empty; write the index"),
+    ("geom_friction[floor][x]", "columns are \\['x'\\], must be numbers"),
+    ("geom_frictoin", "there is no field 'geom_frictoin'; did you mean geom_friction"),
+    ("friction", "there is no field 'friction'; did you mean geom_friction"),
+    ("kp[servo]", "there is no field 'kp'; did you mean actuator_kp"),
+    ("actuator_kp[servo][0]", "actuator_kp is one number of each actuator; leave out the columns"),
+    ("geom_friction:floor,left_foot", "write 'geom_friction\\[floor,left_foot\\]'"),
+    ("friction:floor", "write 'geom_friction\\[floor\\]\\[0\\]'"),
+    ("dof_damping:#3", "write 'dof_damping\\[3\\]'"),
+])  # fmt: skip
+def test_what_is_no_selector_is_said(text, message):
+    for call in (lambda: stepper.Stepper(MODEL, 2).randomize({text: 1.0}), lambda: MODEL.replace({text: 1.0})):
+        with pytest.raises(ValueError, match=message) as error:
+            call()
+        assert str(error.value).startswith(("Stepper.randomize", "Model.replace"))
+
+
+@st.composite
+def parts(draw):
+    """A field that environments may vary, a selector of some of its numbers, and factors for them."""
+    field = draw(st.sampled_from(["body_mass", "geom_friction", "geom_restitution", "dof_damping", "actuator_bias", "gravity", "geom_pos"]))
+    names = {"body": MODEL.body_names[1:], "geom": [name for name in MODEL.geom_names if name not in {"", "floor", "right_foot"}],
+             "dof": ["hip", "7"], "actuator": ["servo"]}  # fmt: skip
+    kind = FIELDS[field].element
+    elements = tuple(draw(st.lists(st.sampled_from(names[kind]), min_size=1, max_size=3, unique=True))) if kind else None
+    wide = np.ndim(getattr(MODEL, field)) == 2 or not kind
+    columns = tuple(draw(st.lists(st.integers(0, 2), min_size=1, max_size=3, unique=True))) if wide and draw(st.booleans()) else None
+    return Selector(field, elements, columns), draw(st.integers(0, 2**32 - 1))
+
+
+@given(parts(), st.sampled_from(["all", "mask", "indices", "none"]))
+def test_a_part_of_a_field_is_set_as_the_whole(part, how):
+    """The same bits in `randomized` and in `replace`, for any environments."""
+    selector, seed = part
+    rng = np.random.default_rng(seed)
+    n = None if how == "none" else 4
+    envs = {"mask": np.array([True, False, True, True]), "indices": [2, 0]}.get(how)
+    one, other = stepper.Stepper(MODEL, n), stepper.Stepper(MODEL, n)
+    own = np.array(getattr(MODEL, selector.field))
+    index = places(MODEL, selector)
+    rows = 2 if how == "indices" else 4
+    # Factors near 1 leave every field valid.
+    values = own.reshape(-1)[index] * rng.uniform(0.9, 1.1, (rows, *index.shape) if n else index.shape)
+    whole = np.tile(own, (rows, *[1] * own.ndim)) if n else own.copy()
+    whole.reshape(*whole.shape[: whole.ndim - own.ndim], -1)[..., index] = values
+    one.randomize({str(selector): values}, envs=envs)
+    other.randomize(envs, **{selector.field: whole})
+    assert one.randomized.keys() == other.randomized.keys() == {selector.field}
+    assert np.array_equal(one.randomized[selector.field], other.randomized[selector.field])
+    if n is None:
+        assert MODEL.replace({str(selector): values}) == MODEL.replace(**{selector.field: whole})
+
+
+@pytest.mark.parametrize("part", ["elements", "columns"])
+def test_a_selector_of_nothing_is_refused(part):
+    """Without brackets it would be written as the whole field."""
+    with pytest.raises(ValueError, match=f"{part} of a selector of 'geom_friction' is empty"):
+        Selector("geom_friction", **{part: ()})
+
+
+def test_values_are_for_all_selected_one_for_each_environment_or_one():
+    sim = stepper.Stepper(MODEL, 2)
+    sim.randomize({"geom_friction[left_foot,2][0]": [[0.1, 0.2], [0.3, 0.4]], "geom_restitution[left_foot]": 0.5})
+    assert sim.randomized["geom_friction"][:, [3, 2], 0].tolist() == [[0.1, 0.2], [0.3, 0.4]]
+    assert sim.randomized["geom_restitution"][:, 3].tolist() == [0.5, 0.5]
+    sim.randomize({"geom_friction[left_foot,2][0]": [0.6, 0.7]})
+    assert sim.randomized["geom_friction"][:, [3, 2], 0].tolist() == [[0.6, 0.6], [0.7, 0.7]]
+    sim.randomize({"geom_friction[left_foot][0]": None}, envs=[1])
+    assert sim.randomized["geom_friction"][:, [3, 2], 0].tolist() == [[0.6, 0.6], [1.0, 0.7]]
+    with pytest.raises(
+        ValueError, match=r"'geom_friction\[left_foot,2\]\[0\]' has shape \(3,\), must be \(2, 2\) or \(2,\) or a single number"
+    ):
+        sim.randomize({"geom_friction[left_foot,2][0]": [1, 2, 3]})
+    before = sim.randomized["geom_friction"].copy()
+    sim.randomize({})
+    assert np.array_equal(sim.randomized["geom_friction"], before), "no values change nothing"
+
+
+def test_the_gains_of_a_servo_are_one_number_each():
+    sim = stepper.Stepper(MODEL, 2)
+    sim.randomize({"actuator_kp[servo]": [10.0, 20.0], "actuator_kv[servo]": 2.0})
+    assert sim.randomized["actuator_gain"][:, 0, 0].tolist() == [10, 20]
+    assert sim.randomized["actuator_bias"][:, 0].tolist() == [[0, -10, -2], [0, -20, -2]]
+    assert MODEL.replace({"actuator_kp[servo]": 7.0}).actuator_bias[0].tolist() == [0, -7, -0.5]
+
+
+def test_a_number_is_given_once():
+    sim = stepper.Stepper(MODEL, 2)
+    for values, fields in (
+        ({"geom_friction[left_foot][0]": 1.0, "geom_friction[*_foot]": 2.0}, {}),
+        ({"geom_friction[left_foot][0]": 1.0}, {"geom_friction": np.ones((2, 6, 3))}),
+    ):
+        with pytest.raises(ValueError, match="given by another argument too: give each number once"):
+            sim.randomize(values, **fields)
+    assert sim.randomized == {}
+
+
+def test_selectors_are_recorded(tmp_path):
+    sim = stepper.Stepper(MODEL, 2)
+    with sim.record(tmp_path / "recording"):
+        sim.randomize({"body_mass[cart]": [1.0, 3.0]}, envs=[1, 0])
+        sim.step([0.1, 0.5], nstep=5)
+    assert stepper.replay(tmp_path / "recording").difference is None
+    assert sim.randomized["body_mass"][:, 3].tolist() == [3.0, 1.0]
+
+
+def test_one_selector_is_for_everything():
+    """`randomize`, `linearize`, `identify` and studies take the same text."""
+    text = "geom_friction[left_foot,'a,b'][0]"
+    sim = stepper.Stepper(MODEL, 2)
+    sim.randomize({text: [0.5, 0.6]})
+    assert sim.linearize((text,)).blocks[text].shape == (2, 2 * MODEL.nv, 2)
+    parameter = stepper.lab.Parameter(text, low=0.1, high=1.0)
+    study = stepper.lab.Study(model=MODEL, parameters={"friction": parameter})
+    assert study.loaded[0] == MODEL
+    assert str(stepper.sysid.FitParameter.parse(f"{text}=0.1..2")) == text
+
+
+DERIVED = ("mass_matrix", "subtree_com", "xipos", "geom_xpos", "qfrc_bias", "qacc_smooth", "actuator_force")
+"""Quantities of a state."""
+FOLLOW = {
+    "gravity": {"qfrc_bias", "qacc_smooth"},
+    "body_mass": {"mass_matrix", "subtree_com", "qfrc_bias", "qacc_smooth"},
+    "body_ipos": {"mass_matrix", "subtree_com", "xipos", "qfrc_bias", "qacc_smooth"},
+    "body_inertia": {"mass_matrix", "qfrc_bias", "qacc_smooth"},
+    "geom_pos": {"geom_xpos"},
+    "jnt_stiffness": {"qacc_smooth"},
+    "dof_damping": {"qacc_smooth"},
+    "dof_armature": {"mass_matrix", "qacc_smooth"},
+    "actuator_gain": {"qacc_smooth", "actuator_force"},
+    "actuator_bias": {"qacc_smooth", "actuator_force"},
+}
+"""Those that follow a field; the other fields act in constraints alone."""
+
+
+@pytest.mark.parametrize("field", RANDOMIZED)
+def test_what_is_derived_follows_and_nothing_else(field):
+    """The column "derived quantities": geoms have no part in masses, nor a mass in the inertia."""
+    sim = stepper.Stepper(MODEL)
+    qpos = np.array(MODEL.qpos0)
+    qpos[7] = 0.3
+    sim.set_state(qpos, np.linspace(0.5, 1.0, MODEL.nv))
+    sim.step([0.7, 0.2])
+
+    def read():
+        return {name: np.array(found() if callable(found := getattr(sim, name)) else found) for name in DERIVED}
+
+    before = read()
+    values = 1.1 * np.asarray(getattr(MODEL, field))
+    sim.randomize(**{field: values}, **({"pair_friction": MODEL.pair_friction} if field == "geom_friction" else {}))
+    after = read()
+    assert {name for name in DERIVED if not np.array_equal(before[name], after[name])} == FOLLOW.get(field, set())
+
+
+@pytest.mark.parametrize("field", FIELDS)
+def test_all_elements_are_the_whole_field(field):
+    whole = places(MODEL, Selector(field))
+    assert whole.shape == np.shape(getattr(MODEL, field))
+    assert np.array_equal(whole.reshape(-1), np.arange(whole.size))
+    if FIELDS[field].element and whole.size:
+        assert np.array_equal(places(MODEL, Selector(field, ("*",))), whole)
+
+
+def test_the_table_names_every_field():
+    assert {name for name in dir(stepper.Model) if isinstance(getattr(stepper.Model, name), property)} == set(FIELDS)
+    assert all(field in FIELDS for compound in COMPOUNDS.values() for field, _, _ in compound.parts)
+    assert set(RANDOMIZED) < set(FIELDS)

@@ -1,0 +1,237 @@
+"""Hooks of tasks: placement by the episode's state, the end of episodes, values that episodes carry on, and noise of observations."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+import stepper
+import stepper.envs
+from gymnasium.vector import AutoresetMode, SyncVectorEnv
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from stepper._other_names import RENAMED
+from stepper.envs import Observation, Rng, StepperEnv, StepperVectorEnv, Task, contact_forces
+from stepper.envs.streams import Streams
+
+SCENE = """<mujoco><worldbody><body><joint name="x" type="slide" axis="1 0 0"/><geom size=".1"/></body></worldbody>
+  <actuator><motor joint="x" ctrlrange="-1 1" ctrllimited="true"/></actuator></mujoco>"""
+LIMIT = 3
+
+
+@dataclass(frozen=True, kw_only=True)
+class Levels(Task):
+    """A task whose episodes begin at their level, which rises with each episode; it observes noise in two ways."""
+
+    carried = ("level", "end", "steps")
+    frame_skip: int = 1
+
+    def model(self):
+        return stepper.load(SCENE)
+
+    def episode_state(self, num_envs):
+        return {"level": np.zeros(num_envs), "end": np.zeros(num_envs), "steps": np.zeros(num_envs)}
+
+    def observations(self):
+        return (
+            Observation("qpos"),
+            Observation("level", func=lambda now: now.episode_state["level"]),
+            Observation("steps", func=lambda now: now.episode_state["steps"]),
+            Observation("noisy", func=lambda now: np.zeros((len(now.qpos), 3)), noise=0.5),
+            Observation("drawn", func=lambda now: now.rng("drawn").normal(2)),
+        )
+
+    def reward(self, now):
+        return now.qpos[:, 0], {}
+
+    def sample_state(self, qpos, qvel, rng):
+        qpos += rng.uniform(0.0, 0.5, 1)
+
+    def place(self, reset):
+        super().place(reset)
+        reset.qpos[:, 0] += 10.0 * reset.episode_state["level"][reset.envs]
+
+    def advance(self, now):
+        now.episode_state["steps"] += 1.0
+        super().advance(now)
+
+    def on_end(self, now, envs):
+        now.episode_state["level"][envs] += 1.0
+        now.episode_state["end"][envs] = now.qpos[envs, 0]
+
+
+@pytest.mark.parametrize("mode", AutoresetMode)
+def test_a_batch_says_what_single_environments_say(mode):
+    """Of levels and noise, too, however episodes begin."""
+    alone = [lambda: StepperEnv(Levels(), max_episode_steps=LIMIT)] * 3
+    ours, theirs = StepperVectorEnv(Levels(), 3, max_episode_steps=LIMIT, autoreset_mode=mode), SyncVectorEnv(alone, autoreset_mode=mode)
+    np.testing.assert_array_equal(ours.reset(seed=3)[0], theirs.reset(seed=3)[0])
+    one, over = np.ones((3, 1)), np.zeros(3, dtype=bool)
+    begins = {1: np.array([False, True, False])}
+    for k in range(3 * LIMIT):
+        if mode == AutoresetMode.DISABLED and over.any():
+            begins[k] = over | begins.get(k, over)
+        if k in begins:
+            options = {"reset_mask": begins[k]}
+            np.testing.assert_array_equal(ours.reset(options=options)[0], theirs.reset(options=dict(options))[0])
+        found, expected = ours.step(one), theirs.step(one)
+        for mine, others in zip(found[:4], expected[:4], strict=True):
+            np.testing.assert_array_equal(mine, others)
+        over = found[2] | found[3]
+    assert ours.now.episode_state["level"].min() >= 2.0
+
+
+@pytest.mark.parametrize("mode", [AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP])
+def test_the_end_of_an_episode_is_seen_before_the_next_begins(mode):
+    envs = StepperVectorEnv(Levels(), 2, max_episode_steps=LIMIT, autoreset_mode=mode)
+    envs.reset(seed=0)
+    for k in range(LIMIT + 1):
+        step = envs.step(np.ones((2, 1)))
+        if k == LIMIT - 1:
+            last = np.stack([row[0] for row in step[4]["final_obs"]]) if mode == AutoresetMode.SAME_STEP else step[0][:, 0]
+    np.testing.assert_array_equal(envs.now.episode_state["end"], last)
+    assert (envs.now.episode_state["level"] == 1.0).all()
+    assert (envs.sim.qpos[:, 0] >= 10.0).all()
+
+
+def test_an_episode_without_a_step_has_no_end_and_a_seed_restores_what_is_carried():
+    envs = StepperVectorEnv(Levels(), 2)
+    first = envs.reset(seed=0)[0]
+    envs.reset()
+    assert (envs.now.episode_state["level"] == 0.0).all()
+    envs.step(np.ones((2, 1)))
+    envs.reset(envs=[1])
+    np.testing.assert_array_equal(envs.now.episode_state["level"], [0.0, 1.0])
+    np.testing.assert_array_equal(envs.reset(seed=0)[0], first)
+
+
+def test_the_place_sees_the_simulation_before_the_reset():
+    seen = []
+
+    class Sees(Levels):
+        def place(self, reset):
+            seen.append((reset.envs.copy(), np.array(reset.sim.qpos[reset.envs, 0])))
+
+    envs = StepperVectorEnv(Sees(), 3)
+    envs.reset(seed=0)
+    envs.sim.set_state(qpos=np.array([[1.0], [2.0], [3.0]]))
+    envs.reset(envs=[0, 2])
+    assert seen[-1][0].tolist() == [0, 2]
+    assert seen[-1][1].tolist() == [1.0, 3.0]
+
+
+def noise_of(observation):
+    return observation[..., 3:]
+
+
+@settings(deadline=None, max_examples=25)
+@given(st.integers(1, 7), st.integers(0, 2**31), st.integers(0, 3), st.data())
+def test_noise_depends_on_the_seed_and_the_step_alone(num_envs, seed, steps, data):
+    """Not on the number of environments, the place in the batch, other environments' resets, or how often it is read."""
+    place = data.draw(st.integers(0, num_envs - 1))
+    alone, many = StepperEnv(Levels()), StepperVectorEnv(Levels(), num_envs)
+    expected, found = alone.reset(seed=seed)[0], many.reset(seed=seed - place if seed >= place else [seed] * num_envs)[0]
+    for _ in range(steps):
+        np.testing.assert_array_equal(noise_of(found[place]), noise_of(expected))
+        others = [k for k in range(num_envs) if k != place and data.draw(st.booleans())]
+        found = many.reset(envs=others)[0]
+        np.testing.assert_array_equal(noise_of(found[place]), noise_of(expected))
+        expected, found = alone.step(np.zeros(1))[0], many.step(np.zeros((num_envs, 1)))[0]
+    np.testing.assert_array_equal(noise_of(found[place]), noise_of(expected))
+    assert np.abs(expected[3:6]).max() <= 0.5
+
+
+@settings(deadline=None)
+@given(st.lists(st.sampled_from("abcd"), min_size=1, max_size=6), st.integers(0, 2**63))
+def test_forked_numbers_do_not_depend_on_their_order(names, seed):
+    """And leave the streams that initial states are drawn from as they are."""
+    streams = Streams(3, seed)
+    before = streams.state.copy()
+    first = {name: Rng(streams.fork(name), np.arange(3)).uniform(0.0, 1.0, 2) for name in names}
+    for name in reversed(names):
+        np.testing.assert_array_equal(Rng(streams.fork(name), np.arange(3)).uniform(0.0, 1.0, 2), first[name])
+    np.testing.assert_array_equal(streams.state, before)
+    assert len({tuple(values.ravel()) for values in first.values()}) == len(set(names))
+
+
+def test_noise_is_another_one_in_each_step_and_episode_and_is_uniform():
+    envs = StepperVectorEnv(Levels(), 200, max_episode_steps=LIMIT)
+    rows = [noise_of(envs.reset(seed=1)[0])] + [noise_of(envs.step(np.zeros((200, 1)))[0]) for _ in range(7)]
+    drawn = np.concatenate(rows)
+    assert len(np.unique(drawn)) == drawn.size
+    uniform = drawn[:, :3]
+    # 4,800 numbers: their mean has a deviation of 0.004, their standard deviation one of 0.002.
+    assert abs(uniform.mean()) < 0.02
+    assert abs(uniform.std() - 1.0 / np.sqrt(12.0)) < 0.01
+
+
+def test_noise_and_levels_go_on_from_a_state():
+    envs = StepperVectorEnv(Levels(), 4, max_episode_steps=LIMIT)
+    envs.reset(seed=2)
+    for _ in range(LIMIT + 2):
+        envs.step(np.ones((4, 1)))
+    state = envs.get_state()
+    expected = [envs.step(np.ones((4, 1)))[0] for _ in range(LIMIT + 1)]
+    again = StepperVectorEnv(Levels(), 4, max_episode_steps=LIMIT)
+    again.set_state(state)
+    for row in expected:
+        np.testing.assert_array_equal(again.step(np.ones((4, 1)))[0], row)
+
+
+@pytest.mark.parametrize("old", RENAMED["Task"])
+def test_methods_with_earlier_names_are_errors(old):
+    """Each would never be called, and its task would learn something else."""
+    with pytest.raises(TypeError, match=f"Old defines the method {old}, which is now called {RENAMED['Task'][old]}: rename it"):
+        type("Old", (Levels,), {old: lambda self, *_: None})
+    type("Field", (Levels,), {old: 3.0})  # A value of that name is the task's own.
+
+
+def test_other_earlier_names_are_hints():
+    envs = StepperVectorEnv(Levels(), 1)
+    for old, new in RENAMED["Moment"].items():
+        with pytest.raises(AttributeError, match=f"no attribute '{old}'; did you mean {new}"):
+            getattr(envs.now, old)
+    for old, new in RENAMED["stepper.envs"].items():
+        with pytest.raises(AttributeError, match=f"module 'stepper.envs' has no attribute '{old}'; did you mean {new}"):
+            getattr(stepper.envs, old)
+
+
+def test_a_carried_name_that_there_is_not_is_an_error():
+    class Wrong(Levels):
+        carried = ("levle",)
+
+    with pytest.raises(ValueError, match=r"Wrong.carried has \['levle'\], episode_state has level, end, steps"):
+        StepperVectorEnv(Wrong(), 1)
+
+
+LEG = """<mujoco><worldbody><geom name="floor" type="plane" size="1 1 1"/><geom name="wall" type="box" size=".1 1 1" pos="1 0 1"/>
+  <body pos="0 0 .4"><joint type="slide" axis="0 0 1"/><geom name="shank" type="capsule" size=".03" fromto="0 0 0 0 0 -.3" mass="1"/>
+  <geom name="foot" size=".1" pos="0 0 -.3" mass="1"/></body></worldbody></mujoco>"""
+
+
+@pytest.mark.filterwarnings("ignore::stepper.ModelWarning")
+def test_contact_forces_are_those_of_each_geom():
+    """A foot and a shank of one body: its weight is on the foot alone. Forces of the body cannot tell."""
+
+    class Leg(Levels):
+        def model(self):
+            return stepper.load(LEG)
+
+        def sample_state(self, qpos, qvel, rng):
+            qpos[:] = 0.0 if len(qpos) == 1 else np.array([[0.0], [5.0], [0.0]])[: len(qpos)]
+
+        def place(self, reset):
+            self.sample_state(reset.qpos, reset.qvel, reset.rng)
+
+    envs = StepperVectorEnv(Leg(), 3)
+    envs.reset(seed=0)
+    for _ in range(300):
+        envs.step(np.zeros((3, 0)))
+    found = contact_forces(envs.now, ["shank", "foot"])
+    assert found.shape == (3, 2)
+    # At rest on a residual of 1e-6 m/s or so of 2 kg in 2 ms: below 0.01 N. The second still falls after 0.6 s.
+    np.testing.assert_allclose(found, [[0.0, 2 * 9.81], [0.0, 0.0], [0.0, 2 * 9.81]], atol=0.02)
+    np.testing.assert_array_equal(contact_forces(envs.now, ["foot"], against=["floor"])[:, 0], found[:, 1])
+    assert not contact_forces(envs.now, ["foot"], against=["wall"]).any()
+    np.testing.assert_array_equal(contact_forces(envs.now, ["floor"])[:, 0], found[:, 1])
+    with pytest.raises(KeyError, match="no geom 'feet'"):
+        contact_forces(envs.now, ["feet"])

@@ -1,0 +1,236 @@
+"""Terrains: tiles by seed and difficulty, the scene that they make, origins on the surface, and curricula over them."""
+
+import mujoco
+import numpy as np
+import pytest
+import stepper
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from stepper.envs import Reset, Rng, terrain
+from stepper.envs.streams import Streams
+from stepper.envs.terrain import Terrain, TerrainCurriculum, stage_of
+from stepper.sensors import HeightField
+
+KINDS = {
+    "flat": terrain.Flat(),
+    "rough": terrain.RandomRough(),
+    "slope": terrain.PyramidSlope(),
+    "slope_inv": terrain.PyramidSlope(inverted=True),
+    "stairs": terrain.PyramidStairs(),
+    "stairs_inv": terrain.PyramidStairs(inverted=True),
+    "stones": terrain.SteppingStones(height_variation=0.02),
+    "gap": terrain.Gap(),
+    "obstacles": terrain.DiscreteObstacles(),
+    "wave": terrain.Wave(),
+}
+BOXES = {name: kind for name, kind in KINDS.items() if isinstance(kind, terrain.BoxTerrain)}
+ROBOT = '<mujoco><worldbody><body name="base" pos="0 0 1"><freejoint/><geom name="ball" size=".1" mass="1"/></body></worldbody></mujoco>'
+LINE = np.linspace(-4.0, 4.0, 81)
+
+kinds = st.sampled_from(sorted(KINDS))
+difficulties = st.floats(0.0, 1.0)
+
+
+def loaded(ground, **given):
+    spec = mujoco.MjSpec.from_string(ROBOT)
+    ground.add_to(spec, **given)
+    return stepper.load(spec.compile())
+
+
+def tile(kind, difficulty, seed=0):
+    return KINDS[kind].heights(LINE, LINE, 8.0, difficulty, np.random.default_rng(seed))
+
+
+@settings(deadline=None, max_examples=20)
+@given(st.lists(kinds, min_size=1, max_size=3, unique=True), st.integers(1, 3), st.integers(0, 2**32), st.sampled_from([0.0, 0.5, 2.0]))
+def test_terrains_follow_from_their_arguments(names, num_rows, seed, border):
+    """The same bits for the same arguments; and a tile does not depend on how many others there are."""
+    given = {"num_rows": num_rows, "seed": seed, "border_width": border, "difficulty_range": (0.5, 0.5)}
+    made = [Terrain(sub_terrains={name: KINDS[name] for name in names}, **given) for _ in range(2)]
+    np.testing.assert_array_equal(made[0].elevation, made[1].elevation)
+    more = Terrain(sub_terrains={name: KINDS[name] for name in [*names, "flat"]}, **(given | {"num_rows": num_rows + 1}))
+    for row in range(num_rows):
+        for column in range(len(names)):
+            np.testing.assert_array_equal(made[0]._tile(row, column), more._tile(row, column))
+
+
+def test_seeds_give_different_terrains():
+    given = {"sub_terrains": {"rough": KINDS["rough"]}, "num_rows": 2, "border_width": 0.0, "difficulty_range": (1.0, 1.0)}
+    ground = [Terrain(**given, seed=seed).elevation for seed in range(2)]
+    assert (ground[0] != ground[1]).mean() > 0.8
+    assert (ground[0][:, :80] != ground[0][:, 80:160]).mean() > 0.8  # Two tiles of one terrain.
+
+
+@settings(deadline=None)
+@given(kinds, difficulties, difficulties, st.integers(0, 2**32))
+def test_levels_are_monotone_in_difficulty(kind, one, other, seed):
+    """With the same random numbers a harder tile is at least as uneven, or has at least as much of a pit."""
+    easy, hard = (tile(kind, difficulty, seed) for difficulty in sorted((one, other)))
+    if kind in ("stones", "gap"):
+        # Stones are placed by whole numbers of them and at points of a grid: a tenth of the tile as room.
+        assert (hard < -0.5).mean() >= (easy < -0.5).mean() - (0.1 if kind == "stones" else 0.0)
+    else:
+        assert np.ptp(hard) >= np.ptp(easy) - 1e-12
+        assert np.abs(np.diff(hard)).max() >= np.abs(np.diff(easy)).max() - 1e-12
+
+
+@pytest.mark.parametrize("kind", sorted(set(KINDS) - {"flat"}))
+def test_the_hardest_is_harder_than_the_easiest(kind):
+    easy, hard = tile(kind, 0.0), tile(kind, 1.0)
+    if kind in ("stones", "gap"):
+        assert (hard < -0.5).mean() > 1.5 * (easy < -0.5).mean()
+    else:
+        assert np.ptp(hard) > 2.0 * np.ptp(easy) + 0.05
+
+
+@settings(deadline=None, max_examples=20)
+@given(st.lists(kinds, min_size=1, max_size=4, unique=True), st.integers(1, 4), st.integers(0, 2**32), st.sampled_from([0.05, 0.1, 0.2]))
+def test_origins_are_on_the_surface_and_borders_at_zero(names, num_rows, seed, scale):
+    ground = Terrain(sub_terrains={name: KINDS[name] for name in names}, num_rows=num_rows, seed=seed, horizontal_scale=scale, size=6.0)
+    origins = ground.origins
+    assert origins.shape == (num_rows, len(names), 3)
+    np.testing.assert_array_equal(origins[..., 2], ground.height(origins[..., :2]))
+    assert not ground.leaves(origins[..., :2]).any()
+    x = 6.0 * (np.arange(num_rows) - (num_rows - 1) / 2)
+    np.testing.assert_allclose(origins[:, 0, 0], x, atol=1e-12)
+    # Lines between tiles, and the border around all. Heights have single precision of a few metres.
+    lines = [[edge + 3.0, y] for edge in x for y in np.linspace(-ground.half[1], ground.half[1], 50)]
+    np.testing.assert_allclose(ground.height(np.array(lines)), 0.0, atol=1e-6)
+    assert (ground.height(ground.half + 1.0) == 0.0).all()
+    assert ground.leaves(ground.half - 0.2)
+
+
+def test_the_scene_has_the_same_heights():
+    """As MuJoCo's rays meet them, to the single precision of its elevations; and by MJCF as by MjSpec."""
+    ground = Terrain(sub_terrains=KINDS, num_rows=2, border_width=1.0, seed=3)
+    model = loaded(ground)
+    spec = mujoco.MjSpec.from_string(ROBOT)
+    ground.add_to(spec)
+    m = spec.compile()
+    data = mujoco.MjData(m)
+    data.qpos[:3] = 100.0
+    mujoco.mj_forward(m, data)
+    places = np.random.default_rng(0).uniform(-1, 1, (200, 2)) * ground.half
+    met = np.array([-1], np.int32)
+    expected = [5.0 - mujoco.mj_ray(m, data, [*xy, 5.0], [0.0, 0.0, -1.0], None, 1, -1, met, None) for xy in places]
+    np.testing.assert_allclose(ground.height(places), expected, atol=1e-6)
+    asset, geom = ground.mjcf()
+    text = stepper.load(ROBOT.replace("<worldbody>", f"<asset>{asset}</asset><worldbody>{geom}"))
+    for each in (model, text):
+        read = HeightField(each, "terrain")
+        np.testing.assert_allclose(read.elevation + each.geom("terrain").pos[2], ground.elevation, atol=1e-12)
+
+
+def test_boxes_have_the_heights_of_the_field():
+    """At points of the grid, which a box includes with its edges; edges between are ramps in the field and walls as boxes."""
+    ground = Terrain(sub_terrains=BOXES, num_rows=2, size=6.0, border_width=1.0, seed=1)
+    boxes = ground.boxes()
+    low, high = boxes[:, 0] - boxes[:, 1], boxes[:, 0] + boxes[:, 1]
+    # Away from edges, and by more than a cell.
+    places = np.random.default_rng(2).uniform(-1, 1, (500, 2)) * (ground.half - 0.1)
+    near = (np.abs(places[:, None] - low[:, :2]) < 0.11).any(axis=(1, 2)) | (np.abs(places[:, None] - high[:, :2]) < 0.11).any(axis=(1, 2))
+    inside = ((places[:, None] > low[:, :2]) & (places[:, None] < high[:, :2])).all(axis=-1)
+    assert inside.any(axis=1).all()  # They leave no hole.
+    tops = np.where(inside, high[:, 2], -np.inf).max(axis=1)
+    plain = ~near
+    assert plain.sum() > 20
+    # Obstacles of neighbouring tiles are drawn alike; single precision of heights below 3 m.
+    np.testing.assert_allclose(ground.height(places[plain]), tops[plain], atol=1e-6)
+
+
+def test_a_ball_comes_to_rest_on_boxes_and_on_the_field():
+    """At the middle of each tile, where both have the same heights."""
+    ground = Terrain(sub_terrains={name: BOXES[name] for name in ("flat", "stairs", "gap")}, num_rows=2, size=5.0, border_width=0.5)
+    origins = ground.origins.reshape(-1, 3)
+    for boxes in (False, True):
+        sim = stepper.Stepper(loaded(ground, boxes=boxes), len(origins))
+        sim.reset(qpos=np.hstack([origins + np.array([0.0, 0.0, 0.12]), np.tile([1.0, 0.0, 0.0, 0.0], (len(origins), 1))]))
+        sim.step(nstep=300)
+        # A ball of 0.1 m; MuJoCo's elevations have single precision.
+        np.testing.assert_allclose(sim.qpos[:, 2] - origins[:, 2], 0.1, atol=1e-4)
+
+
+def test_slopes_have_no_boxes():
+    ground = Terrain(sub_terrains={"hill": terrain.PyramidSlope()}, num_rows=1)
+    with pytest.raises(ValueError, match="sub_terrain 'hill' is a PyramidSlope, which has no boxes"):
+        ground.boxes()
+
+
+@pytest.mark.parametrize(("given", "said"), [
+    ({"sub_terrains": {}}, "there are 0 sub_terrains"),
+    ({"num_rows": 0}, "0 rows"),
+    ({"size": 8.05}, "size is 8.05 m, must be a whole number of cells of 0.1 m"),
+    ({"border_width": 0.25}, "border_width is 0.25 m"),
+    ({"horizontal_scale": 0.0}, "horizontal_scale is 0.0"),
+    ({"difficulty_range": (0.5, 0.2)}, "difficulty_range"),
+])  # fmt: skip
+def test_wrong_arguments_are_errors(given, said):
+    with pytest.raises(ValueError, match=said):
+        Terrain(**({"sub_terrains": {"flat": terrain.Flat()}} | given))
+
+
+def test_wrong_arguments_of_kinds_are_errors():
+    with pytest.raises(ValueError, match="border_width of Gap is -1"):
+        terrain.Gap(border_width=-1.0)
+
+
+GROUND = Terrain(sub_terrains={"flat": terrain.Flat(proportion=3.0), "rough": terrain.RandomRough()}, num_rows=4, border_width=1.0)
+
+
+def begin(levels, state, streams, envs):
+    """Initial states of environments on their tiles."""
+    reset = Reset(None, envs, np.zeros((len(envs), 7)), np.zeros((len(envs), 6)), state, Rng(streams, envs))
+    levels.place(reset)
+    return reset.qpos
+
+
+@settings(deadline=None, max_examples=50)
+@given(st.integers(0, 5), st.integers(0, 2**32), st.lists(st.tuples(st.integers(0, 7), st.booleans(), st.booleans()), max_size=30))
+def test_levels_stay_within_the_rows(first, seed, moves):
+    """Whatever goes up and down; the tile of an environment is that of its level, and its column stays."""
+    levels = TerrainCurriculum(terrain=GROUND, max_init_level=first)
+    state, streams = levels.episode_state(8), Streams(8, seed)
+    begin(levels, state, streams, np.arange(8))
+    kinds = state["terrain_type"].copy()
+    assert (state["terrain_level"] <= first).all()
+    for env, up, down in moves:
+        envs, before = np.array([env]), state["terrain_level"][env]
+        levels.move(state, envs, up=np.array([up]), down=np.array([down]))
+        assert state["terrain_level"][env] == np.clip(before + (1 if up else -1 if down else 0), 0, 4)
+        qpos = begin(levels, state, streams, envs)
+        level = state["terrain_level"]
+        assert ((level >= 0) & (level < 4)).all()
+        np.testing.assert_array_equal(state["terrain_origin"], GROUND.origins[level, kinds])
+        assert (np.abs(qpos[0, :2] - state["terrain_origin"][env, :2]) <= 0.5).all()
+        assert qpos[0, 2] >= GROUND.height(qpos[0, :2]) - 1e-12
+        np.testing.assert_array_equal(levels.distance(state, envs, qpos), np.hypot(*(qpos[0, :2] - state["terrain_origin"][env, :2])))
+    np.testing.assert_array_equal(state["terrain_type"], kinds)
+
+
+def test_levels_depend_on_the_stream_of_an_environment_alone():
+    levels = TerrainCurriculum(terrain=GROUND)
+    together, alone = levels.episode_state(5), levels.episode_state(5)
+    begin(levels, together, Streams(5, 9), np.arange(5))
+    streams = Streams(5, 9)
+    for env in (3, 0, 4, 1, 2):
+        begin(levels, alone, streams, np.array([env]))
+    for name, values in together.items():
+        np.testing.assert_array_equal(alone[name], values)
+
+
+def test_columns_have_their_proportions():
+    levels = TerrainCurriculum(terrain=GROUND, max_init_level=3)
+    state = levels.episode_state(2000)
+    begin(levels, state, Streams(2000, 0), np.arange(2000))
+    # 2,000 draws of 0.75: a deviation of 0.01.
+    assert abs((state["terrain_type"] == 0).mean() - 0.75) < 0.04
+    counts = np.bincount(state["terrain_level"], minlength=4) / 2000
+    assert (np.abs(counts - 0.25) < 0.04).all()
+
+
+def test_commands_widen_by_stages():
+    stages = ((0, (1.0, 0.5)), (100, (1.5, 0.7)), (500, (2.0, 1.0)))
+    found = stage_of(np.array([0, 99, 100, 499, 500, 10**6]), stages)
+    np.testing.assert_array_equal(found[:, 0], [1.0, 1.0, 1.5, 1.5, 2.0, 2.0])
+    with pytest.raises(ValueError, match=r"stages begin at \[5\], must ascend from 0"):
+        stage_of(np.zeros(1), ((5, (1.0,)),))

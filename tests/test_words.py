@@ -20,7 +20,10 @@ WORDS = {
     "person": r"who|whoever|nobody|somebody|wants?|asks?|asked for|knows?|says?",
     "must": r"(is|are) to (be|have|do|get|give|go|make|meet|read|rest|step|take)",
 }
-"""Words with a replacement in the field's language, by the concept: target velocity, collision, contact group, capacity, separate."""
+"""Words with a replacement in the language of the field, by the word that they stand for.
+
+They are: target velocity, collision, contact group, various single words, capacity or coupled, separate, an actor, must.
+"""
 IDENTIFIERS = re.compile(r"(?i)\b\w*(strike|struck|hyperstatic|demand|firmness|undecided|recall|crowd)\w*\b")
 CORE = "crates/core/src"
 PLAIN = (

@@ -171,7 +171,7 @@ impl<R: Real> ActuatorForces<R> {
             #[inline(always)]
             || {
                 for k in 0..compiled.servos.len() {
-                    self.effective_inertias[k] = self.gauge_of(compiled, &compiled.actuators[compiled.servos[k].actuator], inertia);
+                    self.effective_inertias[k] = self.effective_inertia_of(compiled, &compiled.actuators[compiled.servos[k].actuator], inertia);
                 }
             },
         )
@@ -179,7 +179,7 @@ impl<R: Real> ActuatorForces<R> {
 
     /// Effective inertia of several dofs: a mean, weighted by their part in the mobility.
     #[inline(always)]
-    fn gauge_of(&self, compiled: &LaneModel<R>, actuator: &CompiledActuator<R::Scalar>, inertia: &[R]) -> EffectiveInertia<R> {
+    fn effective_inertia_of(&self, compiled: &LaneModel<R>, actuator: &CompiledActuator<R::Scalar>, inertia: &[R]) -> EffectiveInertia<R> {
         let mut sum = EffectiveInertia { mobility: R::zero(), slowing: R::zero() };
         for &(_, dof, arm) in &actuator.moment {
             sum = sum.with(R::splat(arm), inertia[dof], compiled.params.dof(dof).damping);

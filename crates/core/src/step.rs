@@ -101,6 +101,10 @@ fn solve_step<R: Real>(compiled: &LaneModel<R>, options: &StepSettings, s: &mut 
     let excluded = if s.rk4.is_some() { problem.constrained.not() } else { R::Mask::splat(false) };
     probe.span(Span::GuardEnergy, || find_energy_gain(place, free, velocity, guard, excluded));
     outcome.tunnelled = probe.span(Span::Tunnelling, || find_tunnelling(input, evaluation, velocity, &outcome));
+    if options.poison {
+        free.scratch.poison();
+        collisions.poison();
+    }
     // 7 integrate position
     integrate_positions(Place { input, evaluation }, velocity, position, probe);
     // The impulses of the solution are final. Stage 8 continues from them with a second solution.
@@ -111,6 +115,9 @@ fn solve_step<R: Real>(compiled: &LaneModel<R>, options: &StepSettings, s: &mut 
     // 8 stabilise
     let infeasible = probe.span(Span::Stabilise, || correct_positions(input, evaluation, free, problem, velocity, position));
     outcome.infeasible = outcome.infeasible.or(infeasible);
+    if options.poison {
+        velocity.poison_impulses();
+    }
     if let Some(rk4) = &mut s.rk4 {
         // Resolved lanes without constraints take the result of the Runge-Kutta scheme.
         let lanes = alive.and_not(problem.constrained.or(free.unresolved));

@@ -171,7 +171,8 @@ impl<R: Real> ActuatorForces<R> {
             #[inline(always)]
             || {
                 for k in 0..compiled.servos.len() {
-                    self.effective_inertias[k] = self.effective_inertia_of(compiled, &compiled.actuators[compiled.servos[k].actuator], inertia);
+                    self.effective_inertias[k] =
+                        self.effective_inertia_of(compiled, &compiled.actuators[compiled.servos[k].actuator], inertia);
                 }
             },
         )

@@ -56,6 +56,15 @@ impl<R: Real> VelocitySolution<R> {
         }
     }
 
+    /// Fills the impulses with NaN, once stage 8 has overwritten them.
+    pub(crate) fn poison_impulses(&mut self) {
+        let nan = R::of(f64::NAN);
+        let Iterate { w, scalars, contacts, rolling_contacts, .. } = &mut self.impulses;
+        w.iter_mut().chain(scalars).for_each(|x| *x = nan);
+        contacts.fill([nan; 3]);
+        rolling_contacts.fill([nan; 6]);
+    }
+
     /// Computes the velocity change of the present impulses into `out`, nv.
     pub fn impulse_change(&self, compiled: &LaneModel<R>, mass: &MassMatrix<R>, out: &mut [R]) {
         R::vectorize(

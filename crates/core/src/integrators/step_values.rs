@@ -169,6 +169,17 @@ pub(crate) struct Scratch<R: Real> {
     pub(crate) before_impact: Vec<R>,
 }
 
+impl<R: Real> Scratch<R> {
+    /// Fills all buffers with NaN.
+    pub(crate) fn poison(&mut self) {
+        let Self { impulse_change, expected_change, impulse, v_mean, v_forces, v_free_corrected, free_change, v_half, before_impact } =
+            self;
+        [impulse_change, expected_change, impulse, v_mean, v_forces, v_free_corrected, free_change, v_half, before_impact]
+            .into_iter()
+            .for_each(|buffer| buffer.fill(R::of(f64::NAN)));
+    }
+}
+
 impl<R: Real> FreeMotion<R> {
     /// Workspace for a compiled model.
     pub(crate) fn new(compiled: &LaneModel<R>) -> Self {
@@ -200,14 +211,9 @@ impl<R: Real> FreeMotion<R> {
 
     /// Fills with NaN the vectors that a step computes before it reads them.
     pub(super) fn poison(&mut self) {
-        let Self { applied, v, v_expected, expected_impulse, impulse: final_impulse, scratch, .. } = self;
-        let Scratch { impulse_change, expected_change, impulse, v_mean, v_forces, v_free_corrected, free_change, .. } = scratch;
-        let Scratch { v_half, before_impact, .. } = scratch;
-        let computed = [
-            [applied, v, v_expected, expected_impulse, final_impulse, impulse_change, expected_change],
-            [impulse, v_mean, v_forces, v_free_corrected, free_change, v_half, before_impact],
-        ];
-        computed.into_iter().flatten().for_each(|buffer| buffer.fill(R::of(f64::NAN)));
+        let Self { applied, v, v_expected, expected_impulse, impulse, scratch, .. } = self;
+        [applied, v, v_expected, expected_impulse, impulse].into_iter().for_each(|buffer| buffer.fill(R::of(f64::NAN)));
+        scratch.poison();
     }
 
     /// Computes the acceleration by all forces (see [`Smooth::acceleration`]). `v` is the velocity before the step, `v_bias` the velocity

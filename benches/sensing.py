@@ -2,7 +2,7 @@
 
 dm_control's humanoid has the 66 readings of its file (IMU, forces and torques at the joints of the legs, touch); "with joints" adds
 position and velocity of all joints and an orientation. Batches take turns along the same random controls, in one process on one core;
-processor time; the median over turns counts. See docs/sensors.md.
+processor time; the median over turns counts. See docs/benchmarks/components.md.
 """
 
 from __future__ import annotations

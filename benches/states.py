@@ -1,7 +1,7 @@
 """What it costs to keep a state and to go back to it, beside a step: dm_control's quadruped on the floor, one pinned core.
 
 python benches/states.py          # whole states
-python benches/states.py --some   # states of some environments: docs/quantities.md
+python benches/states.py --some   # states of some environments: docs/benchmarks/components.md
 """
 
 from __future__ import annotations

@@ -1,13 +1,14 @@
-"""Learning curves and the transfer of policies between engines and laws of contact: docs/training.md.
+"""Learning curves and the transfer of policies between engines and laws of contact: docs/benchmarks/training.md.
 
-    python benches/training.py curves                       # from the runs in out/train: docs/learning_curves.csv and .png
+    python benches/training.py curves                       # from the runs in out/train: learning_curves.csv and .png
     python benches/training.py evaluate                     # fresh episodes of their policies
     python benches/training.py follow                       # how far Go1 and G1 are from the velocities that they are commanded
     python benches/training.py transfer                     # examples/policies/ in other environments, from the same starts
-    python benches/training.py race                         # HalfCheetah here, in EnvPool and in Gymnasium's own: docs/learning_race.png
+    python benches/training.py race                         # HalfCheetah here, in EnvPool and in Gymnasium's own: learning_race.png
     python benches/training.py engines                      # the Go1 learns here and on mujoco.batch, with the same task and learner
 
-Tables are written into docs/training.md. `curves` adds to the rows of docs/learning_curves.csv: runs may be made one after the other.
+Tables go into a copy of docs/benchmarks/training.md in out/training, and with --update-docs into the page itself. `curves` adds to the
+rows of learning_curves.csv: runs may be made one after the other.
 `race` and `engines` train themselves, and go on where they were stopped; EnvPool is left out where it is not installed.
 """
 
@@ -17,7 +18,9 @@ import argparse
 import csv
 import importlib
 import re
+import shutil
 import sys
+from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -32,10 +35,10 @@ from stepper.policies import Comparison, Policy, compare, evaluate, load
 from stepper.shared.machine import one_core, require
 
 DOCS = Path(__file__).parents[1] / "docs"
+OUT = Path("out/training")
 EXAMPLES = Path(__file__).parents[1] / "examples"
 POLICIES = EXAMPLES / "policies"
 RUNS = Path("out/train")
-CURVES = DOCS / "learning_curves.csv"
 COLORS = {"stepper, MuJoCo's law": "C0", "stepper, hard contact": "C1", "MuJoCo": "C2"}
 FRESH = 20
 """Fresh episodes of a run."""
@@ -44,11 +47,32 @@ KEPT = 50
 COLUMNS = ("run", "seed", "steps", "seconds", "processor", "return", "length")
 
 
-def collect(runs: Path) -> list[dict[str, str]]:
-    """Rows of learning curves: those of docs/learning_curves.csv, with the runs of a folder in place of those of the same name."""
+@dataclass(frozen=True)
+class Report:
+    """Files that hold the results: the page with its tables, the rows of learning curves, and the folder of pictures."""
+
+    page: Path
+    curves: Path
+    images: Path
+
+    @classmethod
+    def of_docs(cls) -> Report:
+        """Files of the documentation."""
+        return cls(DOCS / "benchmarks/training.md", DOCS / "benchmarks/learning_curves.csv", DOCS / "images")
+
+    @classmethod
+    def copied(cls) -> Report:
+        """Copies of them in out/training, so that a trial changes no documentation."""
+        docs = cls.of_docs()
+        OUT.mkdir(parents=True, exist_ok=True)
+        return cls(Path(shutil.copy(docs.page, OUT)), Path(shutil.copy(docs.curves, OUT)), OUT)
+
+
+def collect(runs: Path, curves: Path) -> list[dict[str, str]]:
+    """Rows of learning curves: those of a file, with the runs of a folder in place of those of the same name."""
     rows: list[dict[str, str]] = []
-    if CURVES.exists():
-        with CURVES.open() as file:
+    if curves.exists():
+        with curves.open() as file:
             rows = list(csv.DictReader(file))
     for curve in sorted(runs.glob("*/seed*/curve.csv")):
         run, seed = curve.parent.parent.name, curve.parent.name.removeprefix("seed")
@@ -63,7 +87,7 @@ def collect(runs: Path) -> list[dict[str, str]]:
         for row in own[::-every][::-1]:
             rows.append({"run": run, "seed": seed, **{name: f"{float(row[name]):.6g}" for name in COLUMNS[2:]}})
     rows.sort(key=lambda row: (row["run"], row["seed"], float(row["steps"])))
-    with CURVES.open("w", newline="") as file:
+    with curves.open("w", newline="") as file:
         writer = csv.DictWriter(file, COLUMNS, lineterminator="\n")
         writer.writeheader()
         writer.writerows(rows)
@@ -125,9 +149,9 @@ def _named(run: str) -> tuple[str, str]:
     return f"stepper, {_LAWS[law]}", match[2]
 
 
-def table_of_runs(runs: Path, episodes: int) -> str:
+def table_of_runs(page: Path, runs: Path, episodes: int) -> str:
     """Time, steps and fresh episodes of every run, a row each: those of the page, with the runs of a folder in place of the same ones."""
-    head, line, *kept = read_table("evaluate")
+    head, line, *kept = read_table(page, "evaluate")
     rows = {tuple(_cells(row)[:3]): row for row in kept}
     for file in sorted(runs.glob("*/seed*/policy.npz")):
         if not _is_known(file.parent.parent.name):
@@ -166,13 +190,13 @@ VELOCITY_TASKS: dict[str, type[VelocityTask]] = {
 """Tasks of robots that follow a commanded velocity."""
 
 
-def table_of_following(runs: Path, episodes: int, only: str) -> str:
+def table_of_following(page: Path, runs: Path, episodes: int, only: str) -> str:
     """Fresh episodes of every run of a robot that follows commands, a row each, of tasks that have `only` in their names; other rows stay.
 
     How far they are from the commanded velocity, and how often they fall, under the law of contact that they were trained in and then under
     the other; beside one that stands still.
     """
-    head, line, *kept = read_table("follow")
+    head, line, *kept = read_table(page, "follow")
     table = {tuple(_cells(row)[:3]): row for row in kept}
     for name, task in VELOCITY_TASKS.items():
         if only not in name:
@@ -209,12 +233,12 @@ TRANSFERS: dict[str, tuple[str, dict[str, Any]]] = {
 """Environments that policies are tried in: what they are called, name of the environment, arguments."""
 
 
-def table_of_transfers(episodes: int, only: str) -> str:
+def table_of_transfers(page: Path, episodes: int, only: str) -> str:
     """Policies of examples/policies/ where they were trained and elsewhere, from the same starts, all in 64 bits.
 
     Rows of the page stay unless they are made again: `only` is in the names of the files whose rows are.
     """
-    head, line, *kept = read_table("transfer")
+    head, line, *kept = read_table(page, "transfer")
     rows = {tuple(_cells(row)[:3]): row for row in kept}
     for file in sorted(POLICIES.glob(f"*{only}*.npz")):
         policy = load(file)
@@ -252,15 +276,16 @@ RACE: dict[str, Any] = {"num_envs": 128, "horizon": 64, "minibatch": 1024, "epoc
 RACE_SEEDS = (1, 2, 3)
 
 
-def race(task: str, steps: int, runs: Path) -> str:
+def race(task: str, steps: int, runs: Path, report: Report) -> str:
     """Trains in the same task of every engine, with the same learner, settings and seeds, on one core and one thread.
 
-    Policies are evaluated in Gymnasium's own environment. Draws docs/learning_race.png.
+    Policies are evaluated in Gymnasium's own environment. Draws learning_race.png.
 
     Args:
         task: Gymnasium's name of it.
         steps: Environment steps of each run.
         runs: Folder of the runs.
+        report: Where the picture goes, and the page with the head of the table.
 
     Returns:
         A table, a row for each engine.
@@ -268,7 +293,7 @@ def race(task: str, steps: int, runs: Path) -> str:
     train: Any = importlib.import_module("train")
     curves: dict[str, list[list[dict[str, str]]]] = {}
     spent: dict[str, float] = {}
-    head, line, *_ = read_table("race")
+    head, line, *_ = read_table(report.page, "race")
     rows = [head, line]
     with one_core():
         for name, (env, own) in RACERS.items():
@@ -291,7 +316,7 @@ def race(task: str, steps: int, runs: Path) -> str:
             cells = [name, f"{run.steps:,}", f"{spent[name]:.0f}", f"{beside:.1f}", ", ".join(f"{mean:.0f}" for mean in returns)]
             rows.append("| " + " | ".join(cells) + " |")
             print(rows[-1], flush=True)
-    draw_race(curves, task, DOCS / "learning_race.png")
+    draw_race(curves, task, report.images / "learning_race.png")
     return "\n".join(rows)
 
 
@@ -357,30 +382,30 @@ def draw_race(curves: dict[str, list[list[dict[str, str]]]], task: str, path: Pa
 _LAWS = {"mujoco": "MuJoCo's law", "hard": "hard contact"}
 
 
-def _parts(name: str) -> tuple[str, str, str]:
-    """docs/training.md up to a table, the table, and from there on."""
+def _parts(page: Path, name: str) -> tuple[str, str, str]:
+    """Text of the page up to a table, the table, and from there on."""
     begin, end = f"<!-- {name}: made by `python benches/training.py {name}` -->", f"<!-- end of {name} -->"
-    text = (DOCS / "training.md").read_text()
+    text = page.read_text()
     if begin not in text or end not in text:
-        raise ValueError(f"docs/training.md has no marks {begin!r} and {end!r} for the table")
+        raise ValueError(f"{page} has no marks {begin!r} and {end!r} for the table")
     before, _, rest = text.partition(begin)
     table, _, after = rest.partition(end)
     return f"{before}{begin}\n\n", table, f"\n\n{end}{after}"
 
 
-def read_table(name: str) -> list[str]:
-    """Lines of a table of docs/training.md."""
-    return _parts(name)[1].split("\n")[2:-2]
+def read_table(page: Path, name: str) -> list[str]:
+    """Lines of a table of the page."""
+    return _parts(page, name)[1].split("\n")[2:-2]
 
 
 def _cells(row: str) -> list[str]:
     return [cell.strip() for cell in row.strip("|").split("|")]
 
 
-def write_table(name: str, table: str) -> None:
-    """Puts a table between its marks in docs/training.md."""
-    before, _, after = _parts(name)
-    (DOCS / "training.md").write_text(before + table + after)
+def write_table(page: Path, name: str, table: str) -> None:
+    """Puts a table between its marks in the page."""
+    before, _, after = _parts(page, name)
+    page.write_text(before + table + after)
 
 
 def main() -> None:
@@ -394,20 +419,27 @@ def main() -> None:
     )
     parser.add_argument("--task", help="of a race [HalfCheetah-v5], or of engines [Go1Velocity-v0]")
     parser.add_argument("--steps", type=int, help="of each run of a race [400000], or of engines [those of the task]")
+    parser.add_argument("--update-docs", action="store_true", help=f"write into the documentation; default: into copies in {OUT}")
     given = parser.parse_args()
+    report = Report.of_docs() if given.update_docs else Report.copied()
+    page = report.page
     sys.path.append(str(EXAMPLES))
     if given.what == "race":
-        write_table("race", race(given.task or "HalfCheetah-v5", given.steps or 400_000, given.runs / "race"))
+        write_table(
+            page,
+            "race",
+            race(given.task or "HalfCheetah-v5", given.steps or 400_000, given.runs / "race", report),
+        )
     elif given.what == "engines":
-        write_table("engines", engines(given.task or "Go1Velocity-v0", given.runs / "engines", given.episodes or 200, given.steps))
+        write_table(page, "engines", engines(given.task or "Go1Velocity-v0", given.runs / "engines", given.episodes or 200, given.steps))
     elif given.what == "curves":
-        draw(collect(given.runs), DOCS / "learning_curves.png")
+        draw(collect(given.runs, report.curves), report.images / "learning_curves.png")
     elif given.what == "evaluate":
-        write_table("evaluate", table_of_runs(given.runs, given.episodes or FRESH))
+        write_table(page, "evaluate", table_of_runs(page, given.runs, given.episodes or FRESH))
     elif given.what == "follow":
-        write_table("follow", table_of_following(given.runs, given.episodes or 200, given.only))
+        write_table(page, "follow", table_of_following(page, given.runs, given.episodes or 200, given.only))
     else:
-        write_table("transfer", table_of_transfers(given.episodes or 200, given.only))
+        write_table(page, "transfer", table_of_transfers(page, given.episodes or 200, given.only))
 
 
 if __name__ == "__main__":

@@ -45,7 +45,7 @@ LAWS = {
     "mujoco": stepper.Options(contact="mujoco"),
     "hard": stepper.Options(integrator="euler", stabilization="baumgarte", baumgarte=1.0, slop=0.0),
 }
-"""Options by name; those of hard contact are without the kink of a box at rest (docs/derivatives.md)."""
+"""Options by name; those of hard contact are without the kink of a box at rest (docs/how-to/derivatives.md)."""
 HOLD = 5
 """Steps that a control is held."""
 LENGTHS = 0.5 ** np.arange(10)

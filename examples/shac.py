@@ -6,8 +6,8 @@
 The policy acts for a horizon in all environments. Every step of that is linearized, all of them as one batch, and the gradient of what was
 earned goes back through these matrices to the policy's weights; beyond the horizon a value network, learned from the same steps, says
 what is still to come (Xu et al. 2022, "Accelerated Policy Learning with Parallel Differentiable Simulation", https://arxiv.org/abs/2204.07137).
-The matrices are differences of steps (docs/derivatives.md), so that neither the engine nor the task needs to be written again; only what a
-task observes and pays is, as a function of PyTorch, and is checked against the task.
+The matrices are differences of steps (docs/how-to/derivatives.md), so that neither the engine nor the task needs to be written again; only
+what a task observes and pays is, as a function of PyTorch, and is checked against the task.
 
 Minutes are of processor time. Rows of the learning curve are written as they are made, and the policy at the end.
 """

@@ -1,4 +1,4 @@
-"""The tables of docs/what_can_vary.md, made of the table of fields.
+"""The tables of docs/reference/what_can_vary.md, made of the table of fields.
 
 PYTHONPATH=python python tests/field_table.py
 """
@@ -10,7 +10,7 @@ from stepper import Drive, Options, Transfer
 from stepper.shared.fields import COMPOUNDS, FIELDS
 from stepper.sysid import KINDS
 
-PAGE = Path(__file__).parents[1] / "docs/what_can_vary.md"
+PAGE = Path(__file__).parents[1] / "docs/reference/what_can_vary.md"
 BEGIN, END = "<!-- fields: tests/field_table.py writes them -->\n", "<!-- end of fields -->\n"
 ELEMENTS = {"dof": "joint", "coordinate": "joint", "": "(the whole model)"}
 """Kinds of elements whose names select rows, where they are not those of the field."""

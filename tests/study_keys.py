@@ -1,4 +1,4 @@
-"""The tables of a study's keys in docs/studies.md, made of what the classes say of themselves.
+"""The tables of a study's keys in docs/reference/studies.md, made of what the classes say of themselves.
 
 PYTHONPATH=python python tests/study_keys.py
 """
@@ -11,7 +11,7 @@ from pathlib import Path
 
 import stepper
 
-PAGE = Path(__file__).parents[1] / "docs/studies.md"
+PAGE = Path(__file__).parents[1] / "docs/reference/studies.md"
 BEGIN, END = "<!-- keys: tests/study_keys.py writes them -->\n", "<!-- end of keys -->\n"
 PARTS = (("", stepper.lab.Study), ("[[outcomes]]", stepper.lab.Outcome), ("[parameters.NAME]", stepper.lab.Parameter))
 IN_TOML = {

@@ -1,4 +1,4 @@
-"""Tables of observations and actions of all registered tasks, docs/tasks.md: written by this script, compared by a test.
+"""Tables of observations and actions of all registered tasks, docs/reference/tasks.md: written by this script, compared by a test.
 
     PYTHONPATH=python:tests .venv/bin/python tests/task_page.py
 
@@ -16,7 +16,7 @@ import numpy as np
 import stepper.envs
 from stepper.envs import StepperEnv, Task
 
-PAGE = Path(__file__).parents[1] / "docs/tasks.md"
+PAGE = Path(__file__).parents[1] / "docs/reference/tasks.md"
 HEAD = """# Observations and actions
 
 Columns of the observations and actions of all registered tasks. [environments.md](environments.md) describes the tasks.

@@ -30,7 +30,10 @@ CORE_FOLDERS = {
         "stages",
     },
     "step": {"options", "probe", "compile", "constraints", "stages", "integrators"},
-    "step_derivative": {"math", "model", "options", "probe", "compile", "dynamics", "collision", "constraints", "tuning", "stages", "integrators", "step"},
+    "step_derivative": {
+        *("math", "model", "options", "tuning", "probe", "compile", "dynamics", "collision", "constraints", "stages", "integrators"),
+        "step",
+    },
     "analysis": {"math", "model", "error", "probe", "compile", "dynamics", "collision", "actuation", "sensing", "stages", "integrators"},
     "batch": {
         *("math", "model", "error", "options", "probe", "compile", "dynamics", "collision", "actuation", "constraints", "sensing"),

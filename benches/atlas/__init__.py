@@ -1,5 +1,5 @@
 """The failure atlas: scenes with known answers where methods fail, in every engine and setting, over time steps.
 
 `scene` says what a scene is, `scenes` holds them, `world` and `engines` how to run them; `run` sweeps, `report` and `picture` write
-docs/atlas, `known` says what stepper does not hold and why.
+the report, `known` says what stepper does not hold and why.
 """

@@ -1,6 +1,7 @@
-"""The long sweep: `python -m atlas` writes docs/atlas.md, atlas.png and atlas.csv.
+"""Sweep of the failure atlas: `python -m atlas` writes atlas.md, atlas.png and atlas.csv into out/atlas.
 
-With some scenes or engines alone it writes into out/atlas.
+With --update-docs, a sweep of all scenes and engines replaces the page of the documentation (docs/benchmarks); --add replaces the rows of
+some scenes or engines in it.
 """
 
 from __future__ import annotations
@@ -19,20 +20,26 @@ from atlas.report import read_csv, write_csv, write_markdown
 from atlas.run import Row, sweep
 from atlas.world import World
 
+PAGES = Path("docs/benchmarks")
+"""Folder of the page atlas.md with its picture and its rows."""
+
 
 def main() -> None:
     """Reads the arguments, sweeps, writes."""
     parser = argparse.ArgumentParser(prog="atlas", description=__doc__)
     numbers = list(dict.fromkeys(s.number for s in scenes.ALL))
     parser.add_argument("scenes", nargs="*", choices=[*numbers, []], metavar="scene", help=f"number, of {', '.join(numbers)}; default: all")
-    parser.add_argument("--out", type=Path, help="folder; default: docs for all scenes and engines, out/atlas for some")
+    parser.add_argument("--out", type=Path, default=Path("out/atlas"), help="folder; default: out/atlas")
     parser.add_argument("--limit", type=float, default=10.0, help="processor time of one run at the most, s")
     parser.add_argument("--ours", action="store_true", help="stepper alone")
-    parser.add_argument("--add", action="store_true", help="renew the rows of these scenes and engines in docs, and keep all others")
+    parser.add_argument("--add", action="store_true", help="with --update-docs: replace these rows and keep all others")
+    parser.add_argument("--update-docs", action="store_true", help=f"write into {PAGES} in place of --out")
     parser.add_argument("--from-csv", action="store_true", help="do not run anything: write the report again from atlas.csv")
     args = parser.parse_args()
     chosen = [s for s in scenes.ALL if not args.scenes or s.number in args.scenes]
-    out = args.out or Path("out/atlas" if (args.scenes or args.ours) and not args.add else "docs")
+    if args.update_docs and (args.scenes or args.ours) and not args.add:
+        parser.error("--update-docs with some scenes or engines would drop the rows of all others; give --add, which keeps them")
+    out = PAGES if args.update_docs else args.out
     out.mkdir(parents=True, exist_ok=True)
     data = out / "atlas.csv"
     if args.from_csv:

@@ -1,4 +1,4 @@
-"""docs/atlas.md and atlas.csv from the rows of a sweep."""
+"""docs/benchmarks/atlas.md and atlas.csv from the rows of a sweep."""
 
 from __future__ import annotations
 

@@ -3,7 +3,8 @@
 MJCF is read by MuJoCo's compiler, so that its time is part of ours. "first" is the first model of a process, each in a process of its
 own; "again" is the same model once more in that process, where MuJoCo has kept what it made of the meshes; "saved" is what
 `Model.save` wrote, in a process of its own. Wall time, since MuJoCo's compiler has threads, with files in memory; engines take turns,
-and the median over turns counts. Packages are those of benches/corpus; files of other robots may be given. See docs/performance.md.
+and the median over turns counts. Packages are those of benches/corpus; files of other robots may be given. See
+docs/benchmarks/performance.md.
 """
 
 from __future__ import annotations

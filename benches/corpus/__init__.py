@@ -2,5 +2,5 @@
 
 `download` fetches and unpacks the packages, `files` finds models and compiles them, `dynamics` and `episode` compare both engines,
 `measure` does all of that for one file in a process of its own, `sweep` for all files; `judge` says which models step well, and `report`
-writes docs/corpus.
+writes the page.
 """

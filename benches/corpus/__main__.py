@@ -1,4 +1,7 @@
-"""Every robot of the packages, beside MuJoCo: `python -m corpus` measures what is missing and writes docs/corpus.md and corpus.csv."""
+"""Every robot of the packages, beside MuJoCo: `python -m corpus` measures what is missing and writes corpus.md and corpus.csv.
+
+They go into out/corpus. With --update-docs, docs/benchmarks is read and replaced.
+"""
 
 from __future__ import annotations
 
@@ -15,6 +18,9 @@ from corpus.report import write_markdown
 from corpus.row import MEASURED, Row, read_csv, write_csv
 from corpus.sweep import Sweep
 
+PAGES = Path("docs/benchmarks")
+"""Folder of the page corpus.md with its rows."""
+
 
 def main() -> None:
     """Reads the arguments, measures, writes."""
@@ -25,9 +31,12 @@ def main() -> None:
     parser.add_argument("--limit", type=float, default=300.0, help="time for one file, s; default: 300")
     parser.add_argument("--again", action="store_true", help="also what this build of stepper has measured already")
     parser.add_argument("--from-csv", action="store_true", help="do not measure anything: write the report again from corpus.csv")
-    parser.add_argument("--out", type=Path, default=Path("docs"), help="folder of the report; default: docs")
+    parser.add_argument("--out", type=Path, default=Path("out/corpus"), help="folder of the report; default: out/corpus")
+    parser.add_argument("--update-docs", action="store_true", help=f"write into {PAGES} in place of --out")
     parser.add_argument("--cache", type=Path, default=Path("out/corpus"), help="folder of downloads; default: out/corpus")
     args = parser.parse_args()
+    if args.update_docs:
+        args.out = PAGES
     args.out.mkdir(parents=True, exist_ok=True)
     data = args.out / "corpus.csv"
     rows, notes = read_csv(data)

@@ -1,4 +1,4 @@
-"""docs/corpus.md from the rows."""
+"""docs/benchmarks/corpus.md from the rows."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""How right and how sure `stepper.sysid.identify` is, beside `mujoco.sysid`: docs/identification.md."""
+"""How right and how sure `stepper.sysid.identify` is, beside `mujoco.sysid`: docs/benchmarks/identification.md."""

@@ -1,4 +1,7 @@
-"""`make identify`: noisy repetitions from four starts, beside a peer, and sample by sample: the tables of docs/identification.md."""
+"""`make identify`: noisy repetitions from four starts, beside a peer, and sample by sample.
+
+The tables are those of docs/benchmarks/identification.md.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +17,7 @@ from identification import online, strikes, sysid
 from identification.repetitions import HEAD, Kept, Row, Trial, repeated
 from identification.scenes import HARD, SCENES
 
-PAGE = Path(__file__).parents[2] / "docs/identification.md"
+PAGE = Path(__file__).parents[2] / "docs/benchmarks/identification.md"
 OUT = Path("out/identification")
 COLOUR = 0.8
 

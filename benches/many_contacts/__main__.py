@@ -40,7 +40,7 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--quick", action="store_true", help="two rounds, default settings: to see what a change does")
     parser.add_argument("--add", action="store_true", help="keep what many_contacts.json has of other scenes and numbers of environments")
-    parser.add_argument("--update-docs", action="store_true", help="write docs/many_contacts.md from all that many_contacts.json then has")
+    parser.add_argument("--update-docs", action="store_true", help="write the page docs/benchmarks/many_contacts.md")
     parser.add_argument("--from-json", action="store_true", help="measure nothing: show what many_contacts.json has")
     parser.add_argument("--targets", action="store_true", help="measure nothing: show the targets beside what many_contacts.json has")
     parser.add_argument(
@@ -82,7 +82,7 @@ def main() -> None:
     report = Report(found, kept["provenance"], floors(args.out / "floors.json"), robots(args.out / "throughput.json"))
     print(f"\n{report.targets() if args.targets else report.show()}")
     if args.update_docs:
-        Path("docs/many_contacts.md").write_text(report.page(ALL), encoding="utf-8")
+        Path("docs/benchmarks/many_contacts.md").write_text(report.page(ALL), encoding="utf-8")
 
 
 def _plan(args: argparse.Namespace, num_envs: int) -> Plan:

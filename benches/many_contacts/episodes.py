@@ -1,6 +1,6 @@
 """Episodes: recordings that `anatomy --episode` (benches/src/bin/anatomy.rs) steps again, and what it found: parts and floors.
 
-A floor is the time that the arithmetic of a step would take at the rates of the core, in lanes: docs/performance.md.
+A floor is the time that the arithmetic of a step would take at the rates of the core, in lanes: docs/benchmarks/performance.md.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The table, on the terminal and in docs/many_contacts.md."""
+"""The table, on the terminal and in docs/benchmarks/many_contacts.md."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ struck, in 32 bits) to six times. What stands between, by the part that is farth
   its minimum.
 * Two arms: dry friction in the joints beside contacts; sweeps leave 86 % of the steps, and Newton's method takes twenty steps.
 * Robots under random control: no part is far above its floor by itself; lanes that wait for the slowest of their group, latency, and forces
-  that are taken twice for a next state that follows from what is visible ([visible_state.md](decisions/visible_state.md)) add up."""
+  that are taken twice for a next state that follows from what is visible ([visible_state.md](../development/decisions/visible_state.md)) add up."""
 NOTES = f"""## What to know of the scenes
 
 * g1, go1: mjlab trains them on rough ground; here the ground is flat, and friction and centres of mass are not randomised. A robot that
@@ -240,7 +240,7 @@ class Report:
         return f"{said}\n\n{table}"
 
     def page(self, scenes: Iterable[Scene]) -> str:
-        """The page docs/many_contacts.md."""
+        """The page docs/benchmarks/many_contacts.md."""
         about = [[s.name, s.about, _timed(s), f"{s.target[0]:g} / {s.target[1]:g}"] for s in scenes]
         came_from = self.came_from
         versions = ", ".join(f"{name} {came_from['versions'][name]}" for name in ("stepper", "mujoco-core", "python"))

@@ -1,4 +1,7 @@
-"""One step of MuJoCo's contact law in stepper and in MuJoCo, model by model: `--out docs` renews the page's table and its csv."""
+"""One step of MuJoCo's contact law in stepper and in MuJoCo, model by model.
+
+`--update-docs` replaces the table of docs/benchmarks/mujoco_law.md and its csv.
+"""
 
 from __future__ import annotations
 
@@ -14,6 +17,9 @@ from mujoco_law.models import Source, sources
 from mujoco_law.parity import compare, prepare, states
 from mujoco_law.report import Row, write_csv, write_table
 
+PAGES = Path("docs/benchmarks")
+"""Folder of the page mujoco_law.md with its rows."""
+
 
 def main() -> None:
     """Reads the arguments, measures, writes."""
@@ -25,7 +31,8 @@ def main() -> None:
     parser.add_argument("--integrator", choices=("euler", "implicitfast", "implicit", "discrete", "rk4"), help="instead of the model's own")
     parser.add_argument("--cone", choices=("pyramidal", "elliptic"), help="instead of the model's own")
     parser.add_argument("--noslip", type=int, metavar="SWEEPS", help="sweeps that take the slip out of friction at the most; default: none")
-    parser.add_argument("--out", type=Path, help="folder of mujoco_law.csv and, if it has one, of the page whose table is renewed")
+    parser.add_argument("--out", type=Path, help="folder of mujoco_law.csv")
+    parser.add_argument("--update-docs", action="store_true", help=f"write the csv and the table of the page into {PAGES}")
     args = parser.parse_args()
     rows = []
     for source in sources(args.only):
@@ -34,7 +41,9 @@ def main() -> None:
         sys.stderr.write(f"{row}\n")
     if args.out:
         write_csv(args.out / "mujoco_law.csv", rows)
-        write_table(args.out / "mujoco_law.md", rows)
+    if args.update_docs:
+        write_csv(PAGES / "mujoco_law.csv", rows)
+        write_table(PAGES / "mujoco_law.md", rows)
 
 
 def _measure(source: Source, args: argparse.Namespace) -> Row:

@@ -10,7 +10,7 @@ import numpy as np
 
 from mujoco_law.parity import Parity
 
-_BEGIN, _END = "<!-- parity: made by `python -m mujoco_law --out docs` -->", "<!-- end of parity -->"
+_BEGIN, _END = "<!-- parity: made by `python -m mujoco_law --update-docs` -->", "<!-- end of parity -->"
 
 
 @dataclass(frozen=True)
@@ -72,9 +72,7 @@ def write_csv(path: Path, rows: list[Row]) -> None:
 
 
 def write_table(path: Path, rows: list[Row]) -> None:
-    """Renews the table in a page, between its marks; does nothing where there is no page."""
-    if not path.exists():
-        return
+    """Replaces the table of a page between its marks."""
     before, _, rest = path.read_text().partition(_BEGIN)
     _, _, after = rest.partition(_END)
     measured = [row for row in rows if row.parity]

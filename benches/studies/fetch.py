@@ -1,4 +1,7 @@
-"""gymnasium-robotics' Fetch (`pip install --no-deps gymnasium-robotics`) with random controls, beside its cube: docs/studies.md."""
+"""gymnasium-robotics' Fetch (`pip install --no-deps gymnasium-robotics`) with random controls, beside its cube.
+
+Figures are in docs/benchmarks/studies.md.
+"""
 
 from __future__ import annotations
 

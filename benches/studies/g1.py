@@ -1,4 +1,4 @@
-"""Unitree's G1 of mjlab (`pip install --no-deps mjlab`) on a plane, held by position servos: docs/studies.md.
+"""Unitree's G1 of mjlab (`pip install --no-deps mjlab`) on a plane, held by position servos: docs/benchmarks/studies.md.
 
 It begins a hair above the floor, with its legs straight, and velocities that are a little off. Its wrists have no armature here, so that
 the servos' damping is stiff: Euler's rule, which takes it explicitly, diverges at every time step of 0.125 ms and more.

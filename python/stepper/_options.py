@@ -28,7 +28,7 @@ class Options(metaclass=Hinting):
             * "mujoco": MuJoCo's soft law as its documentation defines it (computation chapter), from the model's solref, solimp, solmix,
               margins, impratio and cone. The convex problem is solved by Newton's method; `iterations` bounds its steps, and its residual
               is the velocity in m/s that the remaining imbalance of forces makes in a step. Solver, stabilisation
-              and restitution have no part in it. docs/mujoco_law.md has what agrees with MuJoCo, and how far.
+              and restitution have no part in it. docs/explanation/mujoco_law.md has what agrees with MuJoCo, and how far.
         integrator: How velocities and positions advance. None is "midpoint" with hard contact, and with contact="mujoco" what the model's
             source asks for, or "euler".
 
@@ -53,7 +53,7 @@ class Options(metaclass=Hinting):
             "newton" (augmented-Lagrangian Newton for every environment that the first two sweeps do not solve), or "auto": sweeps, then
             Newton for the environments that they leave above the tolerance.
         iterations: Sweeps of the solver at the most ("auto" makes no more than 50), and Newton steps at the most for each island of bodies
-            in contact and pass (docs/decisions/bounds.md). A step that runs out of them says NOT_CONVERGED in its status, and
+            in contact and pass (docs/development/decisions/bounds.md). A step that runs out of them says NOT_CONVERGED in its status, and
             `Stepper.worst_row` names the row. `Stepper.iterations` counts both, `Stepper.newton_steps` Newton steps alone.
         tolerance: Natural-map residual at which the solver stops, in m/s; None is 1e-6, and 1e-4 with precision="f32". With
             contact="mujoco" None is besides at most 0.6 % of what gravity adds to a velocity in a step (and at least 1e-6), so that contact

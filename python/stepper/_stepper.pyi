@@ -619,7 +619,7 @@ class Model:
             model.replace({"geom_friction[floor,box][0]": 0.5})
 
         Args:
-            values: Values by selector, `field[names][columns]` (docs/what_can_vary.md); other numbers of these fields stay as they are. The
+            values: Values by selector, `field[names][columns]` (docs/reference/what_can_vary.md); other numbers of these fields stay as they are. The
                 shape is that of the selected numbers: one name or index and one column have no axis. A single number is for all of them.
             **fields: Whole fields, in the shape that the model has them.
 
@@ -1063,7 +1063,7 @@ class Stepper:
         """Sets configuration, velocity, activations or time; or, given a `State`, everything that survives a step.
 
         The next state is a function of `qpos`, `qvel`, `act` and the controls; what the solver starts from moves it by some 1e-7 of a
-        velocity (docs/decisions/visible_state.md). The other memory of an environment is that of its drives (delay lines, lags,
+        velocity (docs/development/decisions/visible_state.md). The other memory of an environment is that of its drives (delay lines, lags,
         integrals) and sensors (bias, drift, delay lines, samples held).
 
         Args:
@@ -1106,7 +1106,7 @@ class Stepper:
             sim.randomize({"geom_friction[floor,box][0]": sliding}, envs=[3, 5])  # (2, 2)
 
         Args:
-            values: Values by selector, `field[names][columns]` (docs/what_can_vary.md); other numbers of these fields stay as they are.
+            values: Values by selector, `field[names][columns]` (docs/reference/what_can_vary.md); other numbers of these fields stay as they are.
                 The shape is that of the selected numbers with num_envs in front: one name or index and one column have no axis of
                 their own. (num_envs,) is one number for all selected, a single number is the same in all environments, and None
                 gives the model's own numbers back. In place of values, `envs` may stand first.
@@ -1230,11 +1230,11 @@ class Stepper:
         environments and columns are stepped together, in lanes and on the stepper's threads, with its options and all that environments
         have of their own, but to a tighter tolerance; the stepper is only read, and keeps room for copies for the next call. With contact
         the step is smooth only between kinks: see `Linearization.near_kink`
-        and docs/derivatives.md.
+        and docs/how-to/derivatives.md.
 
         Args:
             wrt: "qpos", "qvel", "act", "ctrl", and fields of `Stepper.randomize`, whole ("body_mass") or in part, by selector
-                ("geom_friction[floor,box][0]", docs/what_can_vary.md). Columns are zero where a mass, size, stiffness or frictionloss of 0
+                ("geom_friction[floor,box][0]", docs/reference/what_can_vary.md). Columns are zero where a mass, size, stiffness or frictionloss of 0
                 says that the model has none. None is ("qpos", "qvel", "act", "ctrl").
             ctrl: Controls held during the steps, (num_envs, nu) or (nu,); None is those in force.
             nstep: Number of steps.

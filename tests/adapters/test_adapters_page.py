@@ -1,4 +1,4 @@
-"""What docs/adapters.md shows runs, and its versions are those that are tested."""
+"""What docs/reference/adapters.md shows runs, and its versions are those that are tested."""
 
 import re
 from importlib.metadata import version
@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import ray
 
-PAGE = (Path(__file__).parents[2] / "docs/adapters.md").read_text()
+PAGE = (Path(__file__).parents[2] / "docs/reference/adapters.md").read_text()
 SECTIONS = dict(re.findall(r"^## (.+)\n(?:(?!## ).*\n)*?```python\n((?:.*\n)*?)```", PAGE, re.MULTILINE))
 
 
@@ -23,7 +23,7 @@ def cluster():
 @pytest.mark.parametrize("name", SECTIONS)
 def test_its_snippets_run(name):
     names = {"__name__": "__main__"}
-    exec(compile(SECTIONS[name], f"docs/adapters.md, {name}", "exec"), names)
+    exec(compile(SECTIONS[name], f"docs/reference/adapters.md, {name}", "exec"), names)
     if "observation" in names:
         assert np.isfinite(np.asarray(names["observation"])).all()
     if "algorithm" in names:

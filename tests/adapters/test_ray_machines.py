@@ -67,10 +67,10 @@ def test_rollouts_have_the_bits_of_one_machine(cluster):
 
 
 def test_what_the_page_shows_runs(cluster):
-    page = (Path(__file__).parents[2] / "docs/many_machines.md").read_text()
+    page = (Path(__file__).parents[2] / "docs/how-to/scale_out.md").read_text()
     names = {"__name__": "__main__"}
     for snippet in re.findall(r"```python\n(.*?)```", page, re.DOTALL):
-        exec(compile(snippet, "docs/many_machines.md", "exec"), names)
+        exec(compile(snippet, "docs/how-to/scale_out.md", "exec"), names)
     data, again = names["data"], names["again"]
     assert data["reward"].shape == again["reward"].shape == (64, 256)
     assert np.isfinite(data["reward"]).all()

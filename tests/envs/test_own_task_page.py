@@ -1,16 +1,17 @@
-"""What docs/own_task.md writes is a task: its numbers are what the page says, and learners and the command line find it."""
+"""What docs/tutorials/first_task.md and docs/how-to/write_a_task.md write is a task: its numbers are what they say, and learners find it."""
 
-import re
 import sys
 from pathlib import Path
 
 import gymnasium
 import numpy as np
 import pytest
+from page_blocks import blocks
 from stepper.policies import is_native, make
 
-PAGE = (Path(__file__).parents[2] / "docs/own_task.md").read_text()
-FILE, LOOKED_AT, SERVOS = re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)
+DOCS = Path(__file__).parents[2] / "docs"
+FILE, LOOKED_AT = (block.text for block in blocks((DOCS / "tutorials/first_task.md").read_text()) if block.language == "python")
+(SERVOS,) = (block.text for block in blocks((DOCS / "how-to/write_a_task.md").read_text()) if block.language == "python")
 
 
 @pytest.fixture
@@ -25,7 +26,7 @@ def written(tmp_path, monkeypatch):
 @pytest.mark.usefixtures("written")
 def test_its_numbers_are_what_the_page_says(monkeypatch, capsys):
     monkeypatch.syspath_prepend("")
-    exec(compile(LOOKED_AT, "docs/own_task.md", "exec"), {"__name__": "__main__"})
+    exec(compile(LOOKED_AT, "docs/tutorials/first_task.md", "exec"), {"__name__": "__main__"})
     said = capsys.readouterr().out.splitlines()
     assert said[0] == LOOKED_AT.split("print(envs.observation_structure)  # ")[1].splitlines()[0]
     assert 0.1 < float(said[1]) < 0.3
@@ -37,7 +38,7 @@ def test_its_numbers_are_what_the_page_says(monkeypatch, capsys):
 @pytest.mark.filterwarnings("error::stepper.ModelWarning")
 def test_actions_of_servos_are_scaled(capsys):
     names = {}
-    exec(compile(SERVOS, "docs/own_task.md", "exec"), names)
+    exec(compile(SERVOS, "docs/how-to/write_a_task.md", "exec"), names)
     space, controls = capsys.readouterr().out.splitlines()
     assert space == SERVOS.split("print(envs.single_action_space)  # ")[1].splitlines()[0]
     envs, home = names["envs"], np.array([-0.5, 1.0])

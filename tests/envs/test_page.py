@@ -1,21 +1,11 @@
-"""What docs/environments.md shows runs."""
+"""The table of tasks in docs/reference/environments.md is that of the code."""
 
 import re
 from pathlib import Path
 
-import numpy as np
 import stepper.envs
 
-PAGE = (Path(__file__).parents[2] / "docs/environments.md").read_text()
-
-
-def test_its_snippets_run():
-    names = {}
-    # What is drawn needs OpenGL and moviepy: tests/viewer/test_snippets.py.
-    for snippet in (s for s in re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL) if "render_mode" not in s):
-        exec(compile(snippet.replace("1024", "8"), "docs/environments.md", "exec"), names)
-    assert names["env"].unwrapped.task.frame_skip == 2
-    assert np.isfinite(names["observation"]).all()
+PAGE = (Path(__file__).parents[2] / "docs/reference/environments.md").read_text()
 
 
 def test_its_table_has_every_task():

@@ -1,4 +1,4 @@
-"""docs/tasks.md has the tables that the tasks have now."""
+"""docs/reference/tasks.md has the tables that the tasks have now."""
 
 from importlib.util import find_spec
 

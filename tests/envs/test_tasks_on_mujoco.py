@@ -45,7 +45,8 @@ def test_a_step_is_gymnasiums(name):
             for k, one in enumerate(theirs):
                 found, their_reward, their_end, *_ = one.step(action[k])
                 np.testing.assert_allclose(observation[k], found, rtol=1e-8, atol=1e-10 * (1 + np.abs(found).max()))
-                # Where the ant and the humanoid are, Gymnasium's read in the last stage of a Runge-Kutta step: docs/environments.md.
+                # Gymnasium reads the places of the ant and the humanoid in the last stage of a Runge-Kutta step:
+                # docs/reference/environments.md.
                 if name not in ("Ant", "Humanoid"):
                     assert reward[k] == pytest.approx(their_reward, rel=1e-8, abs=1e-8)
                 assert terminated[k] == their_end

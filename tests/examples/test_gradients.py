@@ -71,7 +71,7 @@ def test_a_run_writes_its_curve_and_its_policy(tmp_path):
 
 def test_a_grasp_is_learned_by_derivatives():
     scores = list(grasp.by_derivatives(96))
-    # It begins below 0, a box that stays where it should be returns 40; docs/derivatives.md has 30 after 32 to 80 rollouts.
+    # It begins below 0, a box that stays where it should be returns 40; docs/benchmarks/derivatives.md has 30 after 32 to 80 rollouts.
     assert scores[0].rollouts == 0
     assert scores[0].gain < 0.0
     assert max(s.gain for s in scores) > 25.0

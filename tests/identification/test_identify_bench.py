@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from identification.repetitions import Kept, Row
 
-PAGE = Path(__file__).parents[2] / "docs/identification.md"
+PAGE = Path(__file__).parents[2] / "docs/benchmarks/identification.md"
 
 
 def answer(seed):

@@ -77,7 +77,7 @@ def test_mujocos_law_is_mujocos_when_it_is_switched():
         for _ in range(20):
             mujoco.mj_step(compiled, data)
         sim.step(nstep=20)
-        # As far as MuJoCo solves its own problem; docs/mujoco_law.md has 1e-9 a step at its tolerance.
+        # As far as MuJoCo solves its own problem; docs/explanation/mujoco_law.md has 1e-9 a step at its tolerance.
         np.testing.assert_allclose(sim.qvel, data.qvel, atol=1e-6)
 
 

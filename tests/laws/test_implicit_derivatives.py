@@ -178,7 +178,7 @@ def compared(sim: stepper.Stepper, **more) -> tuple[stepper.derivatives.Lineariz
 @pytest.mark.parametrize("speed", [0.1, 10.0])
 def test_an_overlap_that_is_corrected_in_closed_form(speed):
     # z+ = z + h c G / (G + R), c = w s / |(w, s)| of the overlap's share w = beta (overlap - slop) / h and the fastest correction s,
-    # G = 1 / m, R = (1e-3 + c h / 0.1 m) (G + 1 / m): the damping of docs/decisions/stabilisation.md.
+    # G = 1 / m, R = (1e-3 + c h / 0.1 m) (G + 1 / m): the damping of docs/development/decisions/stabilisation.md.
     model = scene(BALL.format(joints=SLIDES), floor='friction=".4 0 0"', more=PUSHED)
     sim = simulation(model, 6, "split, Euler", max_correction_speed=speed)
     beta, slop = sim.options.baumgarte, sim.options.slop

@@ -70,7 +70,7 @@ def test_gradients_of_random_contact_scenes_agree_with_differences_of_whole_roll
     rows = [judged.row(kind) for kind in ("no kink", "near a kink")]
     _, known, good, wrong = np.sum(rows, axis=0)
     assert wrong == 0, judged.worst
-    # Differences of an hundredth are agreement, and one derivative in a hundred may differ, as docs/derivatives.md says.
+    # Differences of an hundredth are agreement, and one derivative in a hundred may differ, as docs/how-to/derivatives.md says.
     assert good >= 0.99 * known, judged.worst
     # Nor is it an answer to refuse all: differences judge most derivatives.
     assert known > 0.5 * sum(judged.counts.values()), judged.counts

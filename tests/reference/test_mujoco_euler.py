@@ -104,7 +104,7 @@ def test_a_finger_coupled_by_a_tendon():
 
 
 def test_a_delayed_control_begins_with_the_first_one():
-    """MuJoCo's history of controls begins with zeros, a delay line here with the first control (docs/actuators.md).
+    """MuJoCo's history of controls begins with zeros, a delay line here with the first control (docs/reference/actuators.md).
 
     That is all: if the first control is zero, every step is MuJoCo's, whatever follows.
     """

@@ -147,8 +147,8 @@ def test_every_smooth_sensor_reads_what_mujocos_does(name):
 
 
 def parity() -> dict[str, tuple[str, str]]:
-    """The table of docs/sensors.md: verdict and remark by type."""
-    text = (Path(__file__).parents[2] / "docs/sensors.md").read_text()
+    """The table of docs/reference/sensors.md: verdict and remark by type."""
+    text = (Path(__file__).parents[2] / "docs/reference/sensors.md").read_text()
     start = text.index("| MuJoCo's type |")
     rows = [[cell.strip() for cell in line.split("|")[1:4]] for line in text[start : text.index("\n\n", start)].splitlines()[2:]]
     return {word: (verdict, remark) for word, verdict, remark in rows}

@@ -1,5 +1,5 @@
-//! Where a step's time goes, as the tables of docs/performance.md: all of it, part by part for every lane type, the floor that arithmetic
-//! and memory set, and how the cost grows with degrees of freedom, contacts, environments and threads.
+//! Where a step's time goes, as the tables of docs/benchmarks/performance.md: all of it, part by part for every lane type, the floor that
+//! arithmetic and memory set, and how the cost grows with degrees of freedom, contacts, environments and threads.
 
 use std::path::PathBuf;
 use std::process::ExitCode;

@@ -32,7 +32,7 @@ fn main() {
 /// The setting.
 fn setting() -> String {
     format!(
-        "    cargo run --release -p stepper-benches --bin solvers > docs/solvers.md
+        "    cargo run --release -p stepper-benches --bin solvers > docs/benchmarks/solvers.md
 
 makes this page. Iterations / ms of processor time until the residual (the natural map of the exact Coulomb problem) is {TOLERANCE:e} m/s, from a cold
 start, in one environment in f64: one step of {STEP} s from rest, friction {FRICTION}, six coordinates a box, four contacts where two faces meet. An x

@@ -6,7 +6,7 @@
 // iterations from zero. A solved estimate iterates to a tolerance.
 
 /// Gauss-Seidel iterations of a rough estimate. Trajectories have the same errors as with a solved estimate
-/// (docs/decisions/visible_state.md).
+/// (docs/development/decisions/visible_state.md).
 pub(crate) const ROUGH_ITERATIONS: u32 = 2;
 
 /// Motion per step below which a model with several trees uses a solved estimate, rad or m. A stack needs the impulses of the last

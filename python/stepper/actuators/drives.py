@@ -104,7 +104,7 @@ class Drive:
     """What lies between the control of an actuator and its force, in the order in which it acts. The default is an ideal actuator.
 
     Control range, delay, servo, lag, the actuator's own law, limits, torque-speed curve, gear and friction. Every number is one for all
-    environments or an array (num_envs,). See docs/actuators.md.
+    environments or an array (num_envs,). See docs/reference/actuators.md.
 
     Attributes:
         delay: s. Between steps the control is what it is on average over the step.

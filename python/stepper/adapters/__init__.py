@@ -2,7 +2,7 @@
 
     from stepper.adapters.sb3 import StepperVecEnv  # or stepper.adapters.sb3.StepperVecEnv
 
-docs/adapters.md has an example of each. Importing one needs its library; importing this package needs none.
+docs/reference/adapters.md has an example of each. Importing one needs its library; importing this package needs none.
 """
 
 import importlib

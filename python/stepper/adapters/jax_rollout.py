@@ -1,4 +1,4 @@
-"""Rollouts of a stepper as a function of JAX that has a derivative (docs/derivatives.md)."""
+"""Rollouts of a stepper as a function of JAX that has a derivative (docs/how-to/derivatives.md)."""
 
 from __future__ import annotations
 

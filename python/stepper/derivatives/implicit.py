@@ -2,7 +2,7 @@
 
 Which contacts push, stick and slip, which joints are at a limit or held by dry friction, is that of the solved step. Impulses follow from
 their rows by one linear system for all columns; forces, inertia and geometry are differentiated by differences of a step whose impulses
-follow in this way (`Stepper._differentiate`). docs/decisions/implicit_derivatives.md has the formulas, and what they leave out.
+follow in this way (`Stepper._differentiate`). docs/development/decisions/implicit_derivatives.md has the formulas, and what they leave out.
 """
 
 from __future__ import annotations

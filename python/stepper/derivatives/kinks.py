@@ -2,7 +2,7 @@
 
 Two signs are read. What is active, which the binary compares (`Stepper._find_kinks`): contacts that push, whether they stick or slip,
 joints at their limits, joints held by dry friction, saturated actuators. And slopes on both sides that differ by more than curvature
-explains. docs/derivatives.md says what each proves.
+explains. docs/how-to/derivatives.md says what each proves.
 """
 
 from __future__ import annotations
@@ -40,8 +40,8 @@ class Kink(IntFlag):
     """Contacts that stick in one and slip in the other; not detected with contact="mujoco"."""
     GAP = 4
     """A contact or limit that is open by a hair in one and overlaps in the other: an open gap may close within the step, an overlap is
-    not pushed out by velocity. A robot at rest is at this kink; docs/derivatives.md has settings without it. With method="implicit" also
-    a contact whose damping in the correction of positions begins or ends because equalities move it, where the step jumps a little."""
+    not pushed out by velocity. A robot at rest is at this kink; docs/how-to/derivatives.md has settings without it. With method="implicit"
+    also a contact whose damping in the correction of positions begins or ends because equalities move it, where the step jumps a little."""
     LIMIT = 8
     """Slides and hinges that reach a limit or leave it; limits of ball joints and tendons are not detected."""
     DRY_FRICTION = 16
@@ -53,7 +53,7 @@ class Kink(IntFlag):
     UNSOLVED = 128
     """A step was not solved, not finite, or too long for its motion (`Status`)."""
     UNDETERMINED = 256
-    """The nominal mode has no slope (docs/derivatives.md): the column is 0 in place of a derivative."""
+    """The nominal mode has no slope (docs/how-to/derivatives.md): the column is 0 in place of a derivative."""
 
 
 @dataclass

@@ -1,9 +1,9 @@
 """Slopes of the nominal mode, for columns whose finite difference crosses a kink or a jump.
 
-The mode of a step is its set of active constraints (docs/derivatives.md, "Kinks"), and the nominal mode that of the unperturbed step. A
-difference between two modes is a derivative of neither; at a jump it is jump / (2 h). Such columns are differentiated again within the
-nominal mode: by the implicit function theorem, or by the widest difference whose copies stay in that mode. Columns that allow neither get
-`Kink.UNDETERMINED`.
+The mode of a step is its set of active constraints (docs/how-to/derivatives.md, "Kinks"), and the nominal mode that of the unperturbed
+step. A difference between two modes is a derivative of neither; at a jump it is jump / (2 h). Such columns are differentiated again within
+the nominal mode: by the implicit function theorem, or by the widest difference whose copies stay in that mode. Columns that allow neither
+get `Kink.UNDETERMINED`.
 """
 
 from __future__ import annotations

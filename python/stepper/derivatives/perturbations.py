@@ -49,7 +49,7 @@ def step_of(tolerance: float) -> float:
 
     Without kinks h = (3 e / |f'''|)^(1/3) is best. With them the third part is larger than the second for all h < 6 k / |f'''|, and
     h = sqrt(e / k) is best. With k = 1 and the default tolerance of 1e-13 m/s that is 1e-6, where the noise is 1e-6 at the worst and, as
-    most solutions end far below the tolerance, 1e-9 in the median (measured in docs/derivatives.md).
+    most solutions end far below the tolerance, 1e-9 in the median (measured in docs/how-to/derivatives.md).
     """
     return math.sqrt(max(NOISE_RATIO * tolerance, 4.0 * ROUNDING) / KINK_DENSITY)
 
@@ -172,7 +172,7 @@ def _block(model: Model, name: str, argument: str) -> Block:
         raise ValueError(f"{argument} has {name!r}, which is no field by itself: write {parts}")
     if field not in RANDOMIZED:
         known = [*sizes, *RANDOMIZED] if argument == "wrt" else RANDOMIZED
-        raise ValueError(unknown_field(argument, field, known, "docs/what_can_vary.md"))
+        raise ValueError(unknown_field(argument, field, known, "docs/reference/what_can_vary.md"))
     index = places(model, selector, argument)
     chosen = index.reshape(-1)
     own = np.asarray(getattr(model, field), np.float64).reshape(-1)[chosen]

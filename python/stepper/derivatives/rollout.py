@@ -112,8 +112,8 @@ class Rollout:
             act: Gradient by `self.act`, likewise.
             sensors: Gradient by `self.sensors`, likewise.
             smoothing: Derivatives averaged over random displacements, for gradients across kinks; None takes those of the actual steps.
-            undetermined: Action at a kink where the nominal mode has no slope (docs/derivatives.md): "raise" an error, or return "zero"
-                gradients for the environment, flagged in `Gradients.undetermined`.
+            undetermined: Action at a kink where the nominal mode has no slope (docs/how-to/derivatives.md): "raise" an error, or return
+                "zero" gradients for the environment, flagged in `Gradients.undetermined`.
             **settings: `step`, `tolerance`, `centered`, `extrapolate` and `method` of `linearize`.
 
         Raises:

@@ -10,7 +10,7 @@ from stepper.derivatives.linearize import Linearization
 
 
 class UndeterminedDerivative(ArithmeticError):  # noqa: N818
-    """Error raised by `Rollout.vjp` for a kink at which the nominal mode has no slope (docs/derivatives.md).
+    """Error raised by `Rollout.vjp` for a kink at which the nominal mode has no slope (docs/how-to/derivatives.md).
 
     Attributes:
         env: Index of the environment.

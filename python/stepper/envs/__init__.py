@@ -5,7 +5,7 @@
 
     envs = gymnasium.make_vec("stepper/HalfCheetah-v5", num_envs=1024)
 
-docs/environments.md lists the tasks and writes a new one. It needs Gymnasium, which `import stepper` does not.
+docs/reference/environments.md lists the tasks and writes a new one. It needs Gymnasium, which `import stepper` does not.
 """
 
 from typing import Any

@@ -56,7 +56,7 @@ def _hulls(model: Model, hulls: list[tuple[int, float]]) -> str:
         f"{_label(model, geom)}: {ratio:.1f} times the volume" if ratio < 100 else f"{_label(model, geom)}: more than 100 times the volume"
         for geom, ratio in hulls
     ]
-    remedy = "model.replace(geom_concave=...) makes a mesh collide as its triangles; see docs/terrain.md"
+    remedy = "model.replace(geom_concave=...) makes a mesh collide as its triangles; see docs/how-to/terrain.md"
     return _listed(f"these meshes collide as their convex hulls, which are much larger than the meshes ({remedy}):", lines)
 
 

@@ -5,7 +5,7 @@
 
     stepper.policies.evaluate(policy, "stepper/HalfCheetah-v5", episodes=20)
 
-Loading and acting need NumPy alone; `evaluate`, `compare` and `film` need Gymnasium, SciPy and MoviePy. docs/training.md trains one.
+Loading and acting need NumPy alone; `evaluate`, `compare` and `film` need Gymnasium, SciPy and MoviePy. docs/how-to/train.md trains one.
 """
 
 from stepper.policies.environment import describe, differences

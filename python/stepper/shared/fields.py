@@ -1,7 +1,7 @@
 """Table of fields: arrays of a model that can vary, parameters made of several fields, and arrays that users write to a stepper.
 
 `FIELDS` has every field of `Model.replace`; `Field.own` says which of them `Stepper.randomize` takes. Selectors
-(`stepper.shared.selectors`) name parts of a field. docs/what_can_vary.md is this table.
+(`stepper.shared.selectors`) name parts of a field. docs/reference/what_can_vary.md is this table.
 """
 
 from __future__ import annotations

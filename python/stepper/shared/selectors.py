@@ -203,7 +203,7 @@ def places(model: Model, selector: Selector, where: str = "selector") -> NDArray
     """
     field, columns = selector.field, selector.columns
     if field not in FIELDS:
-        raise ValueError(unknown_field(where, field, [*FIELDS, *COMPOUNDS], "docs/what_can_vary.md"))
+        raise ValueError(unknown_field(where, field, [*FIELDS, *COMPOUNDS], "docs/reference/what_can_vary.md"))
     shape = np.shape(getattr(model, field))
     index = np.arange(int(np.prod(shape)), dtype=np.int64).reshape(shape)
     if _global(field):
@@ -358,7 +358,7 @@ def _whole(
     for text, value in values.items():
         selector = parse(text, where)
         if selector.field not in known and selector.field not in COMPOUNDS:
-            raise ValueError(unknown_field(where, selector.field, [*known, *COMPOUNDS], "docs/what_can_vary.md"))
+            raise ValueError(unknown_field(where, selector.field, [*known, *COMPOUNDS], "docs/reference/what_can_vary.md"))
         for part in parts_of(model, selector, where):
             own = made.setdefault(part.field, base(part.field))
             used = taken.setdefault(part.field, np.zeros(own.shape[-1], bool))

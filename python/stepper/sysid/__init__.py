@@ -1,4 +1,4 @@
-"""Identification: parameters of a model from what was measured, and how sure that is (docs/identification.md).
+"""Identification: parameters of a model from what was measured, and how sure that is (docs/how-to/identify.md).
 
 `data` reads what was measured, `parameters` says what is sought, `simulate` predicts readings in one batch of environments, `residuals`
 compares them, `fit` searches, `uncertainty` and `findings` say how sure the answer is, `result` is the answer.

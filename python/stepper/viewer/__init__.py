@@ -4,7 +4,7 @@
     with stepper.viewer.view(sim) as view:
         view.run()
 
-docs/viewing.md shows more.
+docs/how-to/view_and_film.md shows more.
 """
 
 from stepper.viewer.live import View, view

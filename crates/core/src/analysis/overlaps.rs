@@ -168,7 +168,7 @@ pub fn hull_line(hull: &WideHull, model: &Description) -> String {
 }
 
 /// Remedy of hulls that are larger than their mesh.
-pub const HULL_REMEDY: &str = "Remedy: model.replace(\"geom_concave\", ..) lets a mesh collide as its triangles (docs/terrain.md); for \
+pub const HULL_REMEDY: &str = "Remedy: model.replace(\"geom_concave\", ..) lets a mesh collide as its triangles (docs/how-to/terrain.md); for \
      moving bodies, split the mesh into convex pieces.";
 
 /// Lines with their remedy, if there are any lines.

@@ -108,8 +108,8 @@ pub struct GroupPosition<'a, 'b, S> {
 const MAX_CACHED_ENTRIES: usize = 512;
 
 /// The level's lanes, `n`, or twice as many where that takes less time: with AVX-512 it takes as much as 1.8 times one register, but
-/// twice as much and more where the CPU has units of half the width (docs/performance.md). With the sixteen registers of AVX2 it would
-/// take 2.2 to 2.5 times.
+/// twice as much and more where the CPU has units of half the width (docs/benchmarks/performance.md). With the sixteen registers of AVX2 it
+/// would take 2.2 to 2.5 times.
 fn lanes<S: Scalar>(n: usize, compiled: &CompiledModel<S>, num_envs: usize, threads: usize, level: Level) -> usize {
     let groups = |lanes: usize| num_envs.div_ceil(lanes).div_ceil(threads);
     let pays = compiled.chain.len() <= MAX_CACHED_ENTRIES && 9 * groups(2 * n) <= 5 * groups(n);

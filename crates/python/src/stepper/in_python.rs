@@ -13,11 +13,11 @@ impl Stepper {
     /// environments and columns are stepped together, in lanes and on the stepper's threads, with its options and all that environments
     /// have of their own, but to a tighter tolerance; the stepper is only read, and keeps room for copies for the next call. With contact
     /// the step is smooth only between kinks: see `Linearization.near_kink`
-    /// and docs/derivatives.md.
+    /// and docs/how-to/derivatives.md.
     ///
     /// Args:
     ///     wrt: "qpos", "qvel", "act", "ctrl", and fields of `Stepper.randomize`, whole ("body_mass") or in part, by selector
-    ///         ("geom_friction[floor,box][0]", docs/what_can_vary.md). Columns are zero where a mass, size, stiffness or frictionloss of 0
+    ///         ("geom_friction[floor,box][0]", docs/reference/what_can_vary.md). Columns are zero where a mass, size, stiffness or frictionloss of 0
     ///         says that the model has none. None is ("qpos", "qvel", "act", "ctrl").
     ///     ctrl: Controls held during the steps, (num_envs, nu) or (nu,); None is those in force.
     ///     nstep: Number of steps.

@@ -109,7 +109,7 @@ impl Stepper {
     /// Sets configuration, velocity, activations or time; or, given a `State`, everything that survives a step.
     ///
     /// The next state is a function of `qpos`, `qvel`, `act` and the controls; what the solver starts from moves it by some 1e-7 of a
-    /// velocity (docs/decisions/visible_state.md). The other memory of an environment is that of its drives (delay lines, lags,
+    /// velocity (docs/development/decisions/visible_state.md). The other memory of an environment is that of its drives (delay lines, lags,
     /// integrals) and sensors (bias, drift, delay lines, samples held).
     ///
     /// Args:

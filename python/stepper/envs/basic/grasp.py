@@ -43,7 +43,7 @@ SCENE = f"""
 """
 """Two fingers and a hand in a plane, moved by forces, beside a box that lies somewhere between them."""
 OPTIONS = Options(integrator="euler", stabilization="baumgarte", baumgarte=1.0, slop=0.0)
-"""Hard contact without the kink of a box at rest (docs/derivatives.md)."""
+"""Hard contact without the kink of a box at rest (docs/how-to/derivatives.md)."""
 
 
 @dataclass(frozen=True, kw_only=True)

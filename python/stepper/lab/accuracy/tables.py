@@ -144,7 +144,7 @@ def _kept(found: Found, picture: Path | None) -> Section:
     kinds, left = [kind.label for kind in found.invariants.kinds], found.invariants.left_out
     words = [
         "What a right motion keeps however chaotic it is: largest errors of all episodes, after every control and to their end, computed "
-        "from positions and velocities in the same way for all engines. docs/studies.md has the definitions."
+        "from positions and velocities in the same way for all engines. docs/reference/studies.md has the definitions."
         if kinds
         else "The scene has none."
     ]

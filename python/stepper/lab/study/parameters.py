@@ -53,7 +53,7 @@ class Parameter:
     """Parameter of a study: a number that may vary, its range and the source of the range.
 
     Attributes:
-        selector: Numbers that change, `field[names][columns]` (docs/what_can_vary.md): "geom_friction[floor,box][0]",
+        selector: Numbers that change, `field[names][columns]` (docs/reference/what_can_vary.md): "geom_friction[floor,box][0]",
             "actuator.delay[hip]", "options.timestep", "drive".
         how: "set" to the value, "scale" by it, or "add" it. With body_mass, inertia is scaled alike: the same shape of another density.
         low: Least plausible value.
@@ -260,7 +260,7 @@ def _places(parameter: Parameter, model: Model) -> list[tuple[str, NDArray[np.in
     """Fields, places in their flat rows and signs of all numbers that change."""
     selector = parameter.parsed
     if selector.field not in FIELDS and selector.field not in COMPOUNDS:
-        raise ValueError(unknown_field("selector", selector.field, [*FIELDS, *COMPOUNDS, "drive"], "docs/what_can_vary.md"))
+        raise ValueError(unknown_field("selector", selector.field, [*FIELDS, *COMPOUNDS, "drive"], "docs/reference/what_can_vary.md"))
     found = []
     for part in parts_of(model, selector):
         chosen = part.index.reshape(-1)

@@ -1,7 +1,7 @@
 """Sites and sensors of a compiled `mujoco.MjModel`, as the Rust crate describes them (crates/model/src/sensor.rs).
 
-`docs/sensors.md` says of every sensor type of MuJoCo whether it is simulated and how its readings differ; a test holds it and the tables
-here against the installed version.
+`docs/reference/sensors.md` says of every sensor type of MuJoCo whether it is simulated and how its readings differ; a test holds it and the
+tables here against the installed version.
 """
 
 from __future__ import annotations

@@ -1,0 +1,144 @@
+"""Figures of the documentation, computed from the result files in docs/benchmarks.
+
+    python docs/hooks/figures.py            # names and values
+    python docs/hooks/figures.py --update-docs   # write the table of the README
+
+Pages contain `{{ NAME }}`; the build of the site replaces it (pages.py). The README has no build: this command writes its table, and
+tests/test_documents.py compares it.
+"""
+
+from __future__ import annotations
+
+import csv
+import json
+import re
+import sys
+from pathlib import Path
+from statistics import geometric_mean
+from typing import Any
+
+ROOT = Path(__file__).parents[2]
+BENCHMARKS = ROOT / "docs/benchmarks"
+BEGIN, END = "<!-- speed: written by `python docs/hooks/figures.py --update-docs` -->\n", "<!-- end of speed -->"
+SHOWN = ("gymnasium humanoid", "gymnasium half_cheetah", "dm_control humanoid", "dm_control quadruped", "robosuite panda")
+"""Robots of the README's table; the mean is of all."""
+CREEP = (
+    ("3", "incline of 10 degrees, mu 1"),
+    ("31", "pinch at 1.01 of a cube, mu 0.5, 20 iterations"),
+    ("32", "tray, 2 N at 0.99 mu N, mu 1.0"),
+)
+"""Scenes of the atlas in which a body must not move, by number and name."""
+ATLAS_ENGINES = ("stepper", "MuJoCo", "MuJoCo tuned", "rapier")
+PEERS = ("MuJoCo implicitfast, elliptic", "MuJoCo defaults")
+
+
+def figures() -> dict[str, str]:
+    """Values by the name that pages use."""
+    speed = json.loads((BENCHMARKS / "results/speed.json").read_text())
+    rows = speed["models"]
+    found = {
+        "speed.table": speed_table(rows),
+        "speed.machine": machine(speed["provenance"]),
+        "speed.command": speed["provenance"]["command"],
+        "speed.robots": str(len(rows)),
+    }
+    for name, key in (("f64", "stepper f64"), ("f32", "stepper f32"), ("fast.f64", "stepper f64 fast"), ("fast.f32", "stepper f32 fast")):
+        found[f"speed.{name}"] = f"{geometric_mean(row['ratio'][key] for row in rows):.1f}"
+    found["speed.alone"] = f"{geometric_mean(row['ratio_alone']['stepper f64'] for row in rows):.1f}"
+    found |= many_contacts()
+    corpus = read_csv("corpus.csv")
+    found["corpus.files"] = f"{len(corpus):,}"
+    found["corpus.packages"] = str(len({row["package"] for row in corpus}))
+    atlas = read_csv("atlas.csv")
+    found["atlas.scenes"] = str(len({row["number"] for row in atlas}))
+    found["atlas.creep"] = atlas_table(atlas, CREEP, "0.002")
+    return found
+
+
+def read_csv(name: str) -> list[dict[str, str]]:
+    """Rows of a result file; lines that begin with # are notes."""
+    lines = [line for line in (BENCHMARKS / name).read_text().splitlines() if not line.startswith("#")]
+    return list(csv.DictReader(lines))
+
+
+def atlas_table(rows: list[dict[str, str]], scenes: tuple[tuple[str, str], ...], dt: str) -> str:
+    """Errors of some scenes of the atlas at one time step, by engine."""
+    cells = {(row["number"], row["name"], row["engine"]): row for row in rows if row["dt"] == dt}
+    lines = ["| scene of the atlas | unit | " + " | ".join(ATLAS_ENGINES) + " |", "|---|---" + "|---:" * len(ATLAS_ENGINES) + "|"]
+    for number, name in scenes:
+        own = [cells[number, name, engine] for engine in ATLAS_ENGINES]
+        errors = [row["outcome"] if row["outcome"] == "cannot run" else f"{float(row['error']):.1e}" for row in own]
+        lines.append(f"| {number} {name} | {own[0]['unit']} | " + " | ".join(errors) + " |")
+    return "\n".join(lines)
+
+
+def machine(provenance: dict[str, Any]) -> str:
+    """Processor, versions and date of a measurement, in words."""
+    versions = provenance["versions"]
+    return f"{provenance['cpu']}, CPU level {provenance['cpu_level']}, MuJoCo {versions['mujoco-core']}, {provenance['utc'][:10]}"
+
+
+def many_contacts() -> dict[str, str]:
+    """Ratios of the scenes with many contacts, from the table of targets in many_contacts.md."""
+    text = (BENCHMARKS / "many_contacts.md").read_text()
+    found = {}
+    for name, row in (("mean", "geometric mean over scenes"), ("least", "the least of them")):
+        line = next(line for line in text.splitlines() if line.startswith(f"| {row}"))
+        f64, f32 = re.findall(r"[\d.]+", line.split("|")[3])
+        found |= {f"many.{name}.f64": f64, f"many.{name}.f32": f32}
+    # "AMD EPYC, CPU level avx512, 2026-11-25; stepper 0.1.0, ..."
+    found["many.machine"] = re.search(r"^(.*, CPU level \w+), \d{4}-\d\d-\d\d; ", text, re.MULTILINE)[1]  # type: ignore[index]
+    return found
+
+
+def speed_cells(row: dict[str, Any]) -> list[str]:
+    """Cells of a robot: steps per second, ratios, penetration."""
+    us, penetration = row["microseconds"], row["penetration"]
+    peer = min(us[name] for name in PEERS)
+    return [
+        row["model"],
+        *(f"{1e6 / value:,.0f}" for value in (us["stepper f64"], us["stepper f32"], peer)),
+        *(f"{row['ratio'][name]:.1f}" for name in ("stepper f64", "stepper f32")),
+        f"{1e3 * penetration['stepper f64']:.2g}",
+        f"{1e3 * min(penetration[name] for name in PEERS):.2g}",
+        f"{row['certificates']['stepper f64']['worst_residual']:.0e}",
+    ]
+
+
+def speed_table(rows: list[dict[str, Any]]) -> str:
+    """Steps per second of one core, ratios, penetration and residual of every robot, and the mean of the ratios."""
+    heads = ["robot, one core", "steps/s f64", "steps/s f32", "MuJoCo steps/s", "ratio f64", "ratio f32"]
+    heads += ["penetration mm", "MuJoCo's, mm", "worst residual, m/s"]
+    lines = ["| " + " | ".join(heads) + " |", "|---" + "|---:" * (len(heads) - 1) + "|"]
+    lines += ["| " + " | ".join(speed_cells(row)) + " |" for row in rows]
+    means = [f"**{geometric_mean(row['ratio'][name] for row in rows):.1f}**" for name in ("stepper f64", "stepper f32")]
+    lines.append(f"| geometric mean of {len(rows)} | | | | {means[0]} | {means[1]} | | | |")
+    return "\n".join(lines)
+
+
+def readme_table() -> str:
+    """Table of the README: some robots, the mean of all, and the scenes with many contacts."""
+    found = figures()
+    lines = found["speed.table"].splitlines()
+    kept = [*lines[:2], *(line for name in SHOWN for line in lines if line.startswith(f"| {name} |")), lines[-1]]
+    kept.append(f"| 17 scenes with many contacts, mean | | | | {found['many.mean.f64']} | {found['many.mean.f32']} | | | |")
+    kept.append(f"| the slowest of them, a wall that a ball hits | | | | {found['many.least.f64']} | {found['many.least.f32']} | | | |")
+    kept.append("")
+    kept.append(f"{found['speed.machine']}: `python benches/comparison/{found['speed.command']}`.")
+    kept.append(f"Scenes with many contacts: {found['many.machine']}, `make many-contacts`.")
+    return "\n".join(kept) + "\n"
+
+
+def main() -> None:
+    """Prints all figures, or writes the README's table."""
+    if "--update-docs" in sys.argv:
+        readme = ROOT / "README.md"
+        before, _, rest = readme.read_text().partition(BEGIN)
+        readme.write_text(before + BEGIN + "\n" + readme_table() + "\n" + END + rest.partition(END)[2])
+        return
+    for name, value in figures().items():
+        print(f"{name}: {value}")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,38 @@
+"""Hooks of the build of the documentation (mkdocs.yml)."""
+
+from __future__ import annotations
+
+import posixpath
+import re
+import sys
+from pathlib import Path
+from typing import Any
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+import figures
+
+NAME = re.compile(r"\{\{ ([a-z][\w.]*) \}\}")
+LINK = re.compile(r"\[([^\]]*)\]\((\.\./[^)#\s]+)(#[^)\s]*)?\)")
+TEST = re.compile(r"^[ \t]*<!-- test: .*? -->\n", re.MULTILINE)
+
+
+def on_page_markdown(markdown: str, page: Any, config: Any, files: Any) -> str:
+    """Text of a page with its figures, and with links to files outside of docs/ as file names or, with `repo_url`, as links."""
+    values = figures.figures()
+
+    def figure(match: re.Match[str]) -> str:
+        if match[1] not in values:
+            raise KeyError(f"{page.file.src_uri} has {{{{ {match[1]} }}}}, which docs/hooks/figures.py does not have; it lists its names")
+        return values[match[1]]
+
+    def link(match: re.Match[str]) -> str:
+        text, target = match[1], match[2]
+        path = posixpath.normpath(posixpath.join("docs", posixpath.dirname(page.file.src_uri), target))
+        if path.startswith("docs/"):
+            return match[0]
+        if config.repo_url:
+            return f"[{text}]({config.repo_url.rstrip('/')}/blob/main/{path})"
+        return f"`{path}`" if posixpath.basename(path) in text or text in path else f"{text} (`{path}`)"
+
+    return LINK.sub(link, NAME.sub(figure, TEST.sub("", markdown)))

@@ -34,7 +34,10 @@ CORE_FOLDERS = {
         *("math", "model", "options", "tuning", "probe", "compile", "dynamics", "collision", "constraints", "stages", "integrators"),
         "step",
     },
-    "analysis": {"math", "model", "error", "probe", "compile", "dynamics", "collision", "actuation", "sensing", "stages", "integrators"},
+    "analysis": {
+        *("math", "model", "error", "options", "probe", "compile", "dynamics", "collision", "actuation", "sensing", "stages"),
+        "integrators",
+    },
     "batch": {
         *("math", "model", "error", "options", "probe", "compile", "dynamics", "collision", "actuation", "constraints", "sensing"),
         *("stages", "integrators", "step", "step_derivative", "analysis"),

@@ -64,7 +64,75 @@ def test_code_blocks_run(page, tmp_path, monkeypatch):
     """All code blocks of a page run exactly as shown (page_blocks.py)."""
     page_blocks.prepare(tmp_path)
     monkeypatch.chdir(tmp_path)
+    monkeypatch.syspath_prepend("")
+    before, known = set(sys.modules), set(gymnasium.registry)
+    try:
+        page_blocks.run(page, tmp_path)
+    finally:
+        for name in set(sys.modules) - before:
+            if (tmp_path / f"{name}.py").exists():
+                del sys.modules[name]
+        for name in set(gymnasium.registry) - known:
+            if not name.startswith("stepper/"):
+                del gymnasium.registry[name]
 
 
-from field_table import PAGE as FIELDS
-from field_table import written
+@pytest.mark.parametrize("page", PAGES, ids=named)
+def test_languages_of_blocks_are_known(page):
+    """A block without a language, or with another one, would be neither run nor left out with a reason."""
+    assert [block.line for block in page_blocks.blocks(page.read_text()) if block.language not in page_blocks.RUN] == []
+
+
+@pytest.mark.parametrize("page", PAGES, ids=named)
+def test_indented_blocks_are_no_python_and_their_commands_exist(page):
+    """Formulas and commands may be indented; Python is fenced, so that it runs."""
+    text = re.sub(r"^[ ]*```.*?^[ ]*```$", "", page.read_text(), flags=re.DOTALL | re.MULTILINE)
+    lines = [line.strip() for line in re.findall(r"^(?: {4}|\t)(.+)$", text, re.MULTILINE)]
+    assert [line for line in lines if re.match(r"(import|from) \w|sim\.|\w+ = (stepper|sim|model)\.", line)] == []
+    for line in page_blocks.commands("\n".join(line for line in lines if line.startswith("stepper "))):
+        page_blocks.check_command(line, named(page))
+
+
+def test_figures_of_the_readme_are_those_of_the_result_files():
+    module = figures()
+    table = (ROOT / "README.md").read_text().partition(module.BEGIN)[2].partition(module.END)[0]
+    assert table.strip() == module.readme_table().strip(), "python docs/hooks/figures.py --update-docs writes it"
+
+
+def test_figures_of_pages_have_names_that_exist():
+    known = figures().figures()
+    used = {name for page in PAGES for name in re.findall(r"\{\{ ([\w.]+) \}\}", page.read_text())}
+    assert used <= known.keys()
+
+
+def test_the_readme_is_short():
+    """A stranger reads it in five minutes."""
+    assert len((ROOT / "README.md").read_text().split()) <= 900
+
+
+def test_the_readme_has_the_command_of_the_tests():
+    assert "make test " in (ROOT / "README.md").read_text()
+    assert "make test\n" in (ROOT / ".ci/run").read_text()
+
+
+def test_every_page_is_in_the_navigation():
+    listed = set(re.findall(r"([\w/-]+\.md)$", (ROOT / "mkdocs.yml").read_text(), re.MULTILINE))
+    assert listed == {str(page.relative_to(ROOT / "docs")) for page in (ROOT / "docs").rglob("*.md")}
+
+
+def test_the_commands_of_the_reference_are_those_of_the_command_line():
+    told = command_line.PAGE.read_text().partition(command_line.BEGIN)[2].partition(command_line.END)[0].strip()
+    assert told == command_line.table().strip(), "PYTHONPATH=python python tests/command_line.py writes it"
+
+
+def test_only_update_docs_writes_documentation():
+    """Every command of benches/ that names a folder of the documentation has the option."""
+    for path in (ROOT / "benches").rglob("*.py"):
+        text = path.read_text()
+        if re.search(r'"docs(/|")', text) and "ArgumentParser(" in text:
+            assert "--update-docs" in text, named(path)
+    assert "--update-docs" not in (ROOT / "Makefile").read_text().replace("=--update-docs", "")
+
+
+def test_the_table_of_what_can_vary_is_that_of_the_code():
+    assert written(FIELDS.read_text()) == FIELDS.read_text(), "run: PYTHONPATH=python python tests/field_table.py"

@@ -66,7 +66,8 @@ struck, in 32 bits) to six times. What stands between, by the part that is farth
   its minimum.
 * Two arms: dry friction in the joints beside contacts; sweeps leave 86 % of the steps, and Newton's method takes twenty steps.
 * Robots under random control: no part is far above its floor by itself; lanes that wait for the slowest of their group, latency, and forces
-  that are taken twice for a next state that follows from what is visible ([visible_state.md](../development/decisions/visible_state.md)) add up."""
+  that are computed twice, so that the next state follows from the visible state
+  ([visible_state.md](../development/decisions/visible_state.md)), add up."""
 NOTES = f"""## What to know of the scenes
 
 * g1, go1: mjlab trains them on rough ground; here the ground is flat, and friction and centres of mass are not randomised. A robot that

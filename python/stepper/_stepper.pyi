@@ -619,7 +619,8 @@ class Model:
             model.replace({"geom_friction[floor,box][0]": 0.5})
 
         Args:
-            values: Values by selector, `field[names][columns]` (docs/reference/what_can_vary.md); other numbers of these fields stay as they are. The
+            values: Values by selector, `field[names][columns]` (docs/reference/what_can_vary.md); other numbers of these
+                fields stay as they are. The
                 shape is that of the selected numbers: one name or index and one column have no axis. A single number is for all of them.
             **fields: Whole fields, in the shape that the model has them.
 
@@ -1106,7 +1107,8 @@ class Stepper:
             sim.randomize({"geom_friction[floor,box][0]": sliding}, envs=[3, 5])  # (2, 2)
 
         Args:
-            values: Values by selector, `field[names][columns]` (docs/reference/what_can_vary.md); other numbers of these fields stay as they are.
+            values: Values by selector, `field[names][columns]` (docs/reference/what_can_vary.md); other numbers of these
+                fields stay as they are.
                 The shape is that of the selected numbers with num_envs in front: one name or index and one column have no axis of
                 their own. (num_envs,) is one number for all selected, a single number is the same in all environments, and None
                 gives the model's own numbers back. In place of values, `envs` may stand first.
@@ -1234,8 +1236,8 @@ class Stepper:
 
         Args:
             wrt: "qpos", "qvel", "act", "ctrl", and fields of `Stepper.randomize`, whole ("body_mass") or in part, by selector
-                ("geom_friction[floor,box][0]", docs/reference/what_can_vary.md). Columns are zero where a mass, size, stiffness or frictionloss of 0
-                says that the model has none. None is ("qpos", "qvel", "act", "ctrl").
+                ("geom_friction[floor,box][0]", docs/reference/what_can_vary.md). Columns are zero where a mass, size, stiffness or
+                frictionloss of 0 says that the model has none. None is ("qpos", "qvel", "act", "ctrl").
             ctrl: Controls held during the steps, (num_envs, nu) or (nu,); None is those in force.
             nstep: Number of steps.
             method: "fd", finite differences of whole steps, or "implicit": the step is solved once, and its derivative is that at the

@@ -1,4 +1,4 @@
-"""What docs/tutorials/first_task.md and docs/how-to/write_a_task.md write is a task: its numbers are what they say, and learners find it."""
+"""Tasks of docs/tutorials/first_task.md and docs/how-to/write_a_task.md: their numbers are those of the pages, and learners find them."""
 
 import sys
 from pathlib import Path

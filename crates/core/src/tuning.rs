@@ -158,8 +158,9 @@ pub(crate) const CORRECTION_NEWTON_THRESHOLD: f64 = 1e-2;
 /// Largest number of Gauss-Seidel iterations of a correction at the default tolerance. They begin with the impulses of stage 5.
 pub(crate) const CORRECTION_ITERATIONS: f64 = 10.0;
 
-/// Largest number of Newton steps of a corrected island at the default tolerance. With 5 a gripper that begins within its palm stays there, with 6 it opens
-/// (test_impossible_demands.py). Of 120 jammed pairs of arms 8 and 50 steps leave the same overlaps after a second, within 0.1 %.
+/// Largest number of Newton steps of a corrected island at the default tolerance. With 5 a gripper that begins within its palm stays
+/// there, with 6 it opens (test_impossible_demands.py). Of 120 jammed pairs of arms 8 and 50 steps leave the same overlaps after a second,
+/// within 0.1 %.
 pub(crate) const CORRECTION_NEWTON_STEPS: f64 = 8.0;
 
 /// Largest displacement rate by a correction relative to `max_correction_speed`, and largest rotation rate over [`CORRECTION_ARM`]: 5 m/s

@@ -190,7 +190,8 @@ impl Model {
     ///     model.replace({"geom_friction[floor,box][0]": 0.5})
     ///
     /// Args:
-    ///     values: Values by selector, `field[names][columns]` (docs/reference/what_can_vary.md); other numbers of these fields stay as they are. The
+    ///     values: Values by selector, `field[names][columns]` (docs/reference/what_can_vary.md); other numbers of these
+    ///         fields stay as they are. The
     ///         shape is that of the selected numbers: one name or index and one column have no axis. A single number is for all of them.
     ///     **fields: Whole fields, in the shape that the model has them.
     ///

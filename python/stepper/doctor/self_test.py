@@ -1,4 +1,4 @@
-"""A short trajectory with contacts, limits and servos, and a digest of its bits: `python -m stepper.doctor.self_test` prints it.
+"""A short trajectory with contacts, limits and servos, and a digest of its bits.
 
 `scene.stepper` is its model and `digest.txt` the expected digest; `python tests/self_test_scene.py` writes both.
 """
@@ -52,7 +52,7 @@ def digest_at(level: str) -> str:
     Raises:
         RuntimeError: The process failed; the message has its last line.
     """
-    command = [sys.executable, "-P", "-m", "stepper.doctor.self_test"]
+    command = [sys.executable, "-P", "-c", f"from {__name__} import trajectory_digest; print(trajectory_digest())"]
     environment = os.environ | {"STEPPER_CPU_LEVEL": level}
     done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=PATIENCE, check=False)
     if done.returncode != 0:
@@ -69,7 +69,3 @@ def _trajectory(sim: Stepper) -> Iterator[bytes]:
         sim.step(ctrl, nstep=_STEPS)
         for array in (sim.qpos, sim.qvel, sim.residual):
             yield array.tobytes()
-
-
-if __name__ == "__main__":
-    print(trajectory_digest())

@@ -169,7 +169,7 @@ impl<R: Real> Derivation<R> {
         self.place_mocap(compiled, s);
     }
 
-    /// Writes a quantity of the environments of the group that was taken up last, of steps with the settings `options`, to the rows of `out`.
+    /// Writes a quantity of the environments of the group of [`Derivation::begin`] to the rows of `out`.
     pub(crate) fn derive(
         &mut self,
         compiled: &LaneModel<R>,

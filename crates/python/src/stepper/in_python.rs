@@ -17,8 +17,8 @@ impl Stepper {
     ///
     /// Args:
     ///     wrt: "qpos", "qvel", "act", "ctrl", and fields of `Stepper.randomize`, whole ("body_mass") or in part, by selector
-    ///         ("geom_friction[floor,box][0]", docs/reference/what_can_vary.md). Columns are zero where a mass, size, stiffness or frictionloss of 0
-    ///         says that the model has none. None is ("qpos", "qvel", "act", "ctrl").
+    ///         ("geom_friction[floor,box][0]", docs/reference/what_can_vary.md). Columns are zero where a mass, size, stiffness or
+    ///         frictionloss of 0 says that the model has none. None is ("qpos", "qvel", "act", "ctrl").
     ///     ctrl: Controls held during the steps, (num_envs, nu) or (nu,); None is those in force.
     ///     nstep: Number of steps.
     ///     method: "fd", finite differences of whole steps, or "implicit": the step is solved once, and its derivative is that at the

@@ -95,7 +95,8 @@ impl Stepper {
     ///     sim.randomize({"geom_friction[floor,box][0]": sliding}, envs=[3, 5])  # (2, 2)
     ///
     /// Args:
-    ///     values: Values by selector, `field[names][columns]` (docs/reference/what_can_vary.md); other numbers of these fields stay as they are.
+    ///     values: Values by selector, `field[names][columns]` (docs/reference/what_can_vary.md); other numbers of these
+    ///         fields stay as they are.
     ///         The shape is that of the selected numbers with num_envs in front: one name or index and one column have no axis of
     ///         their own. (num_envs,) is one number for all selected, a single number is the same in all environments, and None
     ///         gives the model's own numbers back. In place of values, `envs` may stand first.

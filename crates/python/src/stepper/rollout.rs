@@ -165,6 +165,7 @@ impl Stepper {
     ///     KeyboardInterrupt: As in `step`; `steps` counts those of all controls. Rows of `out` have what followed each control, of
     ///         the last one what followed the steps that were made; the rows beyond are as they were.
     #[pyo3(signature = (ctrl, nstep=Whole::Number(1), *, initial=None, fields=None, out=None, **others), text_signature = "($self, ctrl, nstep=1, *, initial=None, fields=None, out=None)")]
+    #[expect(clippy::too_many_arguments, reason = "each has a name of its own")]
     fn rollout<'py>(
         slf: &Bound<'py, Self>,
         py: Python<'py>,

@@ -73,7 +73,6 @@ impl Stepper {
     ///     ValueError: A wrong shape, a number that is not finite, a quaternion of zeros, a negative seed. Nothing is changed then.
     ///     KeyError: No such keyframe.
     #[pyo3(signature = (envs=None, *, qpos=None, qvel=None, seed=None, keyframe=None, **others), text_signature = "($self, envs=None, *, qpos=None, qvel=None, seed=None, keyframe=None)")]
-    #[expect(clippy::too_many_arguments, reason = "each has a name of its own")]
     fn reset(
         slf: &Bound<'_, Self>,
         envs: Option<Bound<'_, PyAny>>,

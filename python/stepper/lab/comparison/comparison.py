@@ -13,7 +13,8 @@ import numpy as np
 from stepper._options import Options
 from stepper._stepper import Model, Stepper
 from stepper.lab.comparison.draw import draw
-from stepper.lab.comparison.trial import Array, Course, Drive, Engine, Ours, Slip, Theirs, run
+from stepper.lab.comparison.trial import Array, Course, Drive, Slip, run
+from stepper.lab.study.worlds import Plan, make_world
 from stepper.loading import load
 from stepper.shared.files import existing
 from stepper.shared.machine import require
@@ -131,12 +132,15 @@ def compare(
     if drive is None:
         drive = _random(model, num_envs, steps, max(1, round(hold / timestep)), rng)
     slip = Slip(compiled) if compiled is not None else None
-    engines: list[Engine] = [Ours("hard", model, hard, qpos, qvel), Ours("MuJoCo's law", model, law, qpos, qvel)]
+    plans = {"hard": Plan(model, {}, hard), "MuJoCo's law": Plan(model, {}, law)}
     if compiled is not None:
-        engines.append(Theirs(compiled, timestep, qpos, qvel))
-    told = tick or silent
-    courses = tuple(run(engine, drive, steps, timestep, slip=slip, reward=reward, tick=told) for engine in engines)
-    return Comparison(courses, reward is not None)
+        plans["MuJoCo"] = Plan(model, {}, Options(), mujoco={"timestep": timestep}, compiled=compiled)
+    courses, told = [], tick or silent
+    for name, plan in plans.items():
+        world = make_world(plan, num_envs)
+        world.start(qpos, qvel, None, 0)
+        courses.append(run(name, world, drive, steps, slip=slip, reward=reward, tick=told))
+    return Comparison(tuple(courses), reward is not None)
 
 
 def _load(source: Any) -> tuple[Model, Any]:

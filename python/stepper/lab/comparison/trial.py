@@ -1,18 +1,17 @@
-"""One engine's way through the same episodes: what it did in every step."""
+"""Record of one engine in the same episodes, step by step."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from stepper._options import Options
-from stepper._stepper import Model, Stepper
+from stepper.lab.study.worlds import World
 from stepper.shared.machine import require
-from stepper.shared.progress import Tick
+from stepper.shared.progress import Tick, silent
 
 Array = NDArray[np.float64]
 
@@ -21,133 +20,8 @@ Drive = Array | Callable[[Array, Array], Any]
 
 
 @dataclass(frozen=True)
-class Touching:
-    """Contacts that push in one environment.
-
-    Attributes:
-        geoms: (n, 2)
-        force: Normal forces, (n,) in N.
-        depth: How far they overlap, (n,) in m.
-    """
-
-    geoms: NDArray[np.int64]
-    force: Array
-    depth: Array
-
-
-class Engine(Protocol):
-    """What steps some environments of a model."""
-
-    name: str
-
-    def state(self) -> tuple[Array, Array]:
-        """Configurations (num_envs, nq) and velocities (num_envs, nv)."""
-
-    def step(self, ctrl: Array) -> None:
-        """One time step with controls (num_envs, nu)."""
-
-    def touching(self, env: int) -> Touching:
-        """Contacts of the last step that push."""
-
-    def energy(self, env: int) -> float:
-        """Potential and kinetic energy, J."""
-
-    def overshoot(self) -> Array:
-        """Farthest that a joint is beyond its range, (num_envs,) in rad or m."""
-
-
-class Ours:
-    """stepper with one law of contact."""
-
-    def __init__(self, name: str, model: Model, options: Options, qpos: Array, qvel: Array) -> None:
-        self.name = name
-        self._sim = Stepper(model, num_envs=len(qpos), options=options)
-        self._sim.set_state(qpos=qpos, qvel=qvel)
-
-    def state(self) -> tuple[Array, Array]:
-        """See `Engine.state`."""
-        return np.array(self._sim.qpos), np.array(self._sim.qvel)
-
-    def step(self, ctrl: Array) -> None:
-        """See `Engine.step`."""
-        self._sim.step(ctrl)
-
-    def touching(self, env: int) -> Touching:
-        """See `Engine.touching`."""
-        found = self._sim.contacts(env)
-        found = found[found["force"][:, 0] > 0.0]
-        return Touching(np.array(found["geom"], np.int64), np.array(found["force"][:, 0]), np.maximum(-found["distance"], 0.0))
-
-    def energy(self, env: int) -> float:
-        """See `Engine.energy`."""
-        return float(sum(np.atleast_1d(part)[env] for part in self._sim.energy()))
-
-    def overshoot(self) -> Array:
-        """See `Engine.overshoot`."""
-        return np.array(self._sim.max_limit_violation)
-
-
-class Theirs:
-    """MuJoCo with the settings of its own model."""
-
-    name = "MuJoCo"
-
-    def __init__(self, compiled: Any, timestep: float, qpos: Array, qvel: Array) -> None:
-        self._mujoco = require("mujoco", "to compare with it")
-        self._model = compiled.__copy__()
-        self._model.opt.timestep = timestep
-        self._model.opt.enableflags |= self._mujoco.mjtEnableBit.mjENBL_ENERGY
-        self._data = [self._mujoco.MjData(self._model) for _ in qpos]
-        self._now = self._mujoco.MjData(self._model)
-        for data, q, v in zip(self._data, qpos, qvel, strict=True):
-            data.qpos[:], data.qvel[:] = q, v
-
-    def state(self) -> tuple[Array, Array]:
-        """See `Engine.state`."""
-        return np.array([d.qpos for d in self._data]), np.array([d.qvel for d in self._data])
-
-    def step(self, ctrl: Array) -> None:
-        """See `Engine.step`."""
-        for data, row in zip(self._data, ctrl, strict=True):
-            data.ctrl[:] = row
-            self._mujoco.mj_step(self._model, data)
-
-    def touching(self, env: int) -> Touching:
-        """See `Engine.touching`."""
-        data, wrench = self._data[env], np.zeros(6)
-        geoms, force, depth = [], [], []
-        for i, contact in enumerate(data.contact):
-            self._mujoco.mj_contactForce(self._model, data, i, wrench)
-            if wrench[0] > 0.0:
-                geoms.append([int(g) for g in contact.geom])
-                force.append(float(wrench[0]))
-                depth.append(max(float(contact.includemargin - contact.dist), 0.0))
-        return Touching(np.array(geoms, np.int64).reshape(-1, 2), np.array(force), np.array(depth))
-
-    def energy(self, env: int) -> float:
-        """See `Engine.energy`."""
-        # What a step leaves is the energy of the state before it.
-        data, now = self._data[env], self._now
-        now.qpos[:], now.qvel[:] = data.qpos, data.qvel
-        self._mujoco.mj_fwdPosition(self._model, now)
-        self._mujoco.mj_fwdVelocity(self._model, now)
-        self._mujoco.mj_energyPos(self._model, now)
-        self._mujoco.mj_energyVel(self._model, now)
-        return float(now.energy.sum())
-
-    def overshoot(self) -> Array:
-        """See `Engine.overshoot`."""
-        m = self._model
-        one = (m.jnt_limited != 0) & np.isin(m.jnt_type, [self._mujoco.mjtJoint.mjJNT_HINGE, self._mujoco.mjtJoint.mjJNT_SLIDE])
-        q = np.array([d.qpos[m.jnt_qposadr[one]] for d in self._data])
-        low, high = m.jnt_range[one].T
-        out: Array = np.max(np.maximum(low - q, q - high), axis=1, initial=0.0)
-        return out
-
-
-@dataclass(frozen=True)
 class Course:
-    """What one engine did, for every step and environment.
+    """Record of one engine, for every step and environment.
 
     Attributes:
         name: Of the engine.
@@ -207,11 +81,28 @@ class Slip:
 
 
 def run(
-    engine: Engine, drive: Drive, steps: int, timestep: float, *, slip: Slip | None, reward: Callable[..., Any] | None, tick: Tick
+    name: str,
+    world: World,
+    drive: Drive,
+    steps: int,
+    *,
+    slip: Slip | None = None,
+    reward: Callable[..., Any] | None = None,
+    tick: Tick = silent,
 ) -> Course:
-    """Steps an engine and keeps what it did."""
-    qpos, qvel = engine.state()
-    n = len(qpos)
+    """Steps the environments of an engine, and records every step.
+
+    Args:
+        name: Name of the engine.
+        world: The environments, at their start.
+        drive: Controls.
+        steps: Number of steps.
+        slip: Meter of sliding; None for none.
+        reward: As of `compare`.
+        tick: Called after every step with the name and the fraction of the steps.
+    """
+    qpos, qvel = np.array(world.qpos), np.array(world.qvel)
+    n = world.num_envs
     rows: dict[str, list[Any]] = {
         key: [] for key in ("qpos", "depth", "overshoot", "energy", "force", "impulse", "slip", "pairs", "begins", "reward")
     }
@@ -219,20 +110,23 @@ def run(
     for k in range(steps):
         ctrl = np.asarray(drive(qpos, qvel) if callable(drive) else drive[min(k, len(drive) - 1)], float)
         ctrl = np.broadcast_to(ctrl, (n, ctrl.shape[-1]))
-        engine.step(ctrl)
-        last, (qpos, qvel) = (qpos, qvel), engine.state()
-        touching = [engine.touching(env) for env in range(n)]
-        now = [{(int(a), int(b)) for a, b in t.geoms} for t in touching]
+        world.step(ctrl, 1)
+        last, (qpos, qvel) = (qpos, qvel), (np.array(world.qpos), np.array(world.qvel))
+        contacts = world.contacts()
+        pushing = [contacts[(contacts["env"] == env) & (contacts["force"][:, 0] > 0.0)] for env in range(n)]
+        now = [{(int(a), int(b)) for a, b in own["geom"]} for own in pushing]
         rows["qpos"].append(qpos)
-        rows["depth"].append([np.max(t.depth, initial=0.0) for t in touching])
-        rows["overshoot"].append(engine.overshoot())
-        rows["energy"].append([engine.energy(env) for env in range(n)])
-        rows["force"].append([np.max(t.force, initial=0.0) for t in touching])
-        rows["impulse"].append([timestep * t.force.sum() for t in touching])
-        rows["slip"].append([timestep * slip.speed(q, v, pairs) if slip else np.nan for q, v, pairs in zip(qpos, qvel, now, strict=True)])
+        rows["depth"].append([np.max(-own["distance"], initial=0.0) for own in pushing])
+        rows["overshoot"].append(np.array(world.max_limit_violation))
+        rows["energy"].append(np.sum(world.energy(), axis=0))
+        rows["force"].append([np.max(own["force"][:, 0], initial=0.0) for own in pushing])
+        rows["impulse"].append([world.timestep * own["force"][:, 0].sum() for own in pushing])
+        rows["slip"].append(
+            [world.timestep * slip.speed(q, v, pairs) if slip else np.nan for q, v, pairs in zip(qpos, qvel, now, strict=True)]
+        )
         rows["pairs"].append([len(pairs) for pairs in now])
         rows["begins"].append([len(pairs - old) for pairs, old in zip(now, before, strict=True)])
         rows["reward"].append(np.zeros(n) if reward is None else np.broadcast_to(reward(last, ctrl, (qpos, qvel)), n))
         before = now
-        tick(engine.name, (k + 1) / steps)
-    return Course(engine.name, timestep, **{key: np.array(value, float) for key, value in rows.items()})
+        tick(name, (k + 1) / steps)
+    return Course(name, world.timestep, **{key: np.array(value, float) for key, value in rows.items()})

@@ -398,6 +398,26 @@ class MujocoWorld(World):
             np.add.at(out, at, sign * np.concatenate([force, torque + np.cross(contacts["pos"] - xipos[at], force)], axis=1))
         return out
 
+    def energy(self) -> tuple[Array, Array]:
+        """Potential and kinetic energy: see `Stepper.energy`."""
+        found = []
+        for data, model in zip(self._now(), self._models, strict=True):
+            self._mujoco.mj_energyPos(model, data)
+            self._mujoco.mj_energyVel(model, data)
+            found.append(data.energy.copy())
+        potential, kinetic = np.array(found).T
+        return potential, kinetic
+
+    @property
+    def max_limit_violation(self) -> Array:
+        """Farthest that a hinge or slide is beyond its range at the present state, (num_envs,) in rad or m."""
+        m, joints = self._models[0], self._mujoco.mjtJoint
+        one = (m.jnt_limited != 0) & np.isin(m.jnt_type, [joints.mjJNT_HINGE, joints.mjJNT_SLIDE])
+        q = self.qpos[:, m.jnt_qposadr[one]]
+        low, high = np.array([model.jnt_range[one] for model in self._models]).transpose(2, 0, 1)
+        beyond: Array = np.max(np.maximum(low - q, q - high), axis=1, initial=0.0)
+        return beyond
+
     def contacts(self) -> NDArray[np.void]:
         """Contacts of the last step: see `Stepper.contacts`."""
         rows, wrench = [], np.zeros(6)

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import stepper
 from numpy.typing import NDArray
-from stepper.envs import Quantity, StepperVectorEnv, Task
+from stepper.envs import Observation, StepperVectorEnv, Task
 
 Array = NDArray[Any]
 
@@ -51,9 +51,9 @@ class Reach(Task):
         """The scene."""
         return stepper.load(SCENE)
 
-    def quantities(self) -> tuple[Quantity, ...]:
+    def observations(self) -> tuple[Observation, ...]:
         """Joint angles, velocities and the distance."""
-        return (Quantity("qpos"), Quantity("qvel"), Quantity("distance", of=distance))
+        return (Observation("qpos"), Observation("qvel"), Observation("distance", func=distance, unit="m"))
 
     def reward(self, now: Any) -> tuple[Array, dict[str, Array]]:
         """Less the farther away."""

@@ -1,4 +1,4 @@
-"""Code of docs/terrain.md runs exactly as shown, and does what the page says."""
+"""Code of docs/how-to/terrain.md runs exactly as shown, and does what the page says."""
 
 import re
 from pathlib import Path
@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-PAGE = (Path(__file__).parents[2] / "docs/terrain.md").read_text()
+PAGE = (Path(__file__).parents[2] / "docs/how-to/terrain.md").read_text()
 SNIPPETS = re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)
 
 
@@ -14,7 +14,7 @@ SNIPPETS = re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)
 def test_its_snippets_run(capsys):
     names = {"__name__": "terrain_page"}
     for snippet in SNIPPETS:
-        exec(compile(snippet, "docs/terrain.md", "exec"), names)
+        exec(compile(snippet, "docs/how-to/terrain.md", "exec"), names)
     heights = np.fromstring(capsys.readouterr().out.split("]")[0].replace("[", ""), sep=" ")
     assert heights.shape == (24,)
     # Balls of 0.1 m: at rest on flat ground, and in hollows of rough ground a little higher than the ground under their middle.

@@ -78,6 +78,7 @@ atlas: build $(VENV)/atlas.stamp
 
 # The documentation: a site in out/site, and the pages of the crates in target/doc. It needs no network once its environment is there.
 docs: $(DOCS)/setup.stamp
+	$(DOCS)/bin/codespell README.md ARCHITECTURE.md docs examples/README.md benches/README.md
 	NO_MKDOCS_2_WARNING=1 $(DOCS)/bin/mkdocs build --strict
 	cargo doc --quiet --no-deps -p stepper-core --features stepper-core/nalgebra
 

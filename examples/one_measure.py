@@ -53,7 +53,7 @@ class Reach(Task):
 
     def observations(self) -> tuple[Observation, ...]:
         """Joint angles, velocities and the distance."""
-        return (Observation("qpos"), Observation("qvel"), Observation("distance", func=distance, unit="m"))
+        return (Observation("qpos"), Observation("qvel"), Observation("distance", func=distance))
 
     def reward(self, now: Any) -> tuple[Array, dict[str, Array]]:
         """Less the farther away."""

@@ -44,7 +44,7 @@ def files(tmp_path_factory) -> dict[str, Path]:
     ["chart", "{model}", "--episodes", "64"],
     ["tune", "{model}", "--error", "1 mm", "--horizon", "1 s"],
     ["compare", "{model}", "--seconds", "100"],
-    ["identify", "{model}", "{recording}", "-p", "mass:torso=0.1..10", "-p", "damping:hip_1=0.1..10", "--channel", "qpos",
+    ["identify", "{model}", "{recording}", "-p", "body_mass[torso]=0.1..10", "-p", "dof_damping[hip_1]=0.1..10", "--channel", "qpos",
      "--starts", "8"],
 ], ids=lambda command: command[0])  # fmt: skip
 def test_a_command_ends_at_once_and_leaves_nothing(files, tmp_path, command):
@@ -90,7 +90,7 @@ def test_searches_side_by_side_end_when_the_call_is_interrupted(monkeypatch):
     episode = stepper.sysid.Episode(np.zeros((20, 0)), {"qpos": np.linspace(0, 0.1, 20)[:, None]}, 0.02)
     monkeypatch.setattr(fit, "require", lambda name, _: EndlessLeastSquares if name == "scipy.optimize" else importlib.import_module(name))
     with pytest.raises(KeyboardInterrupt):
-        stepper.sysid.identify(model, [episode], ["damping:j"], starts=2, threads=1)
+        stepper.sysid.identify(model, [episode], ["dof_damping[j]"], starts=2, threads=1)
 
 
 def test_a_file_that_was_begun_leaves_what_was_there(tmp_path):

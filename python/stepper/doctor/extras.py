@@ -8,7 +8,7 @@ from stepper.shared.machine import package_version
 
 PACKAGES = {
     "mjcf": ("mujoco-core",),
-    "cli": ("matplotlib", "rich", "typer"),
+    "cli": ("matplotlib", "rich", "scipy", "typer"),
     "envs": ("gymnasium", "mujoco-core"),
     "viewer": ("moviepy", "mujoco-core", "rerun-sdk", "viser"),
     "train": ("gymnasium", "matplotlib", "moviepy", "mujoco-core", "scipy", "torch"),

@@ -15,7 +15,7 @@ BEGIN, END = "<!-- commands: tests/command_line.py writes them -->\n", "<!-- end
 
 def line(text):
     """Text of a help message in one line of a table."""
-    return " ".join((text or "").split()).replace("|", "\\|").replace("[", "\\[")
+    return " ".join((text or "").split()).replace("|", "\\|")
 
 
 def described(command):

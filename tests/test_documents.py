@@ -1,5 +1,6 @@
 """What documents say exists is there, what they show runs, and their figures are those of the result files."""
 
+import importlib
 import importlib.util
 import re
 import sys
@@ -91,6 +92,15 @@ def test_indented_blocks_are_no_python_and_their_commands_exist(page):
     assert [line for line in lines if re.match(r"(import|from) \w|sim\.|\w+ = (stepper|sim|model)\.", line)] == []
     for line in page_blocks.commands("\n".join(line for line in lines if line.startswith("stepper "))):
         page_blocks.check_command(line, named(page))
+
+
+@pytest.mark.parametrize("page", [page for page in PAGES if "\n::: " in page.read_text()], ids=named)
+def test_documented_names_exist(page):
+    """`::: NAME` on a page becomes the documentation of that name; modules of adapters need libraries that are not installed here."""
+    for name in re.findall(r"^::: ([\w.]+)$", page.read_text(), re.MULTILINE):
+        owner, _, last = name.rpartition(".")
+        found = importlib.util.find_spec(name) if owner == "stepper.adapters" else getattr(importlib.import_module(owner), last, None)
+        assert found is not None, name
 
 
 def test_figures_of_the_readme_are_those_of_the_result_files():

@@ -10,6 +10,7 @@ from typing import Any
 
 sys.path.insert(0, str(Path(__file__).parent))
 
+import docstrings
 import figures
 
 NAME = re.compile(r"\{\{ ([a-z][\w.]*) \}\}")
@@ -35,4 +36,4 @@ def on_page_markdown(markdown: str, page: Any, config: Any, files: Any) -> str:
             return f"[{text}]({config.repo_url.rstrip('/')}/blob/main/{path})"
         return f"`{path}`" if posixpath.basename(path) in text or text in path else f"{text} (`{path}`)"
 
-    return LINK.sub(link, NAME.sub(figure, TEST.sub("", markdown)))
+    return docstrings.without_links(LINK.sub(link, NAME.sub(figure, TEST.sub("", markdown))))

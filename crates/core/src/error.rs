@@ -1,4 +1,4 @@
-//! Calls that cannot be carried out: what was wrong, in types and in words.
+//! Errors of calls with invalid arguments, in types and in words.
 
 use stepper_real::LevelError;
 use thiserror::Error;
@@ -6,33 +6,33 @@ use thiserror::Error;
 use crate::math::precision::Precision;
 use crate::model::{ActuatorError, ModelError, Parameter, SensorError};
 
-/// A call that cannot be carried out. Nothing was changed by it.
+/// Error of a call. The call changed nothing.
 ///
-/// The text names the thing, the value found and the value that it must have. What a step could not do is no error but a flag of its
-/// environment, see [`Status`](crate::Status).
+/// The text names the thing, the value found and the value that it must have. An unsolved step is no error: its environment gets a flag,
+/// see [`Status`](crate::Status).
 #[derive(Clone, Debug, PartialEq, Error)]
 #[non_exhaustive]
 pub enum Error {
-    /// A setting of [`Options`](crate::Options) out of its range.
+    /// Setting of [`Options`](crate::Options) out of its range.
     #[error("option {name} is {found}, must be {must}")]
     Option {
-        /// Name of the setting, as the field is called.
+        /// Name of the setting, which is that of the field.
         name: &'static str,
-        /// Its value.
+        /// Value of the option.
         found: String,
-        /// Its range, in words.
+        /// Range of the option, in words.
         must: &'static str,
     },
-    /// An integrator that a model's source asks for and that does not exist here.
+    /// Integrator of the model's source that does not exist here.
     #[error("the source asks for {found}, which stepper does not have; choose ContactLaw::Mujoco and an integrator")]
     SourceIntegrator {
         /// Name of the integrator in the source.
         found: String,
     },
-    /// A simulation of no environments.
+    /// Simulation of no environments.
     #[error("num_envs is 0, must be 1 or more, or None for a single environment")]
     NoEnvironments,
-    /// An environment that does not exist.
+    /// Environment that does not exist.
     #[error("env is {env}, must be below {num_envs}")]
     Environment {
         /// Index that was given.
@@ -40,103 +40,103 @@ pub enum Error {
         /// Number of environments.
         num_envs: usize,
     },
-    /// A file that cannot be written.
+    /// File that cannot be written.
     #[error("{path} cannot be written ({reason}); choose a folder that exists and can be written")]
     File {
         /// Path that was given.
         path: String,
-        /// What the system says.
+        /// Reason from the operating system.
         reason: String,
     },
-    /// A list of environments in which one does not come after the one before it.
+    /// List of environments that is not ascending.
     #[error("environment {env} comes after {before} in the list; name every environment once, in ascending order")]
     Order {
-        /// The environment.
+        /// Environment that is out of order.
         env: usize,
-        /// The one before it in the list.
+        /// Previous environment of the list.
         before: usize,
     },
-    /// An array of the wrong length.
+    /// Array of the wrong length.
     #[error("{name} has {found} numbers, must have {must}{detail}")]
     Length {
         /// Name of the array.
         name: &'static str,
-        /// Numbers that it has.
+        /// Length of the array.
         found: usize,
-        /// Numbers that it must have.
+        /// Required length.
         must: usize,
-        /// How that number comes about, for the text; may be empty.
+        /// Explanation of the required length, for the message; may be empty.
         detail: String,
     },
-    /// A list that does not have one entry for every element of the model.
+    /// List without one entry for every element of the model.
     #[error("there are {found} {name}, must be {must}, one for every {element}")]
     Count {
         /// Name of the list.
         name: &'static str,
-        /// Entries that it has.
+        /// Length of the list.
         found: usize,
-        /// Elements of the model.
+        /// Number of elements of the model.
         must: usize,
         /// Kind of element.
         element: &'static str,
     },
-    /// An element of the model that does not exist.
+    /// Element of the model that does not exist.
     #[error("{element} is {found}, must be below {count}")]
     Element {
         /// Kind of element: "body", "site".
         element: &'static str,
         /// Index that was given.
         found: usize,
-        /// Elements of that kind.
+        /// Number of elements of that kind.
         count: usize,
     },
-    /// A ray that goes nowhere.
+    /// Ray without a direction.
     #[error("directions[{ray}] of environment {env} is {found:?}, must be a direction: finite, and not zero")]
     Direction {
         /// Number of the ray.
         ray: usize,
         /// Environment.
         env: usize,
-        /// What was given.
+        /// Value that was given.
         found: [f64; 3],
     },
-    /// A geom for rays to meet whose mesh or height field the model does not have.
+    /// Geom of a ray query whose mesh or height field the model does not have.
     #[error("geom {geom:?} is a {shape} whose form the model does not have, as nothing can touch it; leave it out of the geoms of rays")]
     NoForm {
-        /// The geom's name, or its index as "#3".
+        /// Name of the geom, or its index as "#3".
         geom: String,
-        /// Its shape's name.
+        /// Name of the shape.
         shape: &'static str,
     },
-    /// A number that is not finite.
+    /// Number that is not finite.
     #[error("{place} of environment {env} is {value}, must be finite")]
     NotFinite {
-        /// The number: `qpos[3]`, `time`.
+        /// Place of the number: `qpos[3]`, `time`.
         place: String,
         /// Environment.
         env: usize,
-        /// The value: infinite or NaN.
+        /// Value of the number: infinite or NaN.
         value: f64,
     },
-    /// A number that 32 bits cannot hold, in a simulation of that precision.
+    /// Number that 32 bits cannot hold, in a simulation of that precision.
     #[error("{place} of environment {env} is {value:e}, must be at most {:e} in 32 bits", f32::MAX)]
     TooLarge {
-        /// The number: `qpos[3]`.
+        /// Place of the number: `qpos[3]`.
         place: String,
         /// Environment.
         env: usize,
-        /// Its value.
+        /// Value of the number.
         value: f64,
     },
-    /// A parameter that 32 bits cannot hold, in a simulation of that precision.
+    /// Parameter that 32 bits cannot hold, in a simulation of that precision.
     #[error("{parameter} has {value:e}, which 32 bits cannot hold; give a smaller number")]
     ParameterTooLarge {
-        /// The parameter.
+        /// Name of the parameter.
         parameter: Parameter,
-        /// Its value.
+        /// Value of the number.
         value: f64,
     },
-    /// A quaternion of zeros, or one whose length overflows.
+    /// Quaternion of zeros, or one whose length overflows.
     #[error(
         "qpos[{address}..{}] of environment {env}, the orientation of joint \"{joint}\", is {found:?}: its length is {norm}, must be above 0; (1, 0, 0, 0) is no rotation",
         address + 4
@@ -146,17 +146,17 @@ pub enum Error {
         env: usize,
         /// Name of the joint, or its index as "#3".
         joint: String,
-        /// Place of the quaternion in qpos.
+        /// Address of the quaternion in qpos.
         address: usize,
-        /// The quaternion.
+        /// Value of the quaternion.
         found: [f64; 4],
-        /// Its length.
+        /// Norm of the quaternion.
         norm: f64,
     },
     /// Positions of mocap bodies without orientations, or the reverse.
     #[error("mocap_pos and mocap_quat go together: give both or none")]
     MocapPoses,
-    /// An array for a rollout in the other precision.
+    /// Array for a rollout in the other precision.
     #[error("the array for {name} is {found:?}, must be {must:?}")]
     ArrayPrecision {
         /// Name of the quantity.
@@ -169,7 +169,7 @@ pub enum Error {
     /// Bytes that are no saved state, of another format version, cut off or damaged.
     #[error("not a state: {0}")]
     NotAState(String),
-    /// A state of another model. Digests are those of [`Model::digest`](crate::Model::digest).
+    /// State of another model. Digests are those of [`Model::digest`](crate::Model::digest).
     #[error(
         "this state belongs to another model, {}; this one is \"{name}\", {}: give a state of the same model",
         abbreviated(state),
@@ -183,7 +183,7 @@ pub enum Error {
         /// Name of this simulation's model.
         name: String,
     },
-    /// A state of the other precision.
+    /// State of the other precision.
     #[error("this state does not fit: it has numbers in {found:?}, this stepper in {must:?}")]
     StatePrecision {
         /// Precision of the state.
@@ -191,16 +191,16 @@ pub enum Error {
         /// Precision of the simulation.
         must: Precision,
     },
-    /// A state of the same model that does not fit: another number of environments, other sensors or drives, damaged contents.
+    /// State of the same model that does not fit: another number of environments, other sensors or drives, damaged contents.
     #[error("this state does not fit: {0}")]
     StateMisfit(StateMisfit),
-    /// An error model that a sensor cannot have.
+    /// Error model that a sensor cannot have.
     #[error(transparent)]
     Sensor(#[from] SensorError),
     /// Dynamics that an actuator cannot have.
     #[error(transparent)]
     Actuator(#[from] ActuatorError),
-    /// Actuator dynamics for environments that already have parameters of their own.
+    /// Actuator dynamics for environments with per-environment parameters.
     #[error("environments have parameters of their own: give drives first, or take the parameters back")]
     DrivesAfterParameters,
     /// More environments than there is memory for.
@@ -208,46 +208,46 @@ pub enum Error {
     Memory {
         /// Number of environments.
         num_envs: usize,
-        /// Memory of each, bytes.
+        /// Memory of each environment, bytes.
         bytes_per_env: usize,
     },
     /// Threads that the system refuses to start.
     #[error("{threads} threads cannot be started ({reason}); make threads smaller")]
     Threads {
-        /// Threads that were asked for, the one that calls among them.
+        /// Number of requested threads, including the calling one.
         threads: usize,
-        /// What the system says.
+        /// Reason from the operating system.
         reason: String,
     },
-    /// A CPU level, asked for by the environment variable `STEPPER_CPU_LEVEL`, that there is not.
+    /// CPU level in the environment variable `STEPPER_CPU_LEVEL` that does not exist.
     #[error(transparent)]
     Level(#[from] LevelError),
-    /// A model that cannot be used, or parameters that make no model.
+    /// Invalid model, or parameters that make a model invalid.
     #[error(transparent)]
     Model(#[from] ModelError),
 }
 
-/// Refuses an array of the wrong length.
+/// Checks the length of an array.
 pub(crate) fn check_length(name: &'static str, found: usize, must: usize) -> Result<(), Error> {
     if found == must { Ok(()) } else { Err(Error::Length { name, found, must, detail: String::new() }) }
 }
 
-/// Why a state of the same model and precision cannot be taken over.
+/// Mismatch between a saved state and a simulation of the same model and precision.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 #[non_exhaustive]
 pub enum StateMisfit {
     /// Contents that this version does not read.
     #[error("not readable by this version, though undamaged: {0}")]
     Unreadable(String),
-    /// Contents with so many bytes behind them.
+    /// Contents with that many surplus bytes.
     #[error("not readable by this version, though undamaged: {0} bytes too many")]
     TooManyBytes(usize),
-    /// A state of another number of environments.
+    /// State of another number of environments.
     #[error("a state of {found} environments, this simulation has {must}; give one of as many, or of one for all")]
     NumEnvs {
-        /// Environments of the state.
+        /// Number of environments of the state.
         found: usize,
-        /// Environments of the simulation.
+        /// Number of environments of the simulation.
         must: usize,
     },
     /// Arrays of other lengths.
@@ -256,7 +256,7 @@ pub enum StateMisfit {
     /// A position, velocity, activation or time that is infinite or NaN.
     #[error("a number of qpos, qvel, act or time is not finite: the bytes are damaged")]
     NotFinite,
-    /// Contacts of geoms that do not meet in this model.
+    /// Contacts of geoms that do not collide in this model.
     #[error("its contacts belong to no pair of this model: the bytes are damaged")]
     Contacts,
     /// Delay lines that are longer than this model's.
@@ -264,7 +264,7 @@ pub enum StateMisfit {
     DelayLines,
 }
 
-/// The first digits of a digest, which tell models apart.
+/// First digits of a digest, which distinguish models.
 fn abbreviated(digest: &[u8; 32]) -> String {
     digest[..6].iter().map(|byte| format!("{byte:02x}")).collect()
 }

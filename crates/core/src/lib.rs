@@ -1,9 +1,9 @@
 //! A rigid-body contact stepper for robots.
 //!
 //! A [`Simulation`] steps many environments of one [`Model`]: articulated bodies with hard contact, Coulomb friction, joint limits,
-//! equalities, actuators and sensors, in SI units and MuJoCo's vocabulary (`qpos`, `qvel`, `ctrl`; nq, nv, nu; quaternions (w, x, y, z)).
-//! Environments share SIMD lanes and threads, and each has the same bits whatever batch, thread count or CPU level steps it. Every step is
-//! certified: a residual of the constraint problem in m/s, and a [`Status`] per environment that says what a step could not do.
+//! equalities, actuators and sensors. Units are SI, names are MuJoCo's (`qpos`, `qvel`, `ctrl`; nq, nv, nu; quaternions (w, x, y, z)).
+//! Environments share SIMD lanes and threads. Each has the same bits for every batch size, thread count and CPU level. After every step a
+//! residual gives the error of the constraint problem in m/s, and a [`Status`] per environment flags unsolved steps.
 //!
 //! ```
 //! use stepper_core::model::{BodyBuilder, GeomBuilder, WORLD};
@@ -18,7 +18,7 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
-//! Many environments, each with a state of its own; contacts, poses and saved states:
+//! Many environments with separate states; contacts, poses and saved states:
 //!
 //! ```
 //! use std::sync::Arc;
@@ -32,7 +32,7 @@
 //! let ball = scene.body(WORLD, ball);
 //! let model = Arc::new(scene.finish()?);
 //!
-//! // Sixteen of them, of which number 3 is thrown sideways, for a second and a half.
+//! // Sixteen of them, for a second and a half; number 3 starts with a sideways velocity.
 //! let mut sim = Simulation::new(model.clone(), Options::default(), Some(16), Precision::F64, 1)?;
 //! assert_eq!(sim.timestep(), 0.001); // the model's, unless the options have another
 //! sim.set(Field::Qvel, 3, &[1.0, 0.0, 0.0, 0.0, 0.0, 0.0])?;
@@ -46,7 +46,7 @@
 //! let poses = sim.body_poses_of(3, &StepInputs::default())?;
 //! assert!(poses[ball].pos[0] > 0.5); // m
 //!
-//! // A saved state goes on with the same bits, and belongs to its model; a clone goes on with them, too.
+//! // A saved state belongs to its model. Continuing from it gives the same bits, and so does a clone.
 //! let bytes = sim.save_state().to_bytes();
 //! let mut other = Simulation::new(model, Options::default(), Some(16), Precision::F64, 1)?;
 //! other.restore_state(&SavedState::from_bytes(&bytes)?)?;
@@ -59,37 +59,35 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
-//! The folder `examples/` has a controller loop, a batch with contacts and poses, saved states, and environments with parameters of their
-//! own.
+//! The folder `examples/` has a controller loop, a batch with contacts and poses, saved states, and per-environment parameters.
 //!
-//! Models come from [`Model::builder`], from a [`model::Description`] that is filled in and finished, or from files: [`Model::load`] reads
-//! what the Python package saved, which reads MJCF and URDF. [`Options::from_model`] has the settings that such a file asks for. A finished
+//! Models come from [`Model::builder`], from a [`model::Description`] that is filled in and finished, or from files. [`Model::load`] reads
+//! the files of the Python package, which imports MJCF and URDF. [`Options::from_model`] returns the settings of such a file. A finished
 //! model is valid and cannot be edited. Elements have indices, which [`Model::joint`](model::Description::joint) and the like find by name.
 //!
 //! # Errors and panics
 //!
-//! Input that cannot be used is an [`Error`], which changes nothing; what is wrong with a model is a [`ModelError`]. Both name the thing,
-//! the value and what it must be, and have a variant for every case to be told apart. What a step could not do is no error but a
-//! [`Status`]: an environment that blows up keeps its last finite state, says so, and leaves the others alone.
+//! Invalid input is an [`Error`], which changes nothing; an invalid model is a [`ModelError`]. Both name the thing, the value and the
+//! remedy, and have a variant for every case. An unsolved step is no error: its environment gets a [`Status`]. An environment that diverges
+//! keeps its last finite state and flags it. The others continue.
 //!
 //! A control that is not finite is no error: it would end the steps of all other environments too. See [`StepInputs::ctrl`].
 //!
-//! Methods that return no `Result` and take an environment panic when it does not exist, as an index beyond a slice does; each says so. Any
-//! other panic is a defect.
+//! Methods that return no `Result` and take an environment panic when it does not exist, as an index beyond a slice does. Their pages list
+//! it. Any other panic is a defect.
 //!
 //! # Features
 //!
-//! - `avx2` and `avx512` (on by default) compile the step for these CPU levels, beside the baseline (SSE2, or NEON). The fastest that the
-//!   machine has runs, with the same bits. `default-features = false` compiles the baseline alone, which builds faster.
+//! - `avx2` and `avx512` (on by default) compile the step for these CPU levels, in addition to the baseline (SSE2, or NEON). The engine
+//!   runs the fastest level of the machine, with the same bits. `default-features = false` compiles the baseline alone, which builds
+//!   faster.
 //! - `nalgebra` (off by default) adds its types to the interface: fields of the state as vectors and matrices, body poses as isometries,
-//!   contact forces in world axes; builders take its vectors, points, rotations and isometries. The crate computes with nalgebra in any
-//!   case; the feature makes it a part of the interface, and exports it so that a user has the same version.
+//!   contact forces in world axes. Builders take its vectors, points, rotations and isometries. The feature also exports nalgebra, so that
+//!   a user has the same version.
+//! - `internals` (off by default) adds the module `internals` for the benches and tests of this workspace. It changes without notice.
 //!
-//! serde, postcard and sha2 are not optional: models and states are bytes with a checksum, and every state carries the digest of its model,
-//! without which a state of another model could not be refused.
-//!
-//! - `internals` (off by default) adds the module `internals`, and what else the benches and tests of this workspace ask of it. It changes
-//!   without notice. The step that it takes apart is ten `stages`, which `step::step` reads aloud.
+//! serde, postcard and sha2 are not optional. Models and states are bytes with a checksum. Every state has the digest of its model, so that
+//! a state of another model is refused.
 
 //! # Build times and debug builds
 //!
@@ -143,12 +141,12 @@ pub use stages::s10_record::Status;
 pub use step_derivative::{DerivativeQuery, DerivativeRows, StatePart};
 pub use stepper_real::{Level, LevelError};
 
-/// What [`Simulation::rollout`] writes down, and where to.
+/// Recorded quantities of [`Simulation::rollout`], and their output arrays.
 pub mod rollout {
     pub use crate::batch::rollout::{Numbers, Quantity, Recording};
 }
 
-/// What benches and tests of this workspace take apart; it changes without notice.
+/// Interface for benches and tests of this workspace; it changes without notice.
 #[cfg(feature = "internals")]
 #[doc(hidden)]
 pub mod internals {

@@ -1,7 +1,7 @@
-//! The model: what the scene is made of, as its author sees it.
+//! Model of a scene, as its author sees it.
 //!
-//! A [`Description`] is a scene whose fields anybody may edit. [`Description::finish`] checks it and makes a [`Model`] of it, which can be
-//! read and no longer edited, so that every model is valid. The crate `stepper-model` has the code; its front page says more.
+//! A [`Description`] is a scene with editable fields. [`Description::finish`] checks it and makes a read-only [`Model`] of it, so that
+//! every model is valid. The code is in the crate `stepper-model`.
 
 pub use stepper_model::actuator_spec;
 pub use stepper_model::{

@@ -1,4 +1,4 @@
-//! Every choice of method that a step makes: [`Options`] as a user gives them, [`StepSettings`] as they are in force.
+//! Options of a step: [`Options`] as a user gives them, [`StepSettings`] as they are in force.
 
 use std::fmt::Display;
 
@@ -12,37 +12,43 @@ use crate::model::Description;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub enum ContactLaw {
-    /// Rigid: Signorini's condition and Coulomb's cone, each step solved to the tolerance.
+    /// Rigid contact: Signorini's condition and Coulomb's cone, each step solved to the tolerance.
     Hard,
-    /// MuJoCo's: a convex problem, soft by each constraint's solref and solimp, whose forces follow from the accelerations.
+    /// MuJoCo's contact law: a convex problem, soft by each constraint's solref and solimp, whose forces follow from the accelerations.
     Mujoco,
 }
 
-/// How velocities and positions advance.
+/// Time integrator of velocities and positions.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub enum Integrator {
-    /// Semi-implicit Euler: everything at q, then q+ = q (+) h v+. First order. Implicit in
-    /// joint damping alone, as MuJoCo's, unless the model wants that explicit too; and in springs and dampers of tendons.
+    /// Semi-implicit Euler: forces and rows at q, then q+ = q (+) h v+. First order. Springs and dampers of tendons are implicit. Joint
+    /// damping is implicit as MuJoCo's, unless the model makes it explicit.
     Euler,
-    /// Moreau's midpoint: everything at q (+) h/2 v, then q+ = q_mid (+) h/2 v+. Second order in free flight; springs, dampers and servos
-    /// by the implicit midpoint rule (A-stable), with more of the damping at the end of the step where that does not resolve it.
+    /// Moreau's midpoint: forces and rows at q_mid = q (+) h/2 v, then q+ = q_mid (+) h/2 v+. Second order in free flight.
+    ///
+    /// Springs, dampers and servos follow the implicit midpoint rule (A-stable). If the step does not resolve them, more of the damping is
+    /// evaluated at the end of the step.
     Midpoint,
-    /// Euler's rule with springs, dampers and servos at the end of the step (L-stable) and velocity-dependent forces at the velocity to be
-    /// expected there. First order; it takes energy out of what it cannot resolve. With MuJoCo's law MuJoCo's own `implicit`.
+    /// Euler's rule with springs, dampers and servos at the end of the step (L-stable) and velocity-dependent forces at the expected
+    /// velocity there.
+    ///
+    /// First order; it dissipates the energy of motions that it cannot resolve. With MuJoCo's law it is MuJoCo's `implicit`.
     Implicit,
-    /// Runge-Kutta-Munthe-Kaas of order 4 for environments without an active constraint in this step; the others take a midpoint step. With
-    /// MuJoCo's law the classical method of order 4, constraints included.
+    /// Runge-Kutta-Munthe-Kaas of order 4 for environments without an active constraint in this step; the others make a midpoint step.
+    ///
+    /// With MuJoCo's law it is the classical method of order 4, constraints included.
     Rk4,
-    /// MuJoCo's `implicitfast`, with its law alone: Euler's rule with the symmetric part of the forces' derivatives by velocity.
+    /// MuJoCo's `implicitfast`, with its law alone: Euler's rule with the symmetric part of the forces' derivatives with respect to
+    /// velocity.
     ImplicitFast,
-    /// MuJoCo's `discrete`, with its law alone: springs, dampers, servos and the rows of constraints are taken at the end of the step, and
-    /// the constraints are solved in the matrix that this makes of the mass matrix.
+    /// MuJoCo's `discrete`, with its contact law alone. Springs, dampers, servos and constraint rows are evaluated at the end of the step,
+    /// and the constraints are solved with the resulting mass matrix.
     Discrete,
 }
 
 impl Integrator {
-    /// The integrator that a source asks for in its own words, if there is one.
+    /// Integrator with the name that a model's source uses, if there is one.
     pub(crate) fn of_source(name: &str) -> Option<Self> {
         match name {
             "Euler" => Some(Self::Euler),
@@ -67,83 +73,90 @@ impl Integrator {
     }
 }
 
-/// What removes the overlap that remains.
+/// Method that removes the remaining overlap.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub enum Stabilization {
-    /// A velocity bias beta (overlap - slop) / h in the normal row (Baumgarte 1972), capped.
+    /// Velocity bias beta (overlap - slop) / h in the normal row (Baumgarte 1972), with an upper bound.
     Baumgarte,
-    /// A second solve of the same rows whose velocity moves positions only.
+    /// Second solve of the same rows, whose velocity moves positions only.
     Split,
-    /// Nothing.
+    /// No correction.
     None,
 }
 
-/// Who solves the constraint problem.
+/// Solver of the constraint problem.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub enum Solver {
-    /// Sweeps, then Newton's method for the environments whose residual they leave above the tolerance.
+    /// Sweeps (Gauss-Seidel iterations), then Newton's method for environments whose residual stays above the tolerance.
     Auto,
     /// Projected Gauss-Seidel alone, with Anderson's acceleration.
     Pgs,
-    /// Augmented-Lagrangian Newton for all but what the first sweeps solve.
+    /// Augmented-Lagrangian Newton for all environments that the first sweeps do not solve.
     Newton,
 }
 
 /// Settings of a step, as a user gives them. Times in s, lengths in m (rad for hinge limits), velocities in m/s.
 ///
-/// `None` leaves a setting to the model or to the precision, so that `Options::default()` steps every model with its own time step. What is
-/// then in force, [`Simulation::timestep`](crate::Simulation::timestep) and [`Simulation::tolerance`](crate::Simulation::tolerance) say.
+/// `None` selects the value of the model or of the precision, so that `Options::default()` steps every model with its time step.
+/// [`Simulation::timestep`](crate::Simulation::timestep) and [`Simulation::tolerance`](crate::Simulation::tolerance) return the values in
+/// force.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Options {
-    /// Time step, s; `None` is the model's own.
+    /// Time step, s; `None` selects that of the model.
     pub timestep: Option<f64>,
-    /// Law of contact.
+    /// Contact law.
     pub contact: ContactLaw,
-    /// Integrator; `None` is midpoint with hard contact, and with MuJoCo's law what the model's source asks for, Euler's rule where it asks
-    /// for none.
+    /// Integrator. `None` is midpoint with hard contact. With MuJoCo's law it is that of the model's source, and Euler's rule if the source
+    /// has none.
     pub integrator: Option<Integrator>,
-    /// Solver.
+    /// Solver of the constraint problem.
     pub solver: Solver,
-    /// Sweeps of the solver at the most, and Newton steps at the most for each island of an environment; [`Solver::Auto`] makes no more
-    /// than 50 of the former, and in 64 bits no more than 25 before the first Newton step.
+    /// Largest number of sweeps (Gauss-Seidel iterations) of the solver, and of Newton steps for each island of an environment.
+    ///
+    /// [`Solver::Auto`] makes at most 50 sweeps, and in 64 bits at most 25 before the first Newton step.
     pub iterations: u32,
-    /// Residual at which the solver stops, m/s; `None` is [`Precision::tolerance`], with MuJoCo's law no more than 0.6 % of what gravity
-    /// changes of a velocity in a step.
+    /// Residual at which the solver stops, m/s. `None` selects [`Precision::tolerance`].
+    ///
+    /// With MuJoCo's law the default is at most 0.6 % of the velocity that gravity adds in a step.
     pub tolerance: Option<f64>,
-    /// Stabilisation.
+    /// Stabilisation method.
     pub stabilization: Stabilization,
     /// Fraction of the overlap beyond the slop removed per step.
     pub baumgarte: f64,
-    /// Overlap that is left alone.
+    /// Overlap that stabilisation leaves, m or rad.
     pub slop: f64,
-    /// Fastest correction of overlap.
+    /// Largest speed of an overlap correction, m/s.
     pub max_correction_speed: f64,
-    /// Approach slower than this does not bounce from a resting contact.
+    /// Approach speed below which a contact does not bounce, m/s.
     pub restitution_threshold: f64,
-    /// Contacts an environment can hold; `None` lets the model decide.
+    /// Contact capacity of an environment; `None` selects an estimate from the model.
     pub max_contacts: Option<u32>,
 }
 
-/// Sweeps after which [`Solver::Auto`] hands over to Newton's method.
+/// Number of sweeps after which [`Solver::Auto`] continues with Newton's method.
 ///
-/// Measured on 128 humanoids under random control, then left to rest (microseconds of an environment's step on one core; sweeps alone: 5.2,
+/// Measured on 128 humanoids under random control, then at rest (microseconds of an environment's step on one core; sweeps alone: 5.2,
 /// 9.9): 12 sweeps 6.8, 22.1; 20 sweeps 6.4, 15.9; 30 sweeps 5.9, 13.1; 50 sweeps 5.8, 14.8, and the fewest unsolved. A sweep serves eight
-/// lanes at once, a Newton step one, and costs as much as ten of them.
+/// lanes at once. A Newton step serves one lane and costs as much as ten sweeps.
 const AUTO_SWEEPS: u32 = 50;
-/// Sweeps before [`Solver::Newton`] begins: they find out which contacts hold, for less than a Newton step.
+/// Number of sweeps before [`Solver::Newton`] begins. They find which contacts hold, for less than a Newton step.
 const NEWTON_SWEEPS: u32 = 2;
 
-/// Share of gravity that the default tolerance may leave as an acceleration: contact forces at rest err by no more, at any time step.
+/// Fraction of gravity that the default tolerance may leave as an acceleration. It bounds the error of contact forces at rest, at any time
+/// step.
+///
 /// f32 at 0.1 ms: a cube of 98.1 N reads 97.7 to 98.6 N; with the tolerance of a long step 88.9 to 106.7 N.
 const SHARE_OF_GRAVITY: f64 = 6e-3;
 
-/// Gravity of a model without any, and the greatest that counts, m/s^2.
+/// Gravity for a model without any, and upper bound of the gravity that counts, m/s^2.
 const USUAL_GRAVITY: f64 = 10.0;
 
-/// Default tolerance, m/s. A velocity that remains in every step of length h is a force of 1 / h times as much, so that short steps are
-/// solved more tightly, though no more so than 64 bits are by default.
+/// Default tolerance, m/s.
+///
+/// A velocity error in every step of length h is a force error in proportion to 1 / h. Short steps are therefore solved to a smaller
+/// tolerance, but not below the default of 64 bits.
 fn default_tolerance(contact: ContactLaw, precision: Precision, timestep: f64, gravity: f64) -> f64 {
     let usual = precision.tolerance();
     if contact == ContactLaw::Hard {
@@ -173,13 +186,13 @@ impl Default for Options {
 }
 
 impl Options {
-    /// Settings that a model's source asks for: MuJoCo's law of contact with the numbers of the model, and the source's integrator.
+    /// Settings of a model's source: MuJoCo's contact law with the numbers of the model, and the source's integrator.
     ///
-    /// Iterations are at least those of the source. Its solver and its tolerance are not taken: the problem is the same, and is solved
-    /// to the tolerance here, in m/s. A model that was made in code asks for nothing, and gets `Options::default()`.
+    /// Iterations are at least those of the source. Solver and tolerance of the source are ignored: the problem is the same, and is solved
+    /// to this engine's tolerance in m/s. A model that was made in code has no such settings and gets `Options::default()`.
     ///
     /// # Errors
-    /// [`Error::SourceIntegrator`] when the source asks for an integrator that does not exist here.
+    /// [`Error::SourceIntegrator`] when the source selects an integrator that does not exist here.
     pub fn from_model(model: &Description) -> Result<Self, Error> {
         let Some(requested) = &model.requested else { return Ok(Self::default()) };
         let name = &requested.integrator;
@@ -189,11 +202,12 @@ impl Options {
         Ok(Self { contact: ContactLaw::Mujoco, integrator: Some(integrator), iterations, ..usual })
     }
 
-    /// The settings in force for a model whose own time step is `timestep`, s, and gravity `gravity`, m/s^2, and whose source asks for the
-    /// integrator `asked`, if for any that there is.
+    /// Resolves the settings in force for a model with time step `timestep`, s, and gravity `gravity`, m/s^2.
+    ///
+    /// `asked` is the integrator of the model's source, if any.
     ///
     /// # Errors
-    /// [`Error::Option`] for an integrator that the law of contact does not have.
+    /// [`Error::Option`] for an integrator that the contact law does not have.
     pub fn resolve(&self, timestep: f64, gravity: f64, asked: Option<Integrator>, precision: Precision) -> Result<StepSettings, Error> {
         let integrator = self.integrator.unwrap_or(match self.contact {
             ContactLaw::Hard => Integrator::Midpoint,
@@ -268,34 +282,34 @@ impl Options {
     }
 }
 
-/// Settings of a step in force: [`Options`] with the model's time step and the precision's tolerance where those leave them open.
+/// Settings of a step in force: [`Options`] with the time step of the model and the tolerance of the precision where these are `None`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StepSettings {
     /// Time step, s.
     pub timestep: f64,
-    /// See [`Options::contact`].
+    /// Contact law, see [`Options::contact`].
     pub contact: ContactLaw,
-    /// See [`Options::integrator`].
+    /// Integrator, see [`Options::integrator`].
     pub integrator: Integrator,
-    /// See [`Options::solver`].
+    /// Solver, see [`Options::solver`].
     pub solver: Solver,
-    /// See [`Options::iterations`].
+    /// Largest number of iterations, see [`Options::iterations`].
     pub iterations: u32,
     /// Residual at which the solver stops, m/s.
     pub tolerance: f64,
-    /// See [`Options::stabilization`].
+    /// Stabilisation method, see [`Options::stabilization`].
     pub stabilization: Stabilization,
-    /// See [`Options::baumgarte`].
+    /// Fraction of an overlap that a step removes, see [`Options::baumgarte`].
     pub baumgarte: f64,
-    /// See [`Options::slop`], m or rad.
+    /// Overlap that stabilisation leaves, m or rad, see [`Options::slop`].
     pub slop: f64,
-    /// See [`Options::max_correction_speed`], m/s.
+    /// Largest speed of a correction, m/s, see [`Options::max_correction_speed`].
     pub max_correction_speed: f64,
-    /// See [`Options::restitution_threshold`], m/s.
+    /// Speed below which contacts do not bounce, m/s, see [`Options::restitution_threshold`].
     pub restitution_threshold: f64,
-    /// See [`Options::max_contacts`].
+    /// Contact capacity of an environment, see [`Options::max_contacts`].
     pub max_contacts: Option<u32>,
-    /// Whether a step begins with NaN in what it is to compute: in debug builds, and in tests that ask for it.
+    /// Whether a step fills its buffers with NaN first: in debug builds, and in tests that enable it.
     pub poison: bool,
 }
 

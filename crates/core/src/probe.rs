@@ -1,9 +1,9 @@
-//! A probe of the step: times, counts and operations come from the step itself, and cost nothing where nobody asks for them.
+//! Probe of the step, which measures times, counts and operations, and costs nothing when it is off.
 //!
-//! Who measures is a type parameter of the step. The engine steps with [`NoProbe`], which has no size and does nothing, so that its step is
-//! compiled as if there were no probe; the benches step with a probe of their own.
+//! The probe is a type parameter of the step. The engine steps with [`NoProbe`], which has no size and does nothing. Its step is compiled
+//! as if there were no probe. The benches use other probes.
 
-/// An enumeration whose variants have names in reports.
+/// Declares an enumeration whose variants have names in reports.
 macro_rules! reported {
     ($(#[$about:meta])* $name:ident { $($(#[$doc:meta])* $variant:ident = $text:literal,)+ }) => {
         $(#[$about])*
@@ -12,10 +12,10 @@ macro_rules! reported {
             $($(#[$doc])* $variant,)+
         }
 
-        // Reports are of the benches.
+        // Only the benches make reports.
         #[cfg(feature = "internals")]
         impl $name {
-            /// All of them, in the order of a step.
+            /// All variants, in the order of a step.
             pub const ALL: &[Self] = &[$(Self::$variant,)+];
 
             /// Name in reports.
@@ -29,19 +29,19 @@ macro_rules! reported {
 }
 
 reported! {
-    /// A part of a step, or of what a worker does around its steps.
+    /// Part of a step, or of a worker's work around its steps.
     ///
-    /// One span may be entered inside another one: what a report says of it is then without the inner one.
+    /// Spans can be nested. The report of a span excludes the inner ones.
     Span {
-        /// State, parameters and inputs of a group brought into the workspace.
+        /// Loading of state, parameters and inputs of a group into the workspace.
         Load = "load",
         /// Dynamics of actuators between the steps: delay, lag, limits.
         ActuatorPipelines = "actuator pipelines",
-        /// Configuration at which a scheme takes the step.
+        /// Configuration at which a scheme evaluates the step.
         Displace = "displace",
         /// Poses, axes and inertias.
         Kinematics = "kinematics",
-        /// Forces of actuators and springs, and what the user applies.
+        /// Forces of actuators and springs, and applied forces.
         Actuate = "actuate",
         /// Servos at the bounds of their force.
         SaturateServos = "saturate servos",
@@ -51,9 +51,9 @@ reported! {
         MassFactors = "mass factors",
         /// Bias force and free acceleration.
         Acceleration = "bias force and acceleration",
-        /// Poses of geoms, and the pairs of them that are near one another.
+        /// Poses of geoms, and candidate pairs.
         BroadPhase = "broad phase",
-        /// Contacts of those pairs.
+        /// Contacts of the candidate pairs.
         NarrowPhase = "narrow phase",
         /// Times of impacts within the step.
         ImpactTimes = "impact times",
@@ -61,80 +61,80 @@ reported! {
         WarmStart = "warm start",
         /// Rows of the constraint problem.
         Assemble = "assemble",
-        /// An estimate of the impulses.
+        /// Estimate of the impulses.
         EstimateImpulses = "estimate impulses",
-        /// Forces at the velocity to be expected, and the change of the problem by them.
+        /// Forces at the expected velocity, and the change of the problem by them.
         CorrectForces = "correct forces",
-        /// The constraint problem.
+        /// Solution of the constraint problem.
         Solve = "solve",
-        /// The problem again where impacts made the velocity jump.
+        /// Repeated solution of the problem where impacts made the velocity jump.
         SolveImpacts = "solve again at impacts",
-        /// Impulses to velocities.
+        /// Velocities from impulses.
         IntegrateVelocity = "integrate velocity",
-        /// Motion that the step is too long for, or that impulses do not decide.
+        /// Guard of steps that are too long for the motion, or whose impulses leave the energy ambiguous.
         GuardEnergy = "guard energy",
-        /// Whether something may have passed through something thin.
+        /// Check for geoms that may have passed through thin ones.
         Tunnelling = "tunnelling",
-        /// Velocities to configurations.
+        /// Configurations from velocities.
         IntegratePosition = "integrate position",
-        /// Demands of positions: the second solution of the problem.
+        /// Position targets: the second solution of the problem.
         Stabilise = "stabilise: second solve",
-        /// Runge and Kutta's method.
+        /// Runge-Kutta method of order 4.
         Rk4 = "rk4",
-        /// The next state taken over where it is finite.
+        /// Acceptance of the next state where it is finite.
         Accept = "accept",
         /// Sensors and their errors.
         Sense = "sense",
-        /// What a step says of itself, and status flags.
+        /// Record of a step, with its status flags.
         Record = "record",
-        /// What a rollout writes down.
+        /// Recording of a rollout.
         Rollout = "rollout",
-        /// State of a group brought back from the workspace.
+        /// Storing of a group's state.
         Store = "store",
     }
 }
 
 reported! {
-    /// A number that a step of a group of environments counts. Those of its environments are added up, unless they share what is counted.
+    /// Counter of a step of a group. The counts of its environments are summed, unless the lanes share what is counted.
     Counter {
-        /// Steps of a group.
+        /// Number of steps of a group.
         GroupSteps = "steps of a group",
-        /// Times that the forces of a step were taken, in all of its lanes.
+        /// Number of evaluations of a step's forces, in all of its lanes.
         Evaluations = "evaluations",
-        /// Pairs of geoms that the narrow phase looked at, shared by all lanes.
+        /// Number of candidate pairs in the narrow phase, shared by all lanes.
         NearPairs = "near pairs",
-        /// Contacts.
+        /// Number of contacts.
         Contacts = "contacts",
-        /// Slots that contacts of all lanes are packed into, shared by them.
+        /// Number of slots into which the contacts of all lanes are packed, shared by the lanes.
         ContactSlots = "contact slots",
-        /// Rows of limits, dry friction, equalities and tendons, shared by all lanes.
+        /// Number of rows of limits, dry friction, equalities and tendons, shared by all lanes.
         ScalarRows = "scalar rows",
-        /// Sweeps of the solver.
+        /// Number of sweeps of the solver.
         Sweeps = "sweeps",
-        /// Sweeps of the lane of a group that has the most.
+        /// Number of sweeps of the slowest lane of a group.
         SlowestSweeps = "sweeps of the slowest lane",
-        /// Newton steps of the solver.
+        /// Number of Newton steps of the solver.
         NewtonSteps = "Newton steps",
     }
 }
 
 #[cfg(feature = "internals")]
 impl Counter {
-    /// Whether the lanes of a group share what is counted; else its environments are added up.
+    /// Whether the lanes of a group share the count. Otherwise the counts of its environments are summed.
     pub const fn is_shared(self) -> bool {
         !matches!(self, Self::Contacts | Self::Sweeps | Self::NewtonSteps)
     }
 }
 
-/// Who measures a step. A probe is handed on by value: one without size costs no register.
+/// Probe of a step. It is passed by value: one without size costs no register.
 pub trait Probe: Copy + Send + 'static {
-    /// Does the work of a part of the step.
+    /// Runs a part of the step.
     fn span<T>(self, span: Span, work: impl FnOnce() -> T) -> T;
-    /// Counts: adds a number, which is not worked out where nobody asks for it.
+    /// Adds a number to a counter. A probe that does not count never computes it.
     fn count(self, counter: Counter, number: impl FnOnce() -> f64);
 }
 
-/// Nobody measures.
+/// Probe that measures nothing.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct NoProbe;
 

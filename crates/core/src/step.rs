@@ -82,7 +82,7 @@ fn run_stages<R: Real>(
 #[inline(always)]
 fn solve_step<R: Real>(compiled: &LaneModel<R>, options: &StepSettings, s: &mut Workspace<R>, probe: impl Probe) -> StepOutcome<R> {
     let Workspace { state, inputs, evaluation, free_motion: free, problem, builder, velocity, position, .. } = s;
-    let (strikes, guard, alive) = (&mut s.strikes, &mut s.step_resolution, s.alive);
+    let (collisions, guard, alive) = (&mut s.collisions, &mut s.step_resolution, s.alive);
     // 1 actuate, 2 smooth dynamics, 3 detect: at the evaluation point. The loop in `locate` moves the point for fast bodies and impacts.
     locate(StepInput { compiled, options, state, inputs, alive }, evaluation, free, probe);
     probe.span(Span::WarmStart, || evaluation.match_contacts(compiled, &mut state.contacts));
@@ -93,17 +93,21 @@ fn solve_step<R: Real>(compiled: &LaneModel<R>, options: &StepSettings, s: &mut 
     assemble_problem(place, free, problem, velocity, builder, probe);
     reconsider_servos(place, free, problem, velocity, builder, probe);
     // Forces of stages 1 and 2 that depend on the velocity follow from a prediction of the velocity after the step.
-    probe.span(Span::CorrectForces, || predict(place, free, problem, velocity, strikes, probe));
+    probe.span(Span::CorrectForces, || predict(place, free, problem, velocity, collisions, probe));
     count_rows(problem, probe);
     // 5 solve, 6 integrate velocity. The loop in `solve_velocities` repeats them until the solution agrees with the problem.
-    let solver = solve_velocities(place, free, problem, velocity, strikes, probe);
+    let solver = solve_velocities(place, free, problem, velocity, collisions, probe);
     let mut outcome = bound_velocities(place, free, problem, velocity, position, solver, probe);
     let excluded = if s.rk4.is_some() { problem.constrained.not() } else { R::Mask::splat(false) };
     probe.span(Span::GuardEnergy, || find_energy_gain(place, free, velocity, guard, excluded));
     outcome.tunnelled = probe.span(Span::Tunnelling, || find_tunnelling(input, evaluation, velocity, &outcome));
+    if options.poison {
+        free.scratch.poison();
+        collisions.poison();
+    }
     // 7 integrate position
     integrate_positions(Place { input, evaluation }, velocity, position, probe);
-    // The impulses of the solution are final. Stage 8 continues from them with a solution of its own.
+    // The impulses of the solution are final. Stage 8 continues from them with a second solution.
     probe.span(Span::IntegrateVelocity, || {
         store_impulses(problem, velocity, &mut evaluation.contacts);
         store_joint_impulse(compiled, &free.smooth.mass, velocity, &mut free.impulse);
@@ -111,6 +115,9 @@ fn solve_step<R: Real>(compiled: &LaneModel<R>, options: &StepSettings, s: &mut 
     // 8 stabilise
     let infeasible = probe.span(Span::Stabilise, || correct_positions(input, evaluation, free, problem, velocity, position));
     outcome.infeasible = outcome.infeasible.or(infeasible);
+    if options.poison {
+        velocity.poison_impulses();
+    }
     if let Some(rk4) = &mut s.rk4 {
         // Resolved lanes without constraints take the result of the Runge-Kutta scheme.
         let lanes = alive.and_not(problem.constrained.or(free.unresolved));

@@ -86,8 +86,9 @@ pub(crate) const MAX_RESOLVED_ROTATION: f64 = 0.02;
 /// if it speeds the motion up.
 pub(crate) const MAX_IMPACT_ROTATION: f64 = 0.1;
 
-/// Largest number of impact solves after the first solve. Each takes inertial forces at the velocity of the last one; its error is
-/// smaller by a factor of the time step.
+/// Largest number of impact solves after the first solve.
+///
+/// Each evaluates inertial forces at the velocity of the last one. Its error is smaller by a factor of the time step.
 pub(crate) const IMPACT_PASSES: usize = 3;
 
 /// Largest number of placements at the time of the first impact. Newton's method: bodies that pass each other obliquely approach on a
@@ -123,7 +124,7 @@ pub(crate) const BALANCE_RELATIVE_CHANGE: f64 = 0.05;
 /// impacts.
 pub(crate) const MAX_GROWTH_RATE: f64 = 10.0;
 
-/// Upper bound on this growth in one step, relative to the kinetic energy.
+/// Upper bound on the relative growth of the kinetic energy by the error of one step; see [`MAX_GROWTH_RATE`].
 pub(crate) const MAX_GROWTH: f64 = 0.1;
 
 /// Change of the velocity by constraints, relative to the velocity, above which the allowed growth is doubled. Impulses act at one
@@ -147,20 +148,23 @@ pub(crate) const CORRECTION_TOLERANCE: f64 = 1e-4;
 
 /// Correction below which a row has no damping, m/s or rad/s.
 ///
-/// Rounding makes equal demands differ by 1e-14. Damping a contact that corrects nothing changes the step where other contacts move it
+/// Rounding makes equal targets differ by 1e-14. Damping a contact that corrects nothing changes the step where other contacts move it
 /// (1e-8 m for a quadruped).
 pub(crate) const NEGLIGIBLE_CORRECTION: f64 = 1e-12;
 
-/// Residual above which Newton's method continues after Gauss-Seidel iterations, m/s. They can leave a hundredth of a radian per step where
-/// two limbs are jammed. Below it, Newton's method costs more than it corrects (humanoids under random control: 4 % of the step).
+/// Residual above which Newton's method continues after Gauss-Seidel iterations, m/s.
+///
+/// Iterations alone can leave a hundredth of a radian per step where two limbs are jammed. Below the threshold, Newton's method costs more
+/// than it corrects (humanoids under random control: 4 % of the step).
 pub(crate) const CORRECTION_NEWTON_THRESHOLD: f64 = 1e-2;
 
 /// Largest number of Gauss-Seidel iterations of a correction at the default tolerance. They begin with the impulses of stage 5.
 pub(crate) const CORRECTION_ITERATIONS: f64 = 10.0;
 
-/// Largest number of Newton steps of a corrected island at the default tolerance. With 5 a gripper that begins within its palm stays
-/// there, with 6 it opens (test_impossible_demands.py). Of 120 jammed pairs of arms 8 and 50 steps leave the same overlaps after a second,
-/// within 0.1 %.
+/// Largest number of Newton steps of a corrected island at the default tolerance.
+///
+/// With 5 a gripper that begins within its palm stays there, with 6 it opens (test_impossible_demands.py). Of 120 jammed pairs of arms 8
+/// and 50 steps leave the same overlaps after a second, within 0.1 %.
 pub(crate) const CORRECTION_NEWTON_STEPS: f64 = 8.0;
 
 /// Largest displacement rate by a correction relative to `max_correction_speed`, and largest rotation rate over [`CORRECTION_ARM`]: 5 m/s
@@ -173,11 +177,13 @@ pub(crate) const MAX_CORRECTION_ROTATION: f64 = 1.0;
 /// Velocity change by constraints, relative to the bounds of a correction, that Baumgarte's bias may cause: 20 m/s or 200 rad/s by default.
 pub(crate) const BAUMGARTE_LIMIT: f64 = 4.0;
 
-/// Unmet demand above which the engine tries to prove that the demands are infeasible, m/s.
-pub(crate) const MIN_UNMET_DEMAND: f64 = 1e-2;
+/// Unmet target velocity above which the engine tries to prove that the position targets are infeasible, m/s.
+pub(crate) const MIN_UNMET_TARGET: f64 = 1e-2;
 
-/// Compliance of a position demand relative to its mobility. A row of average mobility keeps 0.1 % of its error per correction. No row
-/// moves by more than 1 / (2 sqrt(DAMPING)), 16 times, its correction.
+/// Compliance of a position target relative to its mobility.
+///
+/// A row of average mobility keeps 0.1 % of its error per correction. No row moves by more than 1 / (2 sqrt(DAMPING)), 16 times, its
+/// correction.
 pub(crate) const DAMPING: f64 = 1e-3;
 
 /// Lever arm assumed for a correction, m: it converts displacements to rotations and adds displacement / arm to the relative
@@ -191,7 +197,7 @@ pub(crate) const CORRECTION_ARM: f64 = 0.1;
 /// of 1 m/s, half a radian takes 0.07 s.
 pub(crate) const LIMIT_RETURN: f64 = 10.0;
 
-/// Error of an equality that is not corrected, m or rad. A loop at rest then needs no position solve.
+/// Error of an equality below which the step does not correct it, m or rad. A loop at rest then needs no position solve.
 pub(crate) const NEGLIGIBLE_ERROR: f64 = 1e-11;
 
 /// Smallest relative decrease of the overlap penalty (`overlap_progress.rs`) with which a correction is kept. A wheel 0.1 m inside the
@@ -220,7 +226,7 @@ pub(crate) const MIN_REMAINING_LENGTH: f64 = 1e-6;
 
 /// Overlap of a contact above which its curvature has no effect, m: the depth of [`Status::DEEP`](crate::Status::DEEP).
 ///
-/// Such bodies are jammed and do not roll. The demands of friction rows must then be the motion of some joints, or no impulse meets them.
+/// Such bodies are jammed and do not roll. No impulse meets the targets of friction rows there, unless they are the motion of some joints.
 /// Of 16 unsolved problems of jammed arms, 14 are solved at once without curvature.
 pub(crate) const MAX_CURVED_OVERLAP: f64 = 1e-3;
 
@@ -241,8 +247,9 @@ pub(crate) const MIN_SHARE_CHANGE: [f64; 2] = [1e-12, 1e-5];
 /// Largest number of contacts that share their loads. The work grows with the cube of it.
 pub(crate) const MAX_SHARED_CONTACTS: usize = 64;
 
-/// Largest number of contacts in an environment in which Newton's method solves a newly loaded patch. In a heap of ten boxes with 45
-/// contacts it would take half of the step.
+/// Largest number of contacts in an environment in which Newton's method solves a newly loaded contact group.
+///
+/// In a heap of ten boxes with 45 contacts it would take half of the step.
 pub(crate) const MAX_NEW_CONTACTS: usize = 24;
 
 // Derivatives of the step.
@@ -251,8 +258,10 @@ pub(crate) const MAX_NEW_CONTACTS: usize = 24;
 /// are then certain, and the error of the response is of this order.
 pub(crate) const SOLVED_RESIDUAL: f64 = 1e-9;
 
-/// Weight of an error of the expected velocity per rad or m of motion in the step, at most 1, in the test that a step is a solution.
-/// Inertial forces are quadratic in velocities, so that errors of slow motion have little effect.
+/// Weight of an error of the expected velocity in the test that a step is a solution.
+///
+/// It is per rad or m of motion in the step, at most 1. Inertial forces are quadratic in velocities, so that errors of slow motion have
+/// little effect.
 pub(crate) const EXPECTED_VELOCITY_WEIGHT: f64 = 1e2;
 
 /// Relative distance from the bounds of a correction below which its derivative is undefined.

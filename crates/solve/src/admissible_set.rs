@@ -1,5 +1,7 @@
-//! Sets of admissible impulses as Newton's method sees them, lane by lane in scalar f64: projection, its derivative, De Saxce's term and
-//! the natural map, for any number of rows. A set that is new is an alternative here and nowhere else in Newton's method.
+//! Sets of admissible impulses for Newton's method, lane by lane in scalar f64, for any number of rows.
+//!
+//! A set has its projection, the derivative of the projection, De Saxce's term and the natural map. A new set is a variant here and nowhere
+//! else in Newton's method.
 
 use crate::vectors::{TILE, add_scaled, norm, tile};
 
@@ -8,9 +10,9 @@ use crate::vectors::{TILE, add_scaled, norm, tile};
 pub enum AdmissibleSet {
     /// Interval of one row, `lo <= lambda <= hi`; an equality has infinite bounds.
     Interval {
-        /// Least impulse.
+        /// Least impulse, N s or N m s.
         lo: f64,
-        /// Greatest impulse.
+        /// Largest impulse, N s or N m s.
         hi: f64,
     },
     /// Friction cone of the rows (n, t...), `|lambda_t| <= mu lambda_n`.
@@ -30,7 +32,7 @@ impl AdmissibleSet {
         }
     }
 
-    /// z = P_K(x).
+    /// Projects z = P_K(x).
     #[inline(always)]
     pub(crate) fn project(&self, x: &[f64], z: &mut [f64]) {
         match *self {
@@ -46,13 +48,14 @@ impl AdmissibleSet {
         }
     }
 
-    /// Natural-map residual |lambda - P_K(lambda - rho u)| / rho at the velocities `v`, De Saxce's term not included, m/s, with the first
-    /// component times `rigid_fraction`. A NaN stays.
+    /// Natural-map residual |lambda - P_K(lambda - rho u)| / rho at the velocities `v` without De Saxce's term, m/s.
+    ///
+    /// Its first component is multiplied by `rigid_fraction`. A NaN propagates.
     pub(crate) fn natural_residual(&self, lambda: &[f64], v: &[f64], rho: f64, rigid_fraction: f64) -> f64 {
         match *self {
             Self::Interval { lo, hi } => {
                 let moved = lambda[0] - rho * v[0];
-                // Written so that a NaN stays.
+                // This form propagates a NaN.
                 let mapped = if moved < lo { lo } else { moved };
                 (lambda[0] - if mapped > hi { hi } else { mapped }).abs() * rigid_fraction / rho
             }
@@ -67,8 +70,9 @@ impl AdmissibleSet {
         }
     }
 
-    /// Computes rho DP_K(x) Y into `out`, row by row, from the rows `y` of `n` entries each, whole tiles; false when it is zero. Implicit,
-    /// at the velocities `v`, DP is multiplied by the derivative of v + s: `I + e_n (0, mu v_t / |v_t|)`.
+    /// Computes rho DP_K(x) Y into `out`, row by row, from the rows `y` of `n` entries each, in whole tiles. Returns false if it is zero.
+    ///
+    /// With velocities `v` it is implicit: DP is multiplied by the derivative of v + s, `I + e_n (0, mu v_t / |v_t|)`.
     #[inline(always)]
     pub(crate) fn differentiate(&self, rho: f64, x: &[f64], v: Option<&[f64]>, y: &[f64], n: usize, out: &mut Product) -> bool {
         let mu = match *self {
@@ -93,7 +97,7 @@ impl AdmissibleSet {
         out.slip.extend(v.iter().flat_map(|v| &v[1..]).map(|v| v * slip));
         out.slip.resize(x.len() - 1, 0.0);
         out.rows.resize(y.len(), 0.0);
-        // Of a known number of rows the loops over them are none.
+        // With a constant number of rows the compiler unrolls the loops over them.
         match x.len() {
             3 => differentiate_cone([rho, mu], x, tangent, case, y, [3, n], out),
             4 => differentiate_cone([rho, mu], x, tangent, case, y, [4, n], out),
@@ -104,7 +108,7 @@ impl AdmissibleSet {
     }
 }
 
-/// rho DP (I + e_n s'^T) Y of a friction cone, tile by tile, with the derivative s' of De Saxce's term in `out.slip`.
+/// Computes rho DP (I + e_n s'^T) Y of a friction cone, tile by tile, with the derivative s' of De Saxce's term in `out.slip`.
 ///
 /// `DP = b b^T / (1 + mu^2) + (mu height / |x_t|) (I - t t^T)`, with t = x_t / |x_t| and b = (1, mu t), and the identity within the cone.
 #[inline(always)]
@@ -142,7 +146,7 @@ fn differentiate_cone([rho, mu]: [f64; 2], x: &[f64], tangent: f64, case: ConeRe
     }
 }
 
-/// s y
+/// Product s y.
 #[inline(always)]
 fn scaled(s: f64, mut y: [f64; TILE]) -> [f64; TILE] {
     for y in &mut y {
@@ -151,7 +155,7 @@ fn scaled(s: f64, mut y: [f64; TILE]) -> [f64; TILE] {
     y
 }
 
-/// Puts four numbers at index `at`.
+/// Writes four numbers at index `at`.
 #[inline(always)]
 fn put_tile(x: &mut [f64], at: usize, numbers: [f64; TILE]) {
     x[at..at + TILE].copy_from_slice(&numbers);
@@ -160,15 +164,15 @@ fn put_tile(x: &mut [f64], at: usize, numbers: [f64; TILE]) {
 /// Piece of a projection, on which it is differentiable.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Piece {
-    /// Nothing pushes: the polar cone.
+    /// Zero impulse: the polar cone.
     Open,
-    /// The set itself: the row or contact holds.
+    /// Interior of the set: the row or contact holds.
     Held,
-    /// The surface of a friction cone, where it slips.
+    /// Surface of a friction cone, where it slips.
     Sliding,
-    /// The lower bound of an interval.
+    /// Lower bound of an interval.
     Lower,
-    /// Its upper bound.
+    /// Upper bound of an interval.
     Upper,
 }
 
@@ -189,8 +193,9 @@ impl AdmissibleSet {
         }
     }
 
-    /// How far the point `x` is within a piece, N s: 0 where the next begins, negative beyond. The flag says whether that is next to the
-    /// inside of a friction cone, so that a contact begins or ceases to slip there.
+    /// Distance of the point `x` from the boundary of a piece, N s: 0 where the next begins, negative beyond.
+    ///
+    /// The flag marks the boundary to the inside of a friction cone, where a contact begins or ceases to slip.
     pub(crate) fn margin(&self, piece: Piece, x: &[f64]) -> (f64, bool) {
         match *self {
             Self::Interval { lo, hi } => match piece {
@@ -198,7 +203,7 @@ impl AdmissibleSet {
                 Piece::Upper => (x[0] - hi, false),
                 _ => ((x[0] - lo).min(hi - x[0]), false),
             },
-            // Without friction what lies along the tangents is of no account.
+            // Without friction the tangential components have no effect.
             Self::Cone { mu: 0.0 } => (if piece == Piece::Open { -x[0] } else { x[0] }, false),
             Self::Cone { mu } => {
                 let tangent = norm(&x[1..]);
@@ -218,18 +223,18 @@ impl AdmissibleSet {
 pub(crate) struct Product {
     /// Entries, row by row.
     pub(crate) rows: Vec<f64>,
-    /// Derivative of De Saxce's term over the tangential velocities.
+    /// Derivative of De Saxce's term with respect to the tangential velocities.
     slip: Vec<f64>,
 }
 
 /// Region of a point (n, |t|) that is projected on the cone of friction `mu`.
 #[derive(Clone, Copy, Debug)]
 enum ConeRegion {
-    /// The polar cone: the nearest point is 0.
+    /// Polar cone: the nearest point is 0.
     Zero,
-    /// The cone itself.
+    /// Interior of the cone.
     Inside,
-    /// The region between them: the nearest point has this normal component, and mu times it along the tangent.
+    /// Region between them. The nearest point has this normal component, and mu times it along the tangent.
     Surface { height: f64 },
 }
 

@@ -4,7 +4,7 @@ use stepper_real::{Mask, Real, Scalar};
 
 /// Projection on the friction cone `|x_t| <= mu x_n`: its point nearest to `x = (n, t1, t2, ...)`.
 ///
-/// The three cases are the polar cone (answer 0), the cone itself (answer `x`) and the surface. `mu = 0` is the half line.
+/// The three cases are the polar cone (result 0), the cone (result `x`) and the surface. With `mu = 0` the cone is a half line.
 #[inline(always)]
 pub fn project<R: Real, const N: usize>(x: [R; N], mu: R) -> [R; N] {
     let (n, mut square) = (x[0], x[1] * x[1]);
@@ -37,7 +37,7 @@ pub(crate) fn norm2<R: Real>(x: R, y: R) -> R {
     (x * x + y * y).sqrt()
 }
 
-/// Zero-masking: `x` where `m`, else zero.
+/// Masked number: `x` where `m`, else zero.
 #[inline(always)]
 pub(crate) fn masked<R: Real>(m: R::Mask, x: R) -> R {
     R::select(m, x, R::zero())
@@ -49,19 +49,20 @@ pub(crate) fn positive<R: Real>(m: R::Mask, x: R) -> R::Mask {
     m.and(x.gt(R::zero()))
 }
 
-/// Ratio of the mobility along a contact's normal to that in all three directions below which the normal one counts as zero: the square of
-/// a lever arm that is a hundred-thousandth of the other directions', or rounding.
+/// Ratio of the mobility along a contact's normal to that in all three directions below which the normal mobility counts as zero.
 ///
-/// A body that turns about such a lever arm approaches by 1e-5 of its speed, and holding it takes 1e5 times the force that turns it. A
-/// cylinder that is steered about an axis through its contact goes through this pose, where forces were 1e15 N.
+/// It is the square of a lever arm of a hundred-thousandth of those of the other directions, or rounding. A body that turns about such a
+/// lever arm approaches by 1e-5 of its speed. Holding it takes 1e5 times the force that turns it. A cylinder that is steered about an axis
+/// through its contact passes this pose, where forces were 1e15 N.
 #[inline(always)]
 fn negligible<R: Real>() -> f64 {
     let lever = f64::max(1e-5, 1e3 * <R::Scalar as Scalar>::EPSILON.to_f64());
     lever * lever
 }
 
-/// Lanes of `m` in which a contact can move along its normal: its mobility `along`, 1/kg, is more than `least`, and more than a negligible
-/// part of the sum `all` of the mobilities in its three directions.
+/// Lanes of `m` in which a contact can move along its normal.
+///
+/// Its mobility `along`, 1/kg, must exceed `least` and a negligible fraction of the sum `all` of the mobilities in its three directions.
 #[inline(always)]
 pub(crate) fn movable<R: Real>(m: R::Mask, along: R, all: R, least: R) -> R::Mask {
     positive(m, along).and(along.gt(least.max(all * R::of(negligible::<R>()))))

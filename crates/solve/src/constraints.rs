@@ -1,6 +1,7 @@
-//! Kinds of constraints, and the one list of them. A kind is a file: a set of constraints with its rows, and its implementation of
-//! [`ConstraintSet`](constraint_set::ConstraintSet). What it adds to the rest of the crate is its line in `by_kind`, `each_kind` and
-//! `make_kinds`.
+//! Kinds of constraints, and the single list of them.
+//!
+//! A kind is a file: a set of constraints with its rows, and its implementation of [`ConstraintSet`](constraint_set::ConstraintSet). The
+//! rest of the crate refers to it only by its line in `by_kind`, `each_kind` and `make_kinds`.
 
 pub(crate) mod constraint_set;
 pub(crate) mod friction;
@@ -9,9 +10,10 @@ pub(crate) mod rolling;
 pub(crate) mod scalar;
 pub(crate) mod sliding;
 
-/// Declares a struct with a field for each kind of constraint, in the order in which sweeps visit them, after fields of its own. What a
-/// kind has there is its `set`, a reference to its `rows`, its own list of `own_rows`, its `impulses`, a list of `numbers`, a `count`,
-/// or a list of what is `saved`.
+/// Declares a struct with a field for each kind of constraint, in the order in which sweeps visit them. Other fields come first.
+///
+/// The field of a kind is its `set`, a reference to its `rows`, an owned list of `own_rows`, or its `impulses`. It can also be a list of
+/// `numbers`, a `count`, or a list of `saved` constraints.
 macro_rules! by_kind {
     ($(#[$meta:meta])* $vis:vis struct $name:ident[$($generics:tt)*] { $($fields:tt)* } each $what:ident) => {
         $crate::constraints::by_kind! {
@@ -58,8 +60,9 @@ macro_rules! by_kind {
     };
 }
 
-/// Does the same for each kind of constraint, in the order in which sweeps visit them: `each_kind!([set: &problem] => set.clear())` binds
-/// `set` to `&problem.scalars`, then to the fields of the other kinds.
+/// Repeats an expression for each kind of constraint, in the order in which sweeps visit them.
+///
+/// `each_kind!([set: &problem] => set.clear())` binds `set` to `&problem.scalars`, then to the fields of the other kinds.
 macro_rules! each_kind {
     (@ $kind:ident $([$name:ident: $($place:tt)+])+ => $body:expr) => {{
         $(let $name = $($place)+.$kind;)+
@@ -72,7 +75,7 @@ macro_rules! each_kind {
     };
 }
 
-/// Makes a struct that [`by_kind`] declares: the `value` for each kind, with bindings as those of [`each_kind`].
+/// Constructs a struct that [`by_kind`] declares: the `value` for each kind, with bindings as those of [`each_kind`].
 macro_rules! make_kinds {
     ($name:ident { $($own:tt)* } $([$binding:ident: $($place:tt)+])+ => $value:expr) => {
         $name {

@@ -1,21 +1,21 @@
 //! Entries of rows, one row after the other.
 
-/// List of entries that every step fills anew, a row at a time.
+/// List of entries that every step refills, a row at a time.
 ///
-/// Whether there is room is checked once per row: a push checks it for every entry, and values that could stay in registers across a row
-/// would not outlive the call that makes room.
+/// It checks its capacity once per row. A push checks it for every entry, and values that could stay in registers across a row would not
+/// survive the call that allocates.
 #[derive(Clone, Debug)]
 pub(crate) struct Entries<T> {
-    /// Entries in use, and after them those that earlier steps left.
+    /// Entries in use, followed by those of earlier steps.
     items: Vec<T>,
     /// Number of entries in use.
     len: usize,
-    /// Value of entries that nobody has set.
+    /// Value of unset entries.
     blank: T,
 }
 
 impl<T: Copy> Entries<T> {
-    /// An empty list with room for `capacity` entries.
+    /// Empty list with capacity for `capacity` entries.
     pub(crate) fn with_capacity(capacity: usize, blank: T) -> Self {
         Self { items: Vec::with_capacity(capacity), len: 0, blank }
     }
@@ -75,7 +75,7 @@ impl<T: Copy> Entries<T> {
         &mut self.items[start..start + n]
     }
 
-    /// Two rows of `n` entries each, of which the first lies before the second; the second is mutable.
+    /// Two rows of `n` entries each. The first lies before the second; the second is mutable.
     #[inline(always)]
     pub(crate) fn two_rows(&mut self, first: usize, second: usize, n: usize) -> (&[T], &mut [T]) {
         let (before, rest) = self.items.split_at_mut(second);

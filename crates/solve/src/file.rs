@@ -1,7 +1,8 @@
-//! Problems as files: one lane of a problem with the impulses that its solve starts from and the limits of that solve, so that a hard one
-//! becomes a test.
+//! Problems as files, so that a hard problem becomes a test.
 //!
-//! | bytes | what |
+//! A file has one lane of a problem, with the initial impulses and the limits of its solve.
+//!
+//! | bytes | content |
 //! |---|---|
 //! | 8 | [`MAGIC`] |
 //! | 4 | [`FORMAT_VERSION`], little endian |
@@ -22,7 +23,7 @@ use crate::problem::{Problem, System};
 use crate::solver::Settings;
 use stepper_real::{Mask, Real, Scalar};
 
-/// The first bytes of every saved problem. The last is no valid UTF-8, so no text file begins so.
+/// First bytes of every saved problem. The last is no valid UTF-8, so that no text file begins like this.
 const MAGIC: [u8; 8] = *b"problem\xff";
 
 /// Version of the format of saved problems; changes whenever the payload does.
@@ -30,7 +31,7 @@ pub const FORMAT_VERSION: u32 = 1;
 
 const HEADER: usize = 8 + 4 + 32;
 
-/// Largest number of coordinates of a problem that is loaded: its room is reserved before anything is solved.
+/// Largest number of coordinates of a loaded problem, because its memory is reserved before anything is solved.
 const MOST_COORDINATES: usize = 1 << 20;
 
 by_kind! {
@@ -38,7 +39,7 @@ by_kind! {
     #[derive(Debug, Serialize, Deserialize)]
     struct Payload[] {
         dimension: usize,
-        hyperstatic: bool,
+        redundant: bool,
         sweeps: u32,
         newton_steps: u32,
         tolerance: f64,
@@ -51,7 +52,7 @@ by_kind! {
 pub struct FileError {
     /// Place: the path, or "saved problem" for bytes in memory.
     place: String,
-    /// What is wrong with it.
+    /// Description of the error.
     what: String,
 }
 
@@ -63,24 +64,24 @@ impl fmt::Display for FileError {
 
 impl std::error::Error for FileError {}
 
-/// Problem as it was saved, with the impulses that its solve starts from and the limits of that solve.
+/// Loaded problem, with the initial impulses and the limits of its solve.
 #[derive(Clone, Debug)]
 pub struct LoadedProblem<R: Real> {
-    /// The problem, the same in every lane.
+    /// Problem, the same in every lane.
     pub problem: Problem<R>,
-    /// Impulses at the start of the solve, with their w.
+    /// Initial impulses, with their w.
     pub iterate: Iterate<R>,
     /// Limits of the solve.
     pub settings: Settings<R>,
 }
 
 impl<R: Real> System<'_, R> {
-    /// One lane as bytes, with the impulses of `iterate` and the limits of its solve; see [`Problem::from_bytes`].
+    /// Problem of one lane as bytes, with the impulses of `iterate` and the limits of its solve; see [`Problem::from_bytes`].
     pub fn to_bytes(&self, iterate: &Iterate<R>, settings: &Settings<R>, lane: usize) -> Vec<u8> {
-        let (dimension, hyperstatic) = (self.problem.dimension(), self.problem.hyperstatic.bits() >> lane & 1 == 1);
+        let (dimension, redundant) = (self.problem.dimension(), self.problem.redundant.bits() >> lane & 1 == 1);
         let Settings { sweeps, newton_steps, tolerance, newton_threshold } = *settings;
         let [tolerance, newton_threshold] = [tolerance, newton_threshold].map(|x| x.lane(lane).to_f64());
-        let payload = make_kinds!(Payload { dimension, hyperstatic, sweeps, newton_steps, tolerance, newton_threshold, }
+        let payload = make_kinds!(Payload { dimension, redundant, sweeps, newton_steps, tolerance, newton_threshold, }
             [set: &self.problem] [rows: self] [impulses: &iterate] => set.save(rows, impulses, lane));
         let payload = postcard::to_stdvec(&payload).expect("a problem is plain data in memory: numbers and sequences of known length");
         let digest: [u8; 32] = Sha256::digest(&payload).into();
@@ -89,10 +90,10 @@ impl<R: Real> System<'_, R> {
 }
 
 impl<R: Real> Problem<R> {
-    /// The problem that [`System::to_bytes`] wrote, in every lane: it solves with the same bits.
+    /// Reads a problem of [`System::to_bytes`] into every lane. It solves with the same bits.
     ///
     /// # Errors
-    /// When the bytes are no saved problem, of another format version, damaged, or hold rows that no problem has.
+    /// When the bytes are no saved problem, of another format version, damaged, or hold invalid rows.
     pub fn from_bytes(bytes: &[u8]) -> Result<LoadedProblem<R>, FileError> {
         parse(bytes).map_err(|what| FileError { place: "saved problem".into(), what })
     }
@@ -107,7 +108,7 @@ impl<R: Real> Problem<R> {
     }
 }
 
-/// The problem of sound bytes, or what is wrong with them and what to do.
+/// Parses a problem, or returns what is wrong with the bytes and what to do.
 fn parse<R: Real>(bytes: &[u8]) -> Result<LoadedProblem<R>, String> {
     const AGAIN: &str = "copy the file again, or save the problem again";
     if !bytes.starts_with(&MAGIC) {
@@ -131,9 +132,9 @@ fn parse<R: Real>(bytes: &[u8]) -> Result<LoadedProblem<R>, String> {
 }
 
 impl Payload {
-    /// The problem in every lane of `R`.
+    /// Problem in every lane of `R`.
     fn problem<R: Real>(&self) -> Result<LoadedProblem<R>, String> {
-        let Self { dimension, hyperstatic, sweeps, newton_steps, tolerance, newton_threshold, .. } = *self;
+        let Self { dimension, redundant, sweeps, newton_steps, tolerance, newton_threshold, .. } = *self;
         if dimension > MOST_COORDINATES || !(tolerance >= 0.0 && newton_threshold >= tolerance) {
             return Err(format!("{dimension} coordinates, tolerances {tolerance} and {newton_threshold}: not of a problem"));
         }
@@ -150,7 +151,7 @@ impl Payload {
                 Impulse::<R>::flatten_mut(own).iter_mut().zip(&saved.impulse).for_each(|(to, &x)| *to = R::of(x));
             }
         });
-        problem.hyperstatic = R::Mask::splat(hyperstatic);
+        problem.redundant = R::Mask::splat(redundant);
         iterate.compute_w(&problem);
         let settings = Settings { sweeps, newton_steps, tolerance: R::of(tolerance), newton_threshold: R::of(newton_threshold) };
         Ok(LoadedProblem { problem, iterate, settings })

@@ -1,7 +1,7 @@
-//! Projected Gauss-Seidel with the exact solution of every contact's own problem, and Anderson's acceleration: the fast solver.
+//! Projected Gauss-Seidel with the exact solution of every contact's local problem, and Anderson's acceleration: the fast solver.
 //!
-//! Rows are visited in a fixed order; each takes the impulse that solves it while the others stand. A lane stops when its residual
-//! meets the tolerance, and from then on its mask keeps every one of its bits.
+//! A sweep visits the rows in a fixed order. Each row gets the impulse that solves it while the others stay. A lane stops when its residual
+//! meets the tolerance. Its mask then preserves all of its bits.
 
 mod acceleration;
 mod compaction;
@@ -29,21 +29,20 @@ pub struct SweepSettings<R> {
 /// Result of a solve by sweeps, per lane.
 #[derive(Clone, Copy, Debug)]
 pub struct SweepOutcome<R: Real> {
-    /// Residual of the impulses that were returned, m/s.
+    /// Residual of the returned impulses, m/s.
     pub residual: R,
     /// Number of sweeps.
     pub sweeps: R,
 }
 
-/// Largest number of sweeps that any settings ask for. Sweeps are counted in the lanes' numbers: in 32 bits one more than this would be as
-/// many.
+/// Largest number of sweeps of any settings. The lanes' numbers count sweeps, and 32-bit numbers cannot count beyond it.
 const MOST_SWEEPS: u32 = 1 << 24;
 
 /// Improves the impulses of the lanes `lanes` until each meets the tolerance or the sweeps run out.
 ///
-/// A lane pauses when a sweep changes no velocity by more than its threshold, which is cheap to know; when all have paused the residual is
-/// evaluated, and a lane above the tolerance continues with a lower threshold. Every lane that continues makes at least one sweep, so that
-/// there are no more rounds than sweeps.
+/// A sweep is one Gauss-Seidel iteration over all rows. A lane pauses when a sweep changes no velocity by more than its threshold, which is
+/// cheap to test. When all have paused the residual is evaluated, and a lane above the tolerance continues with a lower threshold. Every
+/// lane that continues makes at least one sweep, so that there are no more rounds than sweeps.
 pub fn solve<'a, R: Real>(
     system: impl Into<System<'a, R>>,
     iterate: &mut Iterate<R>,
@@ -76,7 +75,7 @@ pub fn solve<'a, R: Real>(
     )
 }
 
-/// Replaces the impulses of the lanes `lanes` by what `sweeps` sweeps make of none: an estimate that follows from the problem alone.
+/// Replaces the impulses of the lanes `lanes` by the result of `sweeps` sweeps from zero: an estimate that depends on the problem alone.
 pub fn sweep_from_none<R: Real>(problem: &Problem<R>, iterate: &mut Iterate<R>, sweeps: u32, lanes: R::Mask) {
     let system = problem.into();
     R::vectorize(
@@ -91,9 +90,9 @@ pub fn sweep_from_none<R: Real>(problem: &Problem<R>, iterate: &mut Iterate<R>, 
     )
 }
 
-/// Improves the impulses of the lanes `lanes` until a sweep changes no velocity by more than the tolerance, or the sweeps run out: an
-/// estimate, whose residual nobody evaluates. Of `lanes`, those outside `moving` keep their impulses but for eliminated rows, which are
-/// solved in all `lanes`.
+/// Estimates the impulses of the lanes `lanes`: sweeps until a sweep changes no velocity by more than the tolerance, or the sweeps run out.
+///
+/// The residual is not evaluated. Lanes outside `moving` keep their impulses, except those of eliminated rows.
 pub fn estimate<R: Real>(problem: &Problem<R>, iterate: &mut Iterate<R>, settings: SweepSettings<R>, lanes: R::Mask, moving: R::Mask) {
     let system = problem.into();
     R::vectorize(
@@ -108,10 +107,10 @@ pub fn estimate<R: Real>(problem: &Problem<R>, iterate: &mut Iterate<R>, setting
     )
 }
 
-/// Sweeps until every lane has paused; w and the impulses of a certified system agree then to the last bit.
+/// Sweeps until every lane has paused. In a certified system w and the impulses then agree to the last bit.
 #[inline(always)]
 fn sweep_until_paused<R: Real>(system: System<'_, R>, iterate: &mut Iterate<R>, progress: &mut Progress<R>) {
-    // Lanes that paused long ago start as those that did just now.
+    // Lanes that paused earlier restart in the same way as those that paused just now.
     reset_history(iterate);
     while progress.running.any() {
         if !sweep_compacted(system, iterate, progress) {

@@ -1,4 +1,4 @@
-//! The iterate: impulses, and the scaled velocity change that they make.
+//! Iterate of a solve: impulses, and the scaled velocity change by them.
 
 use crate::capacity::Capacity;
 use crate::cone::masked;
@@ -10,7 +10,7 @@ use crate::problem::{Problem, System};
 use stepper_real::{Mask, Real};
 
 by_kind! {
-    /// Unknowns of a problem, and what sweeps remember of them. The impulses are in N s, those of angular rows in N m s.
+    /// Unknowns of a problem, and the memory of sweeps. Impulses are in N s, those of angular rows in N m s.
     #[derive(Clone, Debug)]
     pub struct Iterate[R: Real] {
         /// Scaled velocity change w = sum_i y_i lambda_i.
@@ -20,7 +20,7 @@ by_kind! {
         pub(crate) history: History<R>,
         /// Half of the lanes in half the registers; none where all lanes are in one register.
         pub(crate) compacted: Option<Box<Compacted<R::Half>>>,
-        /// Impulses that a further pass may not make worse.
+        /// Impulses that a further pass must not worsen.
         pub(crate) snapshot: Snapshot<R>,
     } each impulses
 }
@@ -117,12 +117,14 @@ fn set_first_impulse<R: Real>(
     }
 }
 
-/// Part of an energy that decides nothing: it is that of an error of a thousandth.
+/// Fraction of an energy that counts as negligible: that of an error of a thousandth.
 const NEGLIGIBLE_ENERGY: f64 = 1e-6;
 
 impl<R: Real> Snapshot<R> {
-    /// Lanes in which the saved impulses are as good a start: their energy `|w|^2 / 2 + g . lambda + R lambda^2 / 2`, which the solution
-    /// minimises but for De Saxce's terms, is less than that of `iterate`, or more by no more than a millionth of it.
+    /// Lanes in which the saved impulses are as close to the solution as those of `iterate`.
+    ///
+    /// The measure is the energy `|w|^2 / 2 + g . lambda + R lambda^2 / 2`, which the solution minimises except for De Saxce's terms. It
+    /// may exceed that of `iterate` by at most a millionth.
     pub fn is_as_good(&self, problem: &Problem<R>, iterate: &Iterate<R>) -> R::Mask {
         R::vectorize(
             #[inline(always)]
@@ -136,7 +138,7 @@ impl<R: Real> Snapshot<R> {
     }
 }
 
-/// |w|^2 / 2, J.
+/// Energy |w|^2 / 2, J.
 #[inline(always)]
 pub(crate) fn energy<R: Real>(w: &[R]) -> R {
     let mut square = R::zero();
@@ -154,13 +156,13 @@ fn copy_lanes<R: Real>(from: &[R], to: &mut [R], lanes: R::Mask) {
     }
 }
 
-/// Number of rows of every constraint whose impulses these are.
+/// Number of rows per constraint of these impulses.
 pub(crate) fn rows_of<R: Real, I: Impulse<R>>(_: &[I]) -> usize {
     I::ROWS
 }
 
 impl<R: Real> Iterate<R> {
-    /// Reserves memory for the unknowns of a problem with so many rows.
+    /// Reserves memory for the unknowns of a problem with these numbers of rows.
     pub fn with_capacity(dimension: usize, scalars: usize, contacts: usize) -> Self {
         Self::new(&Capacity { dimension, scalars, contacts, ..Capacity::default() })
     }
@@ -191,7 +193,7 @@ impl<R: Real> Iterate<R> {
         self.history.gather(map, &mut out.history);
     }
 
-    /// Scatters the unknowns of gathered lanes back; the history stays as it was.
+    /// Scatters the unknowns of gathered lanes back. The history does not change.
     #[inline(always)]
     pub(crate) fn scatter(&mut self, map: &LaneMap, from: &Iterate<R::Half>) {
         map.scatter_slice(&from.w, &mut self.w);
@@ -199,7 +201,7 @@ impl<R: Real> Iterate<R> {
         each_kind!([from: &from.multipliers] [own: &mut self.multipliers] => map.scatter_slice(from, own));
     }
 
-    /// Removes all impulses; the caller pushes a warm start (or zeros) for every row, then calls [`Iterate::compute_w`].
+    /// Removes all impulses. The caller then pushes a warm start (or zeros) for every row, and calls [`Iterate::compute_w`].
     #[inline(always)]
     pub fn clear(&mut self) {
         each_kind!([own: &mut self] [multipliers: &mut self.multipliers] => {
@@ -208,7 +210,7 @@ impl<R: Real> Iterate<R> {
         });
     }
 
-    /// Removes the impulses of the lanes `lanes`; rows stay.
+    /// Removes the impulses of the lanes `lanes`; the rows stay.
     #[inline(always)]
     pub(crate) fn release(&mut self, lanes: R::Mask) {
         for w in &mut self.w {

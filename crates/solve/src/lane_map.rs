@@ -1,11 +1,11 @@
-//! Lane map: which lanes of a group are gathered into half the registers, and scattered back.
+//! Lane map: the lanes of a group that are gathered into half the registers, and scattered back.
 
 use stepper_real::{Mask, Real};
 
-/// Sources of gathered lanes: lane i of the half holds what lane `sources[i]` of the whole held.
+/// Sources of gathered lanes: lane i of the half has the numbers of lane `sources[i]` of the whole.
 #[derive(Clone, Copy, Debug)]
 pub struct LaneMap {
-    /// Source of every lane of the half; beyond the count it is lane 0, whose copy nothing reads.
+    /// Source of every lane of the half. Unused lanes of the half copy lane 0, and their copy is never read.
     sources: [u32; 16],
     /// Place in the half of every lane of the whole; 0 for a lane that is not gathered.
     places: [u32; 32],
@@ -56,7 +56,7 @@ impl LaneMap {
         }
     }
 
-    /// Gathers a list of numbers; `to` has room.
+    /// Gathers a list of numbers; the capacity of `to` suffices.
     #[inline(always)]
     pub(crate) fn gather_slice<R: Real>(&self, from: &[R], to: &mut Vec<R::Half>) {
         to.resize(from.len(), R::Half::zero());
@@ -69,7 +69,7 @@ impl LaneMap {
         self.gather(R::select(m, R::one(), R::zero())).gt(R::Half::zero())
     }
 
-    /// Scatters one number into the lanes that it was gathered from.
+    /// Scatters one number to its source lanes.
     #[inline(always)]
     pub(crate) fn scatter<R: Real>(&self, from: R::Half, to: &mut R) {
         *to = to.replace_lanes(from, &self.places, R::Mask::from_bits(self.lanes));

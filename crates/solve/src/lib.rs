@@ -1,24 +1,25 @@
-//! Contact and constraint impulses: cones, the problem, the solvers, and the residual that certifies their answer.
+//! Contact and constraint impulses: cones, the problem, the solvers, and the residual that certifies their solution.
 //!
-//! This crate knows no bodies, no shapes and no Python. It is given rows `y_i` in a space where the metric is the identity
-//! (`y = D^-1/2 L^-T J^T` for a mass matrix `M = L^T D L`), so that the Delassus matrix is `G = Y^T Y`, and it finds impulses `lambda`
-//! such that
+//! This crate has no bodies, no shapes and no Python. Its input is rows `y_i` in a space whose metric is the identity (`y = D^-1/2 L^-T
+//! J^T` for a mass matrix `M = L^T D L`). The Delassus matrix is then `G = Y^T Y`. The solvers find impulses `lambda` such that
 //!
 //! ```text
 //! w = sum_i y_i lambda_i             the change of the scaled velocity
 //! v_i = y_i . w + R_i lambda_i + g_i the velocity in row i; g_i = J_i v_free + bias; R_i >= 0 is its compliance, 0 when it is hard
+//!
 //! scalar rows:   lo <= lambda <= hi, complementary to v (equalities, limits, dry friction)
 //! contacts:      K contains lambda, K* contains u, lambda . u = 0   with u = v + (mu |v_t|, 0, 0)
 //! ```
 //!
-//! The last line is the exact Coulomb law with Signorini's condition in De Saxce and Feng's form (1998). The Delassus matrix is never
-//! formed: a sweep costs time in proportion to the entries of the rows.
+//! The last line is the exact Coulomb law with Signorini's condition in De Saxce and Feng's form (1998). A sweep is one Gauss-Seidel
+//! iteration over all rows. The Delassus matrix is never formed: a sweep costs time in proportion to the entries of the rows.
 //!
-//! A [`Problem`] is fixed once its rows are made. Its rows demand something of the velocities and something of the positions; a solve reads
-//! a [`System`], that of the problem itself or that of [`PositionRows`].
+//! A [`Problem`] does not change once its rows are assembled. Each row has a target for the velocity solve and one for the position solve.
+//! A solve reads a [`System`], that of the problem or that of [`PositionRows`].
 //!
-//! Everything is written once over [`Real`](stepper_real::Real): one environment, or one per SIMD lane. What a kind of constraint does in a
-//! sweep, in the residual, in lane compaction, in Newton's method and in the position solve is in one file of `constraints/`.
+//! All code is generic over [`Real`](stepper_real::Real): one environment, or one per SIMD lane. Each kind of constraint has one file in
+//! `constraints/`. It has the operations of the kind in a sweep, in the residual, in lane compaction, in Newton's method and in the position
+//! solve.
 
 mod admissible_set;
 mod capacity;

@@ -1,23 +1,24 @@
 //! Augmented-Lagrangian Newton: the robust solver, for the lanes that sweeps do not bring to the tolerance.
 //!
-//! Per lane and island, in scalar f64. The unknown is w, whose metric is the identity. With De Saxce's terms s_i = mu_i |v_t,i| held, the
-//! problem is convex, and the proximal method solves it by a few minimisations over w of
+//! It solves each island of each lane in scalar f64. The unknown is w, whose metric is the identity. The problem is convex if De Saxce's
+//! terms `s_i = mu_i |v_t,i|` are constant. The proximal method solves it by a few minimisations over w of
 //!
 //! ```text
 //! 1/2 |w|^2 + sum_i |P_K(lambda_i - rho_i (Y_i w + g_i + s_i))|^2 / (2 rho_i),      then lambda <- P_K(...)
 //! ```
 //!
-//! (Rockafellar 1976; for contacts Cadoux 2009 and Acary & Cadoux 2013, whose outer fixed point on s this is too) by Newton's method with
-//! an exact line search. The steps rho_i = kappa dim / trace(G_ii) are so long that one or two proximal steps are enough, and what is
-//! hyperstatic does no harm: the matrix is the identity plus a positive semidefinite one. Of many possible forces those near the start are
-//! taken, or the least, if the first step starts from zero. Between the minimisations s is renewed, with Anderson's acceleration; and after
-//! the first, steps on the exact law are tried, s included, whose matrix is not symmetric: near the answer they converge at once, and where
-//! they do not they are taken back.
+//! by Newton's method with an exact line search (Rockafellar 1976). For contacts this is also the outer fixed point on s of Cadoux 2009 and
+//! Acary & Cadoux 2013. The steps rho_i = kappa dim / trace(G_ii) are so long that one or two proximal steps are enough. Redundant supports
+//! do no harm, because the matrix is the identity plus a positive semidefinite one. Of many possible forces the solver finds those near the
+//! start, or the least if the first step starts from zero.
 //!
-//! That outer loop on s does not converge where contacts are many: there, and where it has failed, all proximal steps are of the exact law,
+//! Between the minimisations s is recomputed, with Anderson's acceleration. After the first minimisation the solver also tries steps on the
+//! exact law, including s, whose matrix is not symmetric. Close to the solution they converge at once; otherwise they are rejected.
+//!
+//! That outer loop on s does not converge with many contacts. There, and where it has failed, all proximal steps are of the exact law,
 //! short at first (`ProximalPoint::solve_exact`).
 //!
-//! Nothing proves that s converges, and Coulomb's law may have no solution or several (Painleve 1895). The residual says how it went.
+//! Convergence of s is not proven, and Coulomb's law may have no solution or several (Painleve 1895). The residual gives the error.
 
 mod anderson;
 mod augmented_lagrangian;
@@ -39,12 +40,13 @@ pub use proximal::{EXACT_RATIO, Terms};
 pub use response::{Followed, Response, Switch};
 use stepper_real::{Mask, Real, Scalar};
 
-/// Number of Newton steps a pass from which on steps of the exact law follow in small islands, and in a last pass: half of the problems
-/// that they are for take 75 steps, six times this. With fewer they leave a smaller residual, but move what has not converged: a cube
-/// pinched with five a pass slips (scene 31).
+/// Least number of Newton steps per pass with which steps of the exact law follow in small islands, and in a last pass.
+///
+/// Half of the problems that need them take 75 steps, six times this. With fewer steps the residual is smaller, but unconverged contacts
+/// move: a cube pinched with five per pass slips (scene 31).
 pub(crate) const LEAST_EXACT: u32 = 13;
 
-/// Newton's method with its workspace, made once per thread; it grows with the largest problem that it has seen.
+/// Newton's method with its workspace, one per thread. The workspace grows with the largest problem so far.
 #[derive(Clone, Debug, Default)]
 pub struct Newton {
     lane: Lane,
@@ -59,30 +61,32 @@ pub struct Newton {
     work: Work,
 }
 
-/// Effort of the last call in all its lanes and islands together. With at most n steps asked for, there are at most n steps and n rounds an
-/// island, or [`EXACT_RATIO`] n where any are of the exact law, whatever the numbers are: what a lane can cost its neighbours.
+/// Effort of the last call in all its lanes and islands together.
+///
+/// With a limit of n steps there are at most n steps and n rounds per island. With steps of the exact law there are at most [`EXACT_RATIO`]
+/// n. This bounds the cost of a lane for its neighbours.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Work {
     /// Number of islands searched.
     pub islands: u32,
-    /// Number of Newton steps: each factorises a matrix and looks at some 30 points along its direction at the most.
+    /// Number of Newton steps. Each factorises a matrix and evaluates at most some 30 points along its direction.
     pub steps: u32,
     /// Number of rounds of the outer loop: each evaluates the problem a few times.
     pub rounds: u32,
 }
 
-/// What [`Newton::solve`] is asked for.
+/// Arguments of [`Newton::solve`].
 #[derive(Clone, Copy, Debug)]
 pub struct Search<R> {
-    /// Largest number of Newton steps of an island; of the exact law [`EXACT_RATIO`] times as many.
+    /// Largest number of Newton steps of an island; [`EXACT_RATIO`] times as many for the exact law.
     pub steps: u32,
-    /// Residual that is enough, m/s.
+    /// Residual at which the search stops, m/s.
     pub tolerance: R,
-    /// How Coulomb's law is taken.
+    /// Treatment of De Saxce's terms of Coulomb's law.
     pub terms: Terms,
 }
 
-/// [`Criteria`] for every lane.
+/// Criteria of every lane, see [`Criteria`].
 #[derive(Clone, Copy, Debug)]
 struct LaneCriteria<R> {
     steps: u32,
@@ -101,9 +105,10 @@ struct LaneOutcome {
 }
 
 impl Newton {
-    /// Improves the impulses of the lanes `lanes` whose `residual` is above the tolerance, each alone. Replaces their residuals
-    /// and adds the Newton steps to `taken`. No lane ends with a larger residual than it had. Of many possible impulses it takes those near
-    /// the start.
+    /// Improves the impulses of the lanes `lanes` whose `residual` is above the tolerance, each alone. Replaces their residuals and adds
+    /// the Newton steps to `taken`.
+    ///
+    /// No lane ends with a larger residual than before. Of many possible impulses the solver finds those near the start.
     pub fn solve<'a, R: Real>(
         &mut self,
         system: impl Into<System<'a, R>>,
@@ -117,8 +122,10 @@ impl Newton {
         self.solve_lanes(system.into(), iterate, criteria, lanes, outcome);
     }
 
-    /// Solves all of `lanes`, and of many possible impulses takes those of least norm (in the metric of 1/rho), whatever came before and
-    /// whatever the order of the rows. The impulses that it leaves meet the tolerance, or have a smaller residual than they had.
+    /// Solves all of `lanes`, and selects the impulses of least norm (in the metric of 1/rho) among many possible ones.
+    ///
+    /// They do not depend on the initial impulses or on the order of the rows. They meet the tolerance, or have a smaller residual than
+    /// before.
     pub fn solve_least_norm<'a, R: Real>(
         &mut self,
         system: impl Into<System<'a, R>>,
@@ -186,7 +193,7 @@ impl Newton {
                 }
                 after = self.island.residual(&mut self.v);
             }
-            // An answer that is not a number is none.
+            // A NaN is no solution.
             let better = after < before || after <= criteria.tolerance;
             if better {
                 self.island.scatter(&mut self.lane, &self.members, &self.ordering.coordinates);
@@ -197,7 +204,7 @@ impl Newton {
         result
     }
 
-    /// Improves the island that is gathered; returns its Newton steps and rounds.
+    /// Improves the gathered island. Returns its Newton steps and rounds.
     fn solve_island<R: Real>(&mut self, criteria: Criteria) -> [u32; 2] {
         let Self { proximal, island, v, .. } = self;
         let [mut steps, mut rounds] = [0; 2];

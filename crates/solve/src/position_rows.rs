@@ -1,14 +1,14 @@
-//! Rows of the position solve: copies of those of a problem, with damped demands, so that positions are corrected as far as moderate motion
-//! can do it.
+//! Rows of the position solve: copies of the rows of a problem with damped targets, so that corrections stay moderate.
 //!
-//! Demands of positions (gaps to close, overlaps to undo) may contradict one another, or be such that only an absurd motion meets them: a
-//! normal that passes a hinge at a micrometre, a chain that is stretched. With a compliance R on the diagonal of G their solution is that
-//! of damped least squares (Levenberg 1944; for manipulators Nakamura & Hanafusa 1986 and Wampler 1986): a demand d along a row of mobility
-//! G is met as G / (G + R), the scaled motion is at most d / (2 sqrt(R)), and where demands contradict one another what is left of them is
-//! as small as it can be in the mean square. Impulses that hold already cost nothing: compliance counts from them.
+//! Position targets (gaps to close, overlaps to remove) may contradict each other, or only an absurd motion may meet them. Examples are a
+//! normal that passes a hinge at a micrometre, and a stretched chain. A compliance R on the diagonal of G makes the solution that of damped
+//! least squares (Levenberg 1944; for manipulators Nakamura & Hanafusa 1986 and Wampler 1986). A row of mobility G then meets the fraction
+//! `G / (G + R)` of its target d. Its scaled motion is at most `d / (2 sqrt(R))`. Of contradicting targets the remaining error is least in
+//! the mean square. Compliance counts from the reference impulses, so that loads that already act cause no error.
 //!
-//! Whether demands cannot be met at all is proven by Farkas' lemma: impulses z >= 0 of the rows with `-z . u > sum_d |J^T z|_d c_d`, u
-//! being what the rows lack at the motion that there is. No change of the velocities within the bounds c gives them as much (weak duality).
+//! Farkas' lemma proves that targets are infeasible. Let u be the unmet target velocity of the rows at the present motion. The proof is
+//! impulses z >= 0 of the rows with `-z . u > sum_d |J^T z|_d c_d`. No change of the velocities within the bounds c meets the targets then
+//! (weak duality).
 
 use crate::capacity::Capacity;
 use crate::constraints::constraint_set::{ConstraintSet, Damping, ReferenceRows, Rows};
@@ -19,7 +19,7 @@ use crate::reference::Reference;
 use stepper_real::{Mask, Real};
 
 by_kind! {
-    /// Rows as the position solve reads them: those of a [`Problem`], which stays as it is, with other demands and more compliance.
+    /// Rows of the position solve: those of a [`Problem`], which does not change, with other targets and more compliance.
     #[derive(Clone, Debug)]
     pub struct PositionRows[R: Real] {} each own_rows
 }
@@ -30,7 +30,7 @@ impl<R: Real> PositionRows<R> {
         make_kinds!(Self {} [count: capacity] => Rows::with_capacity(count))
     }
 
-    /// Copies the rows of a problem; their demands are those of the velocity solve until they are exchanged.
+    /// Copies the rows of a problem. Their targets are those of the velocity solve until they are exchanged.
     #[inline(always)]
     pub fn copy(&mut self, problem: &Problem<R>) {
         each_kind!([own: &mut self] [set: &problem] => own.copy(set.rows()));
@@ -42,13 +42,13 @@ impl<R: Real> PositionRows<R> {
         make_kinds!(System { problem, certified: true, } [own: &self] => own)
     }
 
-    /// Takes up a scaled change of the free velocity, as [`Problem::shift`] does.
+    /// Adds a scaled change of the free velocity to the targets, as [`Problem::shift`] does.
     #[inline(always)]
     pub fn shift(&mut self, problem: &Problem<R>, change: &[R], lanes: R::Mask) {
         each_kind!([own: &mut self] [set: &problem] => set.shift(own, change, lanes));
     }
 
-    /// Shifts what one contact demands in the velocity solve, as [`Problem::shift_contact`] does.
+    /// Shifts the velocity targets of one contact, as [`Problem::shift_contact`] does.
     #[inline(always)]
     pub fn shift_contact(&mut self, problem: &Problem<R>, i: usize, change: &[R], lanes: R::Mask, weights: [R; 2]) {
         match i.checked_sub(self.contacts.items.len()) {
@@ -57,7 +57,7 @@ impl<R: Real> PositionRows<R> {
         }
     }
 
-    /// Takes contact `i`, counted over those of three rows and then of six, out of the lanes `lanes`.
+    /// Removes contact `i`, counted over those of three rows and then of six, in the lanes `lanes`.
     #[inline(always)]
     pub fn leave_out_contact(&mut self, i: usize, lanes: R::Mask) {
         let active = match i.checked_sub(self.contacts.items.len()) {
@@ -67,15 +67,17 @@ impl<R: Real> PositionRows<R> {
         *active = active.and_not(lanes);
     }
 
-    /// Exchanges the two demands of every row: g for that of the position solve, or back.
+    /// Exchanges the two targets of every row: g for that of the position solve, or back.
     #[inline(always)]
-    pub fn exchange_demands(&mut self) {
-        each_kind!([own: &mut self] => own.exchange_demands());
+    pub fn exchange_targets(&mut self) {
+        each_kind!([own: &mut self] => own.exchange_targets());
     }
 
-    /// Damps what the rows demand, counted from the impulses and the motion of `iterate`, which are kept in `reference`. The compliance of
-    /// a scalar row is the damping ratio of its mobility; that of a contact refers to its mobility and its floor (`floors`, 1/kg, one for
-    /// each constraint), and grows with what it corrects: the difference of its two demands. Rows that correct nothing stay hard.
+    /// Damps the targets of the rows relative to the impulses and the motion of `iterate`, which are stored in `reference`.
+    ///
+    /// The compliance of a scalar row is the damping ratio of its mobility. That of a contact refers to its mobility and its floor
+    /// (`floors`, 1/kg, one for each constraint). It grows with the correction, the difference of its two targets. Rows without correction
+    /// stay hard.
     #[inline(always)]
     pub fn damp(
         &mut self,
@@ -97,7 +99,7 @@ impl<R: Real> PositionRows<R> {
 }
 
 impl<R: Real> System<'_, R> {
-    /// Largest velocity that damping keeps a row from what it demands, m/s or rad/s.
+    /// Largest velocity by which damping keeps a row from its target, m/s or rad/s.
     #[inline(always)]
     pub fn shortfall(&self, iterate: &Iterate<R>, reference: &Reference<R>) -> R {
         let (mut most, mut before) = (R::zero(), &reference.lambda[..]);
@@ -107,16 +109,17 @@ impl<R: Real> System<'_, R> {
         most
     }
 
-    /// Largest velocity that rows and contacts demand where nothing can move, m/s or rad/s.
+    /// Largest target velocity of immovable rows and contacts, m/s or rad/s.
     #[inline(always)]
-    pub fn immovable_demand(&self) -> R {
+    pub fn immovable_target(&self) -> R {
         let mut most = R::zero();
-        each_kind!([set: &self.problem] [rows: self] => most = set.immovable_demand(rows, most));
+        each_kind!([set: &self.problem] [rows: self] => most = set.immovable_target(rows, most));
         most
     }
 
-    /// Largest velocity that rows and contacts demand of the velocities, without any correction of positions, where nothing can move, m/s
-    /// or rad/s: a part of the residual that no impulse can change. Of a problem, not of its position rows.
+    /// Largest target velocity of immovable rows and contacts without position correction, m/s or rad/s.
+    ///
+    /// It is a part of the residual that no impulse can change. It applies to a problem, not to its position rows.
     #[inline(always)]
     pub fn unmet_velocity(&self) -> R {
         let mut most = R::zero();
@@ -124,9 +127,10 @@ impl<R: Real> System<'_, R> {
         most
     }
 
-    /// Witness of infeasibility: the impulses z that were added to those of the reference. Leaves the scaled J^T z in the reference's
-    /// momentum, and returns -z . u (J), the work that they say the rows lack at its motion. Friction and springs have no part in it, nor
-    /// have contacts and limits that push less than before.
+    /// Witness of infeasibility: the impulses z that were added to those of the reference.
+    ///
+    /// Writes the scaled J^T z to the reference's momentum, and returns -z . u (J), the work that the rows lack at its motion. Friction and
+    /// springs are excluded, and so are contacts and limits that push less than before.
     #[inline(always)]
     pub fn witness(&self, iterate: &Iterate<R>, reference: &mut Reference<R>) -> R {
         let Reference { w, lambda, g, momentum } = reference;
@@ -142,7 +146,7 @@ impl<R: Real> System<'_, R> {
     }
 }
 
-/// Takes the first `n` numbers of a list that has one for every constraint, by kind.
+/// Splits the first `n` numbers off a list with one for every constraint, by kind.
 #[inline(always)]
 fn take<'a, R>(list: &mut &'a [R], n: usize) -> &'a [R] {
     let (first, rest) = list.split_at(n);

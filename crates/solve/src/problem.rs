@@ -1,4 +1,4 @@
-//! The constraint problem: what is fixed once its rows are made, and the system of rows that one solve reads.
+//! Constraint problem, which does not change after the assembly of its rows, and the system of rows that one solve reads.
 
 use crate::capacity::Capacity;
 use crate::constraints::constraint_set::{ConstraintSet, Rows};
@@ -8,27 +8,30 @@ use crate::lane_map::LaneMap;
 use stepper_real::{Mask, Real};
 
 by_kind! {
-    /// Constraint problem of one step, for every lane: one set of constraints per kind, each with what its rows demand of the velocities
-    /// and what they demand of the positions. No solve changes it.
+    /// Constraint problem of one step, for every lane: one set of constraints per kind, each with its velocity targets and its position
+    /// targets. A solve does not change it.
     #[derive(Clone, Debug)]
     pub struct Problem[R: Real] {
         dimension: usize,
-        /// Lanes that are solved for impulses of least norm first: their rows do not determine how a load is distributed, and no step
-        /// before has distributed it.
-        pub hyperstatic: R::Mask,
-        /// Least mobility along the normal of a contact that can move, 1/kg, for the contacts that are pushed from now on.
+        /// Lanes with redundant supports, which are solved for impulses of least norm first.
+        ///
+        /// Supports are redundant if statics does not determine how they share the load: a table with four legs, for example. The flag
+        /// marks lanes in which no earlier step has distributed the load.
+        pub redundant: R::Mask,
+        /// Least mobility of a contact that can move along its normal, 1/kg, for the contacts pushed from now on.
         pub least_mobility: R,
     } each set
 }
 
 by_kind! {
-    /// System that one solve reads: a problem, and for each kind of constraint its rows as this solve has them. That of a `&Problem` has
-    /// the demands of the velocities, that of [`PositionRows`](crate::PositionRows) those of the positions.
+    /// System that one solve reads: a problem, and for each kind of constraint the rows of this solve.
+    ///
+    /// That of a `&Problem` has the velocity targets, that of [`PositionRows`](crate::PositionRows) the position targets.
     #[derive(Clone, Copy, Debug)]
     pub struct System['a, R: Real] {
-        /// What all solves share.
+        /// Part that all solves share.
         pub(crate) problem: &'a Problem<R>,
-        /// Whether the solve ends with a residual that certifies it, of a w that is the sum over the impulses to the last bit. Else lanes
+        /// Whether the solve ends with a certified residual, for a w that is the sum over the impulses to the last bit. Otherwise lanes
         /// whose sweeps change little count as solved.
         pub(crate) certified: bool,
     } each rows
@@ -42,7 +45,7 @@ impl<'a, R: Real> From<&'a Problem<R>> for System<'a, R> {
 }
 
 impl<R: Real> Problem<R> {
-    /// An empty problem in `dimension` coordinates, with room for so many rows that may touch every coordinate.
+    /// Empty problem in `dimension` coordinates, with capacity for these numbers of rows, each of which may touch every coordinate.
     pub fn with_capacity(dimension: usize, scalars: usize, contacts: usize) -> Self {
         let capacity = Capacity {
             dimension,
@@ -55,17 +58,17 @@ impl<R: Real> Problem<R> {
         Self::new(&capacity)
     }
 
-    /// An empty problem of this capacity.
+    /// Empty problem of this capacity.
     pub fn new(capacity: &Capacity) -> Self {
-        let (dimension, hyperstatic, least_mobility) = (capacity.dimension, R::Mask::splat(false), R::zero());
-        make_kinds!(Self { dimension, hyperstatic, least_mobility, } [count: capacity] => ConstraintSet::new(count, capacity))
+        let (dimension, redundant, least_mobility) = (capacity.dimension, R::Mask::splat(false), R::zero());
+        make_kinds!(Self { dimension, redundant, least_mobility, } [count: capacity] => ConstraintSet::new(count, capacity))
     }
 
     /// Removes all rows.
     #[inline(always)]
     pub fn clear(&mut self) {
         each_kind!([set: &mut self] => set.clear());
-        self.hyperstatic = R::Mask::splat(false);
+        self.redundant = R::Mask::splat(false);
     }
 
     /// Number of coordinates of w.
@@ -74,7 +77,7 @@ impl<R: Real> Problem<R> {
         self.dimension
     }
 
-    /// Whether there is no row at all.
+    /// Whether the problem has no rows.
     #[inline(always)]
     pub fn is_empty(&self) -> bool {
         let mut empty = true;
@@ -88,14 +91,16 @@ impl<R: Real> Problem<R> {
         self.contacts.push(support, y, active, mu, g, self.least_mobility);
     }
 
-    /// Appends a contact whose rows (n, t1, t2, spin, roll1, roll2), scaled so that their friction is `mu` in all, have the entries `y` at
-    /// the coordinates `support` (ascending).
+    /// Appends a contact with rolling friction, whose rows (n, t1, t2, spin, roll1, roll2) have the entries `y` at the coordinates
+    /// `support` (ascending).
+    ///
+    /// The rows are scaled so that their friction coefficient is `mu` in all.
     #[inline(always)]
     pub fn push_rolling_contact(&mut self, support: &[u32], y: impl Fn(usize) -> [R; 6], active: R::Mask, mu: R, g: [R; 6]) {
         self.rolling_contacts.push(support, y, active, mu, g, self.least_mobility);
     }
 
-    /// Takes up a scaled change of the free velocity, in the lanes `lanes`: both demands of all rows shift by their velocities of it.
+    /// Adds the velocities of a scaled change of the free velocity to both targets of all rows, in the lanes `lanes`.
     #[inline(always)]
     pub fn shift(&mut self, change: &[R], lanes: R::Mask) {
         each_kind!([set: &mut self] => {
@@ -107,8 +112,9 @@ impl<R: Real> Problem<R> {
 }
 
 impl<R: Real> Problem<R> {
-    /// Shifts what contact `i`, counted over those of three rows and then of six, demands in the velocity solve: by its velocities of a
-    /// scaled `change` of the free velocity, times a weight of the normal row and one of the others, in the lanes `lanes`.
+    /// Shifts the velocity targets of contact `i`, counted over those of three rows and then of six, in the lanes `lanes`.
+    ///
+    /// The shift is its velocities of a scaled `change` of the free velocity. One of `weights` scales the normal row and one the others.
     #[inline(always)]
     pub fn shift_contact(&mut self, i: usize, change: &[R], lanes: R::Mask, weights: [R; 2]) {
         match i.checked_sub(self.contacts.len()) {
@@ -156,19 +162,19 @@ fn shift_own<R: Real, const N: usize, L: LocalSolver<R, N>>(
 }
 
 impl<R: Real> System<'_, R> {
-    /// The same system, of whose solution nobody asks for a certificate: the residual of lanes whose sweeps change little is 0.
+    /// System without a certificate: the residual of lanes whose sweeps change little is 0.
     #[inline(always)]
     pub fn uncertified(self) -> Self {
         Self { certified: false, ..self }
     }
 
-    /// Gathers some lanes into `out`, as far as sweeps need them.
+    /// Gathers the parts that sweeps need from some lanes into `out`.
     #[inline(always)]
     pub(crate) fn gather(&self, map: &LaneMap, out: &mut Problem<R::Half>) {
         each_kind!([set: &self.problem] [rows: self] [out: &mut out] => set.gather(rows, map, out));
     }
 
-    /// Calls `f` for every row or contact that exists in a lane with the coordinates that it touches there, ascending.
+    /// Calls `f` for every row or contact that exists in a lane, with the coordinates that it touches there, ascending.
     pub fn for_each_support(&self, lane: usize, mut f: impl FnMut(&mut dyn Iterator<Item = u32>)) {
         each_kind!([set: &self.problem] [rows: self] => set.for_each_support(rows, lane, &mut f));
     }

@@ -1,8 +1,8 @@
-//! Reference: the solution from which damped demands are counted.
+//! Reference solution from which damped targets are counted.
 
 use crate::capacity::Capacity;
 
-/// Solution that a second one starts from. The compliance of damped rows counts from its impulses, and the witness of infeasibility is
+/// Solution from which a second one starts. The compliance of damped rows counts from its impulses, and the witness of infeasibility is
 /// added to it.
 #[derive(Clone, Debug, Default)]
 pub struct Reference<R> {

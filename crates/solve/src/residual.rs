@@ -1,4 +1,4 @@
-//! The certificate: how far the impulses are from solving the problem, in m/s.
+//! Certificate of a solve: the error of the impulses, in m/s.
 
 use crate::constraints::constraint_set::{ConstraintSet, number_of, worse};
 use crate::constraints::each_kind;
@@ -6,9 +6,10 @@ use crate::iterate::{Iterate, energy};
 use crate::problem::System;
 use stepper_real::Real;
 
-/// Natural-map residual of the exact Coulomb problem, per lane, m/s (rad/s for angular rows):
-/// `max_i |lambda_i - P_K(lambda_i - rho_i u_i)| / rho_i` with `rho_i = n / trace(G_ii)` for n rows, before elimination of equality
-/// rows, and De Saxce's `u = v + (mu |v_t|, 0, 0)`.
+/// Natural-map residual of the exact Coulomb problem, per lane, m/s (rad/s for angular rows).
+///
+/// It is `max_i |lambda_i - P_K(lambda_i - rho_i u_i)| / rho_i` with De Saxce's `u = v + (mu |v_t|, 0, 0)`. `rho_i = n / trace(G_ii)` for n
+/// rows, before elimination of equality rows.
 #[inline(always)]
 pub fn residual<'a, R: Real>(system: impl Into<System<'a, R>>, iterate: &Iterate<R>) -> R {
     let (system, mut worst) = (system.into(), R::zero());
@@ -22,8 +23,8 @@ pub fn residual<'a, R: Real>(system: impl Into<System<'a, R>>, iterate: &Iterate
     worst
 }
 
-/// Constraint of lane `lane` with the largest residual, m/s: its index over all kinds, in their order. None where there is no constraint,
-/// or none with a residual. A NaN is the largest of all.
+/// Constraint of lane `lane` with the largest residual, m/s: its index over all kinds, in their order. `None` without a residual. A NaN is
+/// the largest of all.
 pub fn worst_constraint<'a, R: Real>(system: impl Into<System<'a, R>>, iterate: &Iterate<R>, lane: usize) -> Option<(usize, f64)> {
     let system = system.into();
     R::vectorize(

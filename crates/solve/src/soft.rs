@@ -1,5 +1,5 @@
 //! Soft constraints: the regularised convex problem of MuJoCo's documentation (computation chapter, "Constraint model"; Todorov 2014,
-//! "Convex and analytically-invertible dynamics with contacts and constraints for robotics and animation").
+//! "Convex and analytically-invertible dynamics with contacts and constraints").
 //!
 //! The unknown is the acceleration a that minimises
 //!
@@ -7,11 +7,11 @@
 //! 1/2 (a - a0)^T M (a - a0) + s(J a - r)
 //! ```
 //!
-//! where a0 is the acceleration without constraints, r the acceleration that each row refers to, and s a convex function that is quadratic
-//! where a row pushes: its slope is minus the constraint force. The sum is strictly convex, so that there is one solution, and no force in
-//! it is indeterminate.
+//! Here a0 is the acceleration without constraints, and r the reference acceleration of each row. The convex function s is quadratic where
+//! a row pushes. Its slope is minus the constraint force. The sum is strictly convex, so that there is one solution and all forces are
+//! determinate.
 //!
-//! Everything is written once over [`Real`](stepper_real::Real), as the rest of this crate, but in the coordinates of the joints: M has the
+//! All code is generic over [`Real`](stepper_real::Real), as the rest of this crate. Its coordinates are those of the joints: M has the
 //! sparsity of the trees there, and a limit is one entry.
 
 mod cone;

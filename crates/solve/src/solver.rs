@@ -1,6 +1,7 @@
-//! The solver: Newton's method first, for a least-norm solution, in hyperstatic lanes; then some sweeps over all lanes but the hyperstatic
-//! ones that are solved already; then Newton's method and sweeps in turn for each lane that sweeps leave unsolved (a hyperstatic lane gets
-//! Newton's method once).
+//! Solver of the constraint problem, which combines sweeps (Gauss-Seidel iterations) with Newton's method.
+//!
+//! First Newton's method finds a least-norm solution in lanes with redundant supports. Then some sweeps improve all lanes except those that
+//! are solved. Then each unsolved lane gets Newton's method and sweeps in turn; a lane with redundant supports gets Newton's method once.
 
 use crate::cone::masked;
 use crate::gauss_seidel::{self, SweepSettings};
@@ -15,19 +16,19 @@ use stepper_real::{Mask, Real, Scalar};
 pub struct Settings<R> {
     /// Largest number of sweeps in each pass; at least one is made.
     pub sweeps: u32,
-    /// Largest number of Newton steps in each pass, per island; of the exact law [`EXACT_RATIO`](crate::newton::EXACT_RATIO) times as many.
-    /// 0 leaves Newton's method out.
+    /// Largest number of Newton steps in each pass, per island; [`EXACT_RATIO`](crate::newton::EXACT_RATIO) times as many for the exact
+    /// law. 0 disables Newton's method.
     pub newton_steps: u32,
     /// Residual at which each lane is done, m/s.
     pub tolerance: R,
-    /// Residual above which a lane that sweeps have left goes on to Newton's method, m/s; at least the tolerance.
+    /// Residual above which a lane continues with Newton's method after the sweeps, m/s; at least the tolerance.
     pub newton_threshold: R,
 }
 
 /// Result of a solve, per lane.
 #[derive(Clone, Copy, Debug)]
 pub struct Outcome<R: Real> {
-    /// Residual of the impulses that were returned, m/s.
+    /// Residual of the returned impulses, m/s.
     pub residual: R,
     /// Number of sweeps.
     pub sweeps: R,
@@ -45,35 +46,39 @@ impl<R: Real> Outcome<R> {
     }
 }
 
-/// Residual above which the load of hyperstatic lanes is distributed anew, m/s: what is left moves it from point to point.
+/// Residual above which the load of redundant supports is redistributed, m/s. A remaining error moves load from point to point.
 ///
 /// Measured on a table of four legs that slides for half a second at 0.1 ms (scene 15 of the atlas): the order of its legs matters by 2e-6
 /// m with 1e-8, by 1e-7 m with 1e-9.
 const LEAST_NORM_GOAL: f64 = 1e-9;
 
-/// Speed of a loaded contact from which on it slips, m/s: then friction's torque depends on how the load is distributed.
+/// Speed above which a loaded contact counts as slipping, m/s. Its friction torque then depends on the distribution of the load.
 const SLIPS: f64 = 1e-6;
 
-/// Number of passes of sweeps and then Newton's method. Each leaves the other a start of another kind: sweeps find which contacts slip,
-/// Newton's method what they cannot move. De Saxce's terms are held in its steps, which masses of very different size need; in the first
-/// pass those are followed by steps of the exact law, and in the last all are of it.
+/// Number of passes of sweeps followed by Newton's method.
 ///
-/// Measured on 32 of safety-gymnasium's racecars and doggos under random control, 400 steps: one pass with terms held leaves 0.17 and 0.27
-/// % of the steps unsolved, two leave 0.16 and 0.06 %, three 0.11 and 0.06 %.
+/// Each gives the other a better start: sweeps find which contacts slip, and Newton's method solves problems with very different masses.
+/// Its steps use constant De Saxce's terms. In the first pass steps of the exact law follow, and in the last pass all steps are of the
+/// exact law.
+///
+/// Measured on 32 of safety-gymnasium's racecars and doggos under random control, 400 steps. One pass with constant terms leaves 0.17 and
+/// 0.27 % of the steps unsolved, two leave 0.16 and 0.06 %, three 0.11 and 0.06 %.
 pub const PASSES: usize = 4;
 
-/// Number of sweeps of the first pass at the most in 64 bits, if Newton's method may follow: lanes that need more keep the others of
-/// their group waiting. In 32 bits sweeps go on: what Newton's method leaves is rounded, and of a cube that two fingers could hold
-/// (scene 31) it is not always what holds.
+/// Largest number of sweeps of the first pass in 64 bits, if Newton's method may follow. Lanes that need more keep the others of their
+/// group waiting.
 ///
-/// Measured on 280 problems that sweeps left of robots, grasps and heaps: 50 sweeps take 1.1 to 1.5 times as long, 15 within 5 % as long
-/// but more Newton steps, and those are what a lane does alone.
+/// In 32 bits sweeps continue, because the result of Newton's method is rounded. For a cube that two fingers could hold (scene 31) it does
+/// not always hold.
+///
+/// Measured on 280 problems of robots, grasps and heaps that sweeps did not solve: 50 sweeps take 1.1 to 1.5 times as long. 15 sweeps take
+/// within 5 % as long but need more Newton steps, which a lane makes alone.
 const FIRST_SWEEPS: u32 = 25;
 
 /// Improves the impulses of the lanes `lanes` until each meets the tolerance or the settings are used up.
 ///
-/// Sweeps favour the rows that they visit first, a proximal step from zero favours none. So hyperstatic lanes begin with Newton's method,
-/// and sweeps improve what it leaves.
+/// Sweeps favour the rows that they visit first; a proximal step from zero favours none. Lanes with redundant supports therefore begin with
+/// Newton's method, and sweeps improve its result.
 pub fn solve<'a, R: Real>(
     system: impl Into<System<'a, R>>,
     iterate: &mut Iterate<R>,
@@ -98,22 +103,22 @@ fn solve_system<R: Real>(
 ) -> Outcome<R> {
     let Settings { sweeps, newton_steps, tolerance, newton_threshold } = settings;
     let mut outcome = Outcome { residual: R::zero(), sweeps: R::zero(), newton_steps: R::zero() };
-    let (mut rest, hyperstatic) = (lanes, lanes.and(system.problem.hyperstatic));
-    if newton_steps > 0 && hyperstatic.any() {
+    let (mut rest, redundant) = (lanes, lanes.and(system.problem.redundant));
+    if newton_steps > 0 && redundant.any() {
         let goal = R::of(LEAST_NORM_GOAL).max(R::of(<R::Scalar as Scalar>::EPSILON.to_f64() * 10.0));
         let (left, slip) = R::vectorize(
             #[inline(always)]
             || {
-                iterate.solve_eliminated(system, hyperstatic);
+                iterate.solve_eliminated(system, redundant);
                 (residual(system, iterate), system.problem.contacts.fastest_slip(system.contacts, &iterate.contacts, &iterate.w))
             },
         );
-        outcome.residual = masked(hyperstatic, left);
-        let anew = hyperstatic.and(left.gt(goal).or(slip.gt(R::of(SLIPS))));
-        newton.solve_least_norm(system, iterate, newton_steps, goal, anew, [&mut outcome.residual, &mut outcome.newton_steps]);
-        // A hyperstatic lane that meets its tolerance needs no sweeps, unless its tolerance is no looser than the goal (a lane that hardly
-        // moves): there sweeps bring the motion to rest, and change the distribution of the load too little to matter.
-        rest = lanes.and_not(hyperstatic.and(outcome.residual.le(tolerance)).and(tolerance.gt(goal)));
+        outcome.residual = masked(redundant, left);
+        let redistributed = redundant.and(left.gt(goal).or(slip.gt(R::of(SLIPS))));
+        newton.solve_least_norm(system, iterate, newton_steps, goal, redistributed, [&mut outcome.residual, &mut outcome.newton_steps]);
+        // A redundant lane that meets its tolerance needs no sweeps, unless its tolerance is below the goal (a lane that hardly moves).
+        // There sweeps bring the motion to rest, and hardly change the distribution of the load.
+        rest = lanes.and_not(redundant.and(outcome.residual.le(tolerance)).and(tolerance.gt(goal)));
     }
     let wide = !<R::Scalar as Scalar>::IS_SINGLE;
     let first_sweeps = if newton_steps > 0 && wide { sweeps.min(FIRST_SWEEPS) } else { sweeps };
@@ -126,10 +131,10 @@ fn solve_system<R: Real>(
     let sweeps = SweepSettings { sweeps, tolerance };
     newton.solve(system, iterate, search(Terms::HeldThenExact), left, [&mut outcome.residual, &mut outcome.newton_steps]);
     // Sweeps would undo an even distribution.
-    left = left.and_not(hyperstatic);
+    left = left.and_not(redundant);
     let passes = match newton_steps {
         LEAST_EXACT.. => PASSES,
-        // What one pass leaves of a correction, the next step sees.
+        // The next step corrects the remaining error of a correction.
         _ if !system.certified => 1,
         _ => PASSES - 1,
     };

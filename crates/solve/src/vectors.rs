@@ -1,5 +1,7 @@
-//! Arithmetic of vectors in scalar f64. Those of an island come in tiles of four numbers, without a rest, so that the compiler makes
-//! vectors of their loops on every CPU, with the same bits.
+//! Arithmetic of vectors in scalar f64.
+//!
+//! Those of an island come in tiles of four numbers, padded to whole tiles. The compiler therefore vectorises their loops on every CPU,
+//! with the same bits.
 
 /// Number of coordinates in a tile.
 pub(crate) const TILE: usize = 4;
@@ -35,8 +37,8 @@ pub(crate) fn inner_of_tiles(a: &[f64], b: &[f64]) -> f64 {
     (sum[0] + sum[1]) + (sum[2] + sum[3])
 }
 
-/// Sum of products of `y` with the tiles `tiles` of `x`, with a partial sum for each place in a tile: a fixed order, to which tiles of
-/// zeros would add nothing.
+/// Sum of products of `y` with the tiles `tiles` of `x`, with a partial sum for each place in a tile. The order is fixed; tiles of zeros
+/// would add nothing.
 #[inline(always)]
 pub(crate) fn dot(y: &[f64], tiles: &[usize], x: &[f64]) -> f64 {
     let mut sum = [0.0; TILE];
@@ -49,7 +51,7 @@ pub(crate) fn dot(y: &[f64], tiles: &[usize], x: &[f64]) -> f64 {
     (sum[0] + sum[1]) + (sum[2] + sum[3])
 }
 
-/// x += s y in the tiles `tiles` of `x`.
+/// Adds x += s y in the tiles `tiles` of `x`.
 #[inline(always)]
 pub(crate) fn add_to_tiles(x: &mut [f64], tiles: &[usize], s: f64, y: &[f64]) {
     for (y, &tile) in y.chunks_exact(TILE).zip(tiles) {
@@ -60,7 +62,7 @@ pub(crate) fn add_to_tiles(x: &mut [f64], tiles: &[usize], s: f64, y: &[f64]) {
     }
 }
 
-/// x += s y over whole tiles.
+/// Adds x += s y over whole tiles.
 #[inline(always)]
 pub(crate) fn add_scaled(x: &mut [f64], s: f64, y: &[f64]) {
     for (x, y) in x.chunks_exact_mut(TILE).zip(y.chunks_exact(TILE)) {

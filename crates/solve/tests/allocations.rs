@@ -1,4 +1,4 @@
-//! A solve allocates nothing once its room has seen the problem.
+//! A solve allocates nothing once its workspace has seen the problem.
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
@@ -50,14 +50,14 @@ fn chain(contacts: usize) -> (Problem<f64>, Iterate<f64>) {
 #[test]
 fn a_solve_allocates_nothing_the_second_time() {
     let settings = Settings { sweeps: 1, newton_steps: 50, tolerance: 1e-10, newton_threshold: 1e-10 };
-    let mut room = Newton::default();
+    let mut newton = Newton::default();
     let mut all = [chain(30), chain(7), chain(12)];
     for pass in 0..2 {
         for (problem, iterate) in &mut all {
             iterate.contacts.fill([0.0; 3]);
             iterate.compute_w(problem);
             let before = COUNT.get();
-            let outcome = solve(&*problem, iterate, settings, true, &mut room);
+            let outcome = solve(&*problem, iterate, settings, true, &mut newton);
             assert!(pass == 0 || COUNT.get() == before, "{} allocations", COUNT.get() - before);
             assert!(outcome.newton_steps > 0.0);
         }

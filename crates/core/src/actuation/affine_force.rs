@@ -1,25 +1,24 @@
-//! Forces that are affine in the motion, as a step takes them: with weights of damping and stiffness at its end, and the inertia that they
-//! move.
+//! Affine forces of the motion, as a step evaluates them: with weights of damping and stiffness at its end, and the inertia that they move.
 
 use stepper_real::{Mask, Real};
 
 use crate::dynamics::implicit_weights::ImplicitWeights;
 use crate::math::spatial::*;
 
-/// Numbers of an actuator's dynamics that acts within a step, per lane, at the actuator's side of its gear.
+/// Numbers of the part of an actuator's dynamics that acts within a step, per lane, on the actuator's side of its gear.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct ActuatorDynamics<R> {
     /// Force of a continuous servo per unit of length, N or N m per unit.
     pub slope: R,
-    /// Force of it per unit of velocity.
+    /// Force of a continuous servo per unit of velocity.
     pub rate: R,
     /// Bounds of the effort, N or N m.
     pub limits: [R; 2],
     /// Stall torque of the motor, N or N m.
     pub stall: R,
-    /// Torque that the motor loses per unit of velocity to its back-EMF.
+    /// Torque that the motor loses to its back-EMF per unit of velocity.
     pub drag: R,
-    /// Share of the power that the gear passes on.
+    /// Efficiency of the gear.
     pub efficiency: R,
     /// Dry friction, N or N m.
     pub friction: R,
@@ -33,7 +32,7 @@ pub(crate) struct AffineForce<R> {
     pub(crate) rate: R,
 }
 
-/// How an actuator moves: its length, the velocity at which what is not implicit is taken, and that before the step.
+/// Motion of an actuator: its length, the velocity at which explicit terms are evaluated, and the velocity before the step.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Motion<R> {
     pub(crate) length: R,
@@ -42,14 +41,15 @@ pub(crate) struct Motion<R> {
 }
 
 impl<R: Real> AffineForce<R> {
-    /// The force.
+    /// Force at the motion.
     #[inline(always)]
     pub(crate) fn force(&self, motion: &Motion<R>) -> R {
         self.level + self.slope * motion.length + self.rate * motion.velocity
     }
 
-    /// The force without what the mass matrix does, and what it does: stiffness and damping against the motion are implicit, the rest is
-    /// not.
+    /// Explicit part of the force, and the inertia that its implicit part adds to the mass matrix.
+    ///
+    /// Stiffness and damping against the motion are implicit, all else is explicit.
     #[inline(always)]
     pub(crate) fn implicit_force(&self, motion: &Motion<R>, effective_inertia: EffectiveInertia<R>, weights: ImplicitWeights<R>) -> (R, R) {
         let (stiffness, damping) = ((-self.slope).max(R::zero()), (-self.rate).max(R::zero()));
@@ -61,17 +61,17 @@ impl<R: Real> AffineForce<R> {
     }
 }
 
-/// What an actuator moves.
+/// Effective inertia that an actuator moves.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct EffectiveInertia<R> {
-    /// Inverse of the inertia along its moment, 1/kg or 1/(kg m^2) over the square of its gear.
+    /// Inverse of the inertia along the actuator's moment, 1/kg or 1/(kg m^2) over the square of its gear.
     pub(super) mobility: R,
-    /// Rate at which the joints' damping slows it down, 1/s.
+    /// Rate at which joint damping slows the actuator down, 1/s.
     pub(super) slowing: R,
 }
 
 impl<R: Real> EffectiveInertia<R> {
-    /// A sum to which a dof is added; `slowing` is weighted by the mobilities.
+    /// Sum with another dof. `slowing` is weighted by the mobilities.
     #[inline(always)]
     pub(super) fn with(self, arm: R, inertia: R, damping: R) -> Self {
         let inverse = inertia.recip();
@@ -86,7 +86,7 @@ impl<R: Real> EffectiveInertia<R> {
     }
 }
 
-/// `x` within a range. A NaN must not turn into a bound: it stays, and the environment is refused in stage 6.
+/// Number `x` clamped to a range. A NaN stays NaN, so that stage 6 rejects the step.
 #[inline(always)]
 pub(crate) fn within<R: Real>(x: R, range: Option<[R::Scalar; 2]>) -> R {
     match range {

@@ -1,4 +1,4 @@
-//! Where an actuator's dynamics is on its curve: free, at a limit of its effort, or at the torque-speed curve of its motor.
+//! Mode of an actuator's dynamics: free, at a limit of its effort, or on the torque-speed curve of its motor.
 
 use stepper_real::{Mask, Real};
 
@@ -6,24 +6,24 @@ use crate::actuation::affine_force::{ActuatorDynamics, EffectiveInertia};
 use crate::compile::CompiledActuatorDynamics;
 use crate::dynamics::implicit_weights::ImplicitWeights;
 
-/// Dynamics of an actuator within a step.
+/// Force limits of an actuator within a step: the affine force of its control, clamped to its effort and to the curve of its motor.
 ///
-/// What it does is `f = clamp(clamp(law, limits), +-stall - drag v)`: piecewise affine in the motion, and where the law pulls back,
-/// decreasing. The step takes one piece implicitly. Which one is found like the roots of such functions: solve with the present piece, go
-/// to the one where that solution lies (semismooth Newton; Qi & Sun 1993).
+/// The force is `f = clamp(clamp(affine, limits), +-stall - drag v)`. It is piecewise affine in the motion, and decreasing where the
+/// affine force opposes the motion. The step treats one piece implicitly. Semismooth Newton finds it: solve with the present piece, then
+/// go to the piece in which the solution lies (Qi & Sun 1993).
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Region<R: Real> {
-    /// Force and weight of the law itself.
-    law: (R, R),
+    /// Affine force without bounds, and its added inertia.
+    affine: (R, R),
     /// Velocity before the step.
     before: R,
-    /// What it moves.
+    /// Effective inertia that the actuator moves.
     effective_inertia: EffectiveInertia<R>,
     /// Lanes at a limit of the effort.
     held: R::Mask,
-    /// Lanes at the motor's curve.
+    /// Lanes on the curve of the motor.
     curve: R::Mask,
-    /// Lanes in which that is the upper one.
+    /// Lanes at an upper bound.
     upper: R::Mask,
 }
 
@@ -31,28 +31,30 @@ impl<R: Real> Default for Region<R> {
     fn default() -> Self {
         let never = R::Mask::splat(false);
         let effective_inertia = EffectiveInertia { mobility: R::zero(), slowing: R::zero() };
-        Self { law: (R::zero(), R::zero()), before: R::zero(), effective_inertia, held: never, curve: never, upper: never }
+        Self { affine: (R::zero(), R::zero()), before: R::zero(), effective_inertia, held: never, curve: never, upper: never }
     }
 }
 
 impl<R: Real> Region<R> {
-    /// Takes up the law: its force and weight, the velocity before the step, and what it moves.
+    /// Stores the affine force with its added inertia, the velocity before the step, and the effective inertia.
     #[inline(always)]
-    pub(super) fn take(&mut self, law: (R, R), before: R, effective_inertia: EffectiveInertia<R>) {
-        (self.law, self.before, self.effective_inertia) = (law, before, effective_inertia);
+    pub(super) fn take(&mut self, affine: (R, R), before: R, effective_inertia: EffectiveInertia<R>) {
+        (self.affine, self.before, self.effective_inertia) = (affine, before, effective_inertia);
     }
 
-    /// Where a step begins: a law without stiffness is as it is at the velocity before the step, one with is free.
+    /// Initial modes of a step. A force without stiffness has the mode at the velocity before the step; one with stiffness is free.
     #[inline(always)]
     pub(super) fn guess(&mut self, compiled: &CompiledActuatorDynamics<R::Scalar>, numbers: &ActuatorDynamics<R>) {
         let never = R::Mask::splat(false);
         (self.held, self.curve, self.upper) = (never, never, never);
-        let plain = self.law.1.eq(R::zero());
-        let [held, curve, upper] = whereabouts(compiled, numbers, self.law.0, self.before);
+        let plain = self.affine.1.eq(R::zero());
+        let [held, curve, upper] = modes(compiled, numbers, self.affine.0, self.before);
         (self.held, self.curve, self.upper) = (held.and(plain), curve.and(plain), upper.and(plain));
     }
 
-    /// Goes where the law, at a change of velocity `along` h, lies; `back` allows to leave a bound. Returns the lanes that moved.
+    /// Moves each lane to the piece in which the affine force lies at a change of velocity `along` h. Returns the lanes that moved.
+    ///
+    /// `back` allows a lane to leave a bound.
     #[inline(always)]
     pub(super) fn place(
         &mut self,
@@ -63,7 +65,7 @@ impl<R: Real> Region<R> {
         back: bool,
     ) -> R::Mask {
         let [mut held, mut curve, mut upper] =
-            whereabouts(compiled, numbers, self.law.0 - self.law.1 * along, self.before + weights.damping * along);
+            modes(compiled, numbers, self.affine.0 - self.affine.1 * along, self.before + weights.damping * along);
         if !back {
             let stays = self.held.or(self.curve).and_not(held.or(curve));
             held = held.or(self.held.and(stays));
@@ -82,26 +84,21 @@ impl<R: Real> Region<R> {
         self.held.or(self.curve)
     }
 
-    /// The force here, without what the mass matrix does, and what it does.
+    /// Explicit force on the present piece, and the inertia that its implicit part adds to the mass matrix.
     #[inline(always)]
     pub(super) fn force(&self, numbers: &ActuatorDynamics<R>, weights: ImplicitWeights<R>) -> (R, R) {
         let held = R::select(self.upper, numbers.limits[1], numbers.limits[0]);
         let curve = R::select(self.upper, numbers.stall, -numbers.stall) - numbers.drag * self.before;
-        let force = R::select(self.curve, curve, R::select(self.held, held, self.law.0));
-        let weight = R::select(self.held, R::zero(), self.law.1);
+        let force = R::select(self.curve, curve, R::select(self.held, held, self.affine.0));
+        let weight = R::select(self.held, R::zero(), self.affine.1);
         let drag = numbers.drag * weights.damping * (R::one() + weights.share(self.effective_inertia.rate(numbers.drag)));
         (force, R::select(self.curve, drag, weight))
     }
 }
 
-/// Lanes in which a force that the law asks for at a velocity is held at a limit, or on the motor's curve, and at the upper one of these.
+/// Modes of an unbounded force at a velocity: lanes at a limit, lanes on the curve of the motor, and lanes at the upper bound.
 #[inline(always)]
-fn whereabouts<R: Real>(
-    compiled: &CompiledActuatorDynamics<R::Scalar>,
-    numbers: &ActuatorDynamics<R>,
-    force: R,
-    velocity: R,
-) -> [R::Mask; 3] {
+fn modes<R: Real>(compiled: &CompiledActuatorDynamics<R::Scalar>, numbers: &ActuatorDynamics<R>, force: R, velocity: R) -> [R::Mask; 3] {
     let never = R::Mask::splat(false);
     let ([low, high], mut asked) = (numbers.limits, force);
     let (mut held, mut upper) = (never, never);
@@ -121,7 +118,7 @@ fn whereabouts<R: Real>(
     [held, curve, upper]
 }
 
-/// Lanes in which a force that the law asks for at a velocity is cut.
+/// Lanes in which a limit reduces the force at a velocity.
 #[inline(always)]
 pub(crate) fn exceeds<R: Real>(
     compiled: &CompiledActuatorDynamics<R::Scalar>,
@@ -129,14 +126,14 @@ pub(crate) fn exceeds<R: Real>(
     force: R,
     velocity: R,
 ) -> R::Mask {
-    let [held, curve, _] = whereabouts(compiled, numbers, force, velocity);
+    let [held, curve, _] = modes(compiled, numbers, force, velocity);
     held.or(curve)
 }
 
-/// A force within the limits and under the curve of its dynamics.
+/// Force of an actuator clamped to its limits and to the torque-speed curve of its motor.
 #[inline(always)]
 pub(crate) fn bounded<R: Real>(compiled: &CompiledActuatorDynamics<R::Scalar>, numbers: &ActuatorDynamics<R>, force: R, velocity: R) -> R {
-    let [held, curve, upper] = whereabouts(compiled, numbers, force, velocity);
+    let [held, curve, upper] = modes(compiled, numbers, force, velocity);
     let limit = R::select(upper, numbers.limits[1], numbers.limits[0]);
     let edge = R::select(upper, numbers.stall, -numbers.stall) - numbers.drag * velocity;
     R::select(curve, edge, R::select(held, limit, force))

@@ -1,33 +1,33 @@
-//! Forces of actuators and springs, and what they add to the mass matrix: what stage 1 hands to stage 2.
+//! Forces of actuators and springs with their added inertia, which stage 1 passes to stage 2.
 //!
-//! A step of length h takes the force of a spring k and a damper d, on a coordinate x = a . q with moment a, at the end of what the step
-//! itself does to x, to first order:
+//! A coordinate x = a . q with moment a has a spring k and a damper d. A step of length h evaluates their force at the end of its effect on
+//! x, to first order:
 //!
 //! ```text
 //! midpoint:  f = -k (x_mid + h/4 a.dv - x0) - d (xdot + 1/2 a.dv)     (M + (h/2 d + h^2/4 k) a a^T) dv = h (...)
 //! implicit:  f = -k (x + h xdot + h a.dv - x0) - d (xdot + a.dv)      (M + (h d + h^2 k) a a^T) dv = h (...)
 //! ```
 //!
-//! with dv = v+ - v. The first is the implicit midpoint rule (A-stable, and energy of linear springs is conserved: Hairer, Lubich & Wanner
-//! 2006, theorem IV.2.1), the second is backward Euler's (L-stable). The matrix keeps the tree's sparsity as long as the dofs of a moment
-//! lie on one chain; otherwise a a^T is replaced by the diagonal matrix |a_i| sum_j |a_j|, which is not smaller (Gershgorin): an added
-//! inertia, with which the same stability holds.
+//! with dv = v+ - v. The first is the implicit midpoint rule. It is A-stable and conserves the energy of linear springs (Hairer, Lubich &
+//! Wanner 2006, theorem IV.2.1). The second is backward Euler's rule, which is L-stable. The matrix keeps the sparsity of the tree if the
+//! dofs of a moment lie on one chain. Otherwise the diagonal matrix |a_i| sum_j |a_j| replaces a a^T. It is not smaller (Gershgorin), so
+//! this added inertia gives the same stability.
 //!
-//! Of a spring or damper that a step does not resolve the midpoint rule keeps the amplitude, and turns it around in every step: its
-//! amplification tends to -1. Where there is damping, which makes the true motion die out, the step therefore takes more of it at its end,
-//! by s = z / (6 + z), z = h d / m with the inertia m of the diagonal of M:
+//! If a step does not resolve a spring or damper, the midpoint rule keeps its amplitude and reverses it in every step: its amplification
+//! tends to -1. With damping the true motion dies out. The step therefore evaluates more of it at its end, by `s = z / (6 + z)`, `z = h d /
+//! m`, where m is the inertia from the diagonal of M:
 //!
 //! ```text
 //! f = -k (x_mid + h/4 a.dv - x0) - d (xdot + (1 + s)/2 a.dv) - 3/2 s h k (xdot + a.dv)
 //! ```
 //!
-//! For a damper alone, that is the Pade approximation (1 - z/3) / (1 + 2 z/3 + z^2/6) of exp(-z), Radau IIA's of third order (Hairer &
+//! For a damper alone, that is the Pade approximation `(1 - z/3) / (1 + 2 z/3 + z^2/6)` of exp(-z), Radau IIA's of third order (Hairer &
 //! Wanner, section IV.3): it tends to 0. For a stiff spring, the last term multiplies the area in the phase plane by 1 / (1 + 6 s) in a
-//! step, which is 1 - z + O(z^2) as in the true motion, exp(-z) (Liouville), and 1/7 at the most. What is added is of the order h^2, and
-//! nothing without damping: the rule stays of second order, and keeps the energy of springs that nothing damps.
+//! step. That is 1 - z + O(z^2), as in the true motion, exp(-z) (Liouville), and 1/7 at most. The added terms are of the order h^2, and
+//! zero without damping. The rule stays of second order, and keeps the energy of undamped springs.
 //!
-//! A servo at a bound of its force contributes the bound and no stiffness. Whether it is there is decided by the force at the end of the
-//! step that is to be expected, first with the impulses of the last step, and again with an estimate of this one's. A motor at its
+//! A servo at a bound of its force contributes the bound and no stiffness. The expected force at the end of the step decides whether it is
+//! at the bound. The first pass uses the impulses of the last step, the second an estimate of this step's impulses. A motor on its
 //! torque-speed curve contributes the curve: its stall torque, and the drag of its back-EMF as a damper.
 
 use stepper_real::{Mask, Real};
@@ -52,7 +52,7 @@ pub struct Implicit<'a, R: Real> {
 }
 
 impl<R: Real> Implicit<'_, R> {
-    /// Nothing: the mass matrix itself.
+    /// No implicit terms: the mass matrix itself.
     pub fn none() -> Self {
         let weights = ImplicitWeights { damping: R::zero(), stiffness: R::zero(), step: R::zero() };
         Self { weights, servos: &[], arms: &[], drag_at: None }
@@ -64,7 +64,7 @@ impl<R: Real> Implicit<'_, R> {
 pub struct ImplicitServos<R> {
     /// Shares of damping and stiffness.
     pub weights: ImplicitWeights<R>,
-    /// Whether that holds for every servo, or for actuator dynamics alone.
+    /// Whether all servos are implicit, or those of actuator dynamics alone.
     pub all: bool,
 }
 
@@ -79,14 +79,14 @@ pub struct ForceState<'a, R: Real> {
     pub v_at: &'a [R],
     /// Activations.
     pub act: &'a [R],
-    /// Controls, as actuator dynamics hand them on.
+    /// Controls after the actuator dynamics.
     pub ctrl: &'a [R],
     /// Actuator dynamics that act within a step.
     pub actuator_dynamics: &'a [ActuatorDynamics<R>],
 }
 
 impl<'a, R: Real> ForceState<'a, R> {
-    /// A state as it is.
+    /// Evaluation point with all quantities at one state, and explicit servos.
     pub fn state(q: &'a [R], v: &'a [R], act: &'a [R], ctrl: &'a [R], actuator_dynamics: &'a [ActuatorDynamics<R>]) -> Self {
         Self { q, v, v_at: v, act, ctrl, actuator_dynamics }
     }
@@ -95,7 +95,7 @@ impl<'a, R: Real> ForceState<'a, R> {
 /// Forces of one group of lanes.
 #[derive(Clone, Debug)]
 pub struct ActuatorForces<R: Real> {
-    /// Generalized forces of actuators and springs, N or N m. Joint damping is not here: stage 2 takes it implicitly.
+    /// Generalized forces of actuators and springs, N or N m. Joint damping is not included: stage 2 evaluates it implicitly.
     pub tau: Vec<R>,
     /// Explicit forces of actuators alone, within the bounds of joints.
     pub joint: Vec<R>,
@@ -111,7 +111,7 @@ pub struct ActuatorForces<R: Real> {
     pub(crate) bounded: Vec<R::Mask>,
     /// Force of every actuator with implicit servos, in models with bounded servos.
     pub(crate) implicit_force: Vec<R>,
-    /// Force and weight of every servo where nothing bounds it, if any is bounded.
+    /// Force and added inertia of every servo without bounds, if any is bounded.
     pub(crate) unbounded: Vec<[R; 2]>,
     /// Lanes in which an explicit actuator force is outside its bounds.
     pub(crate) beyond: Vec<R::Mask>,
@@ -125,7 +125,7 @@ pub struct ActuatorForces<R: Real> {
     pub(super) regions: Vec<Region<R>>,
     /// Whether the regions of this step are unknown.
     pub(crate) fresh: bool,
-    /// Friction losses of actuator dynamics, see [`crate::constraints::AssemblyInput::losses`].
+    /// Friction losses of actuator dynamics, see [`crate::constraints::assembler::AssemblyInput::losses`].
     pub losses: Vec<[R; 2]>,
 }
 
@@ -154,7 +154,7 @@ impl<R: Real> ActuatorForces<R> {
         }
     }
 
-    /// Forgets which servos are at their bounds.
+    /// Resets the servos at their bounds.
     #[inline(always)]
     pub fn release(&mut self) {
         // Without servos none is at a bound.
@@ -165,21 +165,22 @@ impl<R: Real> ActuatorForces<R> {
         self.fresh = true;
     }
 
-    /// Takes up what servos move, for the mass matrix's diagonal `inertia`.
+    /// Computes the effective inertias of servos from the mass matrix's diagonal `inertia`.
     pub fn compute_effective_inertia(&mut self, compiled: &LaneModel<R>, inertia: &[R]) {
         R::vectorize(
             #[inline(always)]
             || {
                 for k in 0..compiled.servos.len() {
-                    self.effective_inertias[k] = self.gauge_of(compiled, &compiled.actuators[compiled.servos[k].actuator], inertia);
+                    self.effective_inertias[k] =
+                        self.effective_inertia_of(compiled, &compiled.actuators[compiled.servos[k].actuator], inertia);
                 }
             },
         )
     }
 
-    /// Of several dofs, a mean by their part in the mobility.
+    /// Effective inertia of several dofs: a mean, weighted by their part in the mobility.
     #[inline(always)]
-    fn gauge_of(&self, compiled: &LaneModel<R>, actuator: &CompiledActuator<R::Scalar>, inertia: &[R]) -> EffectiveInertia<R> {
+    fn effective_inertia_of(&self, compiled: &LaneModel<R>, actuator: &CompiledActuator<R::Scalar>, inertia: &[R]) -> EffectiveInertia<R> {
         let mut sum = EffectiveInertia { mobility: R::zero(), slowing: R::zero() };
         for &(_, dof, arm) in &actuator.moment {
             sum = sum.with(R::splat(arm), inertia[dof], compiled.params.dof(dof).damping);
@@ -195,13 +196,13 @@ impl<R: Real> ActuatorForces<R> {
         EffectiveInertia { mobility, slowing }
     }
 
-    /// What a servo moves.
+    /// Effective inertia that a servo moves.
     #[inline(always)]
     pub(crate) fn effective_inertia_at(&self, servo: usize) -> EffectiveInertia<R> {
         self.effective_inertias[servo]
     }
 
-    /// Takes over the implicit force of a servo, in the lanes in which it is not at a bound.
+    /// Stores the implicit force of a servo, in the lanes in which it is not at a bound.
     #[inline(always)]
     pub(crate) fn set_servo(&mut self, actuator: usize, servo: usize, force: R, weight: R) {
         let held = self.saturated[servo];
@@ -209,7 +210,7 @@ impl<R: Real> ActuatorForces<R> {
         self.weight[servo] = R::select(held, R::zero(), weight);
     }
 
-    /// Takes over the law of an actuator's dynamics, where it is on its curve.
+    /// Stores the law of an actuator's dynamics, and finds its region.
     #[inline(always)]
     #[expect(clippy::too_many_arguments, reason = "one actuator, every part of it named at the call")]
     pub(crate) fn set_actuator_dynamics(
@@ -230,7 +231,7 @@ impl<R: Real> ActuatorForces<R> {
         self.follow(servo, actuator, compiled, numbers, weights);
     }
 
-    /// Takes over the force of an actuator's dynamics where it is on its curve.
+    /// Updates the force of an actuator's dynamics from its region.
     #[inline(always)]
     fn follow(
         &mut self,
@@ -244,7 +245,7 @@ impl<R: Real> ActuatorForces<R> {
         self.set_servo(actuator, servo, force, weight);
     }
 
-    /// Sum of the actuators' forces on every dof, within the bounds of joints.
+    /// Sums the actuators' forces on every dof, within the bounds of joints.
     #[inline(always)]
     pub(crate) fn gather(&mut self, compiled: &LaneModel<R>, implicit: bool) {
         self.fresh = false;
@@ -268,7 +269,7 @@ impl<R: Real> ActuatorForces<R> {
         }
     }
 
-    /// Lanes in which the effort of an actuator was cut to its bounds, or a sum on its joint that it is part of.
+    /// Lanes in which the effort of an actuator, or a sum on its joint, was cut to its bounds.
     #[inline(always)]
     pub(crate) fn is_cut(&self, compiled: &LaneModel<R>, actuator: usize) -> R::Mask {
         let (of_it, mut cut) = (&compiled.actuators[actuator], self.beyond[actuator]);
@@ -286,8 +287,9 @@ impl<R: Real> ActuatorForces<R> {
         cut
     }
 
-    /// Lanes in which the force of an actuator is at a bound or beyond, or that of the joint that it drives: MuJoCo takes no derivative of
-    /// such a force. What is explicit must have left the forces.
+    /// Lanes in which the force of an actuator, or of the joint that it drives, is at a bound or beyond.
+    ///
+    /// MuJoCo has no derivative of such a force. Explicit forces must have been computed before.
     #[inline(always)]
     pub(crate) fn is_at_bound(&self, compiled: &LaneModel<R>, actuator: usize) -> R::Mask {
         let of_it = &compiled.actuators[actuator];
@@ -301,11 +303,11 @@ impl<R: Real> ActuatorForces<R> {
         at
     }
 
-    /// Finds servos whose force at the end of the step would exceed its bounds, if the velocity changed by `dv`: they keep to the bound and
-    /// lose their stiffness. Returns the lanes in which there is a new one; `gather` must follow.
+    /// Finds servos whose force at the end of the step would exceed its bounds, if the velocity changed by `dv`. Returns the lanes with a
+    /// new one.
     ///
-    /// Actuator dynamics go where their curves have them, `pass` after pass; from the third on none comes back from a bound, so that it
-    /// ends.
+    /// These servos keep to the bound and lose their stiffness. `gather` must follow. Actuator dynamics move to the piece of their curve in
+    /// each `pass`. From the third pass on none returns from a bound, so that the search ends.
     pub fn saturate(
         &mut self,
         compiled: &LaneModel<R>,
@@ -365,7 +367,7 @@ impl<R: Real> ActuatorForces<R> {
         )
     }
 
-    /// Lanes in which the change of velocity `dv` puts a servo on another side of its bounds than [`ActuatorForces::saturate`] expected.
+    /// Lanes in which the change of velocity `dv` puts a servo on another side of its bounds than [`ActuatorForces::saturate`] assumed.
     pub fn misjudged(
         &mut self,
         compiled: &LaneModel<R>,
@@ -409,7 +411,7 @@ impl<R: Real> ActuatorForces<R> {
                 for (k, servo) in compiled.servos.iter().enumerate() {
                     let Some(bounds) = compiled.actuators[servo.actuator].force_range else { continue };
                     let beyond = outside(self.implicit_force[servo.actuator], bounds);
-                    // A servo that a sum holds is at a bound that is not its own.
+                    // A servo that the bound of a sum limits is not at its individual bound.
                     let held = self.held_by_sum(compiled, servo.actuator);
                     wrong = wrong.or(differ(beyond, self.saturated[k]).and_not(held));
                 }

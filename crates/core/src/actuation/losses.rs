@@ -1,4 +1,4 @@
-//! What actuator dynamics lose to friction.
+//! Friction losses of actuator dynamics.
 
 use stepper_real::Real;
 
@@ -8,10 +8,10 @@ use crate::compile::LaneModel;
 use crate::math::spatial::*;
 
 impl<R: Real> ActuatorForces<R> {
-    /// What actuator dynamics lose at their forces, or at those that are to be expected at the end of the step, left in `losses`.
+    /// Computes the friction losses of actuator dynamics into `losses`, at their forces or at the expected forces at the end of the step.
     ///
-    /// A gear that passes on the share e of its power gives e f to what it drives, and asks f / e of what drives it: against a motion along
-    /// f it loses (1 - e) |f|, against one the other way (1/e - 1) |f|. At rest its friction is anything in between.
+    /// A gear with efficiency e delivers e f to the load, and needs f / e when the load drives it. Against a motion along f it loses (1 -
+    /// e) |f|, against one the other way (1/e - 1) |f|. At rest its friction is anything in between.
     pub fn dissipate(&mut self, compiled: &LaneModel<R>, actuator_dynamics: &[ActuatorDynamics<R>], expected: bool) {
         R::vectorize(
             #[inline(always)]
@@ -28,7 +28,7 @@ impl<R: Real> ActuatorForces<R> {
         )
     }
 
-    /// Adds to the forces what actuator dynamics lost in a step, by the impulses of their rows of dry friction.
+    /// Adds the losses of actuator dynamics in a step to the forces, from the impulses of their rows of dry friction.
     pub fn subtract_losses(&mut self, compiled: &LaneModel<R>, actuator_dynamics: &[ActuatorDynamics<R>], scalar_impulse: &[R], h: R) {
         R::vectorize(
             #[inline(always)]
@@ -38,7 +38,7 @@ impl<R: Real> ActuatorForces<R> {
                     let Some((row, arm)) = dynamics.losses else { continue };
                     let arm = R::splat(arm);
                     let friction = scalar_impulse[compiled.limits.len() + row] / h;
-                    // Of a row that is shared, as much as it may take of the whole.
+                    // Part of a shared row, at most the share of these losses in the whole.
                     let backwards = friction.gt(R::zero());
                     let [own, all] = [losses(&actuator_dynamics[dynamics.index], arm, self.force[a]), self.losses[row]].map(
                         #[inline(always)]
@@ -56,7 +56,7 @@ impl<R: Real> ActuatorForces<R> {
     }
 }
 
-/// Losses (against motion forwards, against motion backwards) on the joint.
+/// Losses on the joint (against forward motion, against backward motion).
 #[inline(always)]
 fn losses<R: Real>(numbers: &ActuatorDynamics<R>, arm: R, force: R) -> [R; 2] {
     let torque = arm * force;

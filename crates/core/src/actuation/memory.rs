@@ -1,4 +1,4 @@
-//! What actuator dynamics remember from step to step, lane-interleaved.
+//! Memory of actuator dynamics, lane-interleaved.
 
 use serde::{Deserialize, Serialize};
 use stepper_real::Scalar;
@@ -12,20 +12,20 @@ pub struct Memory<S> {
     pub waiting: u32,
     /// Delay lines, lagged efforts, integrals, phases and held samples.
     pub numbers: Vec<S>,
-    /// Where every delay line was written last.
+    /// Position of the last sample in every delay line.
     pub cursors: Vec<u32>,
-    /// Controls that the trains handed on in the last step, nu per lane.
+    /// Controls after the actuator dynamics in the last step, nu per lane.
     pub applied: Vec<S>,
 }
 
 impl<S: Scalar> Memory<S> {
-    /// Allocates the buffers.
+    /// Memory with allocated buffers.
     pub fn with_chains(lanes: usize, alive: u32, numbers: usize, lines: usize, controls: usize) -> Self {
         let zeros = |n: usize| vec![S::default(); n * lanes];
         Self { waiting: alive, numbers: zeros(numbers), cursors: vec![0; lines], applied: zeros(controls) }
     }
 
-    /// Forgets what a lane's trains did; the next control is the first.
+    /// Clears the memory of a lane; the next control is the first.
     pub fn forget(&mut self, lane: usize, lanes: usize) {
         if !self.applied.is_empty() {
             self.numbers.iter_mut().skip(lane).step_by(lanes).for_each(|x| *x = S::default());
@@ -33,19 +33,19 @@ impl<S: Scalar> Memory<S> {
         }
     }
 
-    /// Begins a new episode of a lane: nothing was applied yet.
+    /// Begins a new episode of a lane, without applied controls yet.
     pub fn begin(&mut self, lane: usize, lanes: usize) {
         self.forget(lane, lanes);
         self.applied.iter_mut().skip(lane).step_by(lanes).for_each(|x| *x = S::default());
     }
 
-    /// What nobody can read of a lane that is no environment is zero.
+    /// Clears the entries of an unused lane that cannot be read.
     pub fn clear(&mut self, lane: usize, lanes: usize) {
         self.begin(lane, lanes);
         self.waiting &= !(1 << lane);
     }
 
-    /// What `n` of the `lanes` remember, from `first` on.
+    /// Memory of `n` of the `lanes` lanes, from `first` on.
     pub fn part(&self, lanes: usize, first: usize, n: usize) -> Self {
         Self {
             waiting: lane_bits(self.waiting, first, n),
@@ -55,21 +55,21 @@ impl<S: Scalar> Memory<S> {
         }
     }
 
-    /// Takes over what `n` lanes of a part remember in some of the `lanes`.
+    /// Copies the memory of `n` lanes of a part to some of the `lanes`.
     pub(crate) fn set_part(&mut self, lanes: usize, to: Target, n: usize, part: &Self) {
         set_lane_bits(&mut self.waiting, to, n, part.waiting);
         set_columns(&mut self.numbers, lanes, to, n, &part.numbers);
         set_columns(&mut self.applied, lanes, to, n, &part.applied);
-        // All environments step together.
+        // All environments step together, and share the cursors.
         self.cursors.copy_from_slice(&part.cursors);
     }
 
-    /// Memory that it holds, bytes.
+    /// Memory of the buffers, bytes.
     pub fn bytes(&self) -> usize {
         size_of_val(&self.numbers[..]) + size_of_val(&self.applied[..]) + size_of_val(&self.cursors[..])
     }
 
-    /// Whether two memories are of the same shape.
+    /// Whether two memories have the same shape.
     pub fn fits(&self, other: &Self) -> bool {
         let sizes = |m: &Self| (m.numbers.len(), m.cursors.len(), m.applied.len());
         sizes(self) == sizes(other)

@@ -1,13 +1,13 @@
-//! Actuator dynamics: a control on its way to a force.
+//! Actuator dynamics: from a control to a force.
 //!
 //! ```text
 //! control -> range -> delay -> servo (sampled and held, or continuous) -> lag -> affine force -> limits -> speed curve
 //!     -> gear and friction -> joint
 //! ```
 //!
-//! Delay, sampled servos and lag act between steps and are here; what depends on the motion within a step is in
-//! [`crate::actuation::forces`], so that it can be implicit; losses are rows of dry friction, and the rotor's inertia is armature.
-//! Everything is at the actuator's side: its length is MJCF's, its effort the force that its gear (MJCF's `gear`) hands on.
+//! Delay, sampled servos and lag act between steps and are in this folder. The parts that depend on the motion within a step are in
+//! [`crate::actuation::forces`], so that they can be implicit. Losses are rows of dry friction, and the rotor's inertia is armature. All
+//! quantities are on the actuator's side: the length is MJCF's, and the effort is the force that the gear (MJCF's `gear`) transmits.
 
 pub mod affine_force;
 pub mod force_limits;

@@ -1,4 +1,4 @@
-//! Actuator pipelines: before every step from the user's controls to those of the step.
+//! Actuator pipelines, which convert the user's controls to those of the step, before every step.
 
 use stepper_real::{Mask, Real, Scalar};
 
@@ -11,15 +11,15 @@ use crate::model::actuator_spec::ActuatorSpec;
 /// Number of a pipeline that may differ between environments, in the order of the table.
 #[derive(Clone, Copy)]
 enum Number {
-    /// Steps.
+    /// Delay in steps.
     Delay,
-    /// What is left of a deviation after a step of the lag, and in its mean over the step.
+    /// Fraction of a deviation that remains after a step of the lag, and its mean over the step.
     Decay,
     Mean,
     Low,
     High,
     Kp,
-    /// Of a sample.
+    /// Integral gain times the sampling period.
     Ki,
     Kd,
     IntegralLimit,
@@ -35,7 +35,7 @@ enum Number {
 
 const NUMBERS: usize = 16;
 
-/// How a servo works.
+/// Kind of servo.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Servo {
     None,
@@ -49,15 +49,15 @@ struct ActuatorPipeline {
     actuator: usize,
     servo: Servo,
     lagged: bool,
-    /// Samples of the delay line; 0 without one.
+    /// Number of samples of the delay line; 0 without one.
     line: usize,
-    /// The delay in steps, if it is the same everywhere.
+    /// Delay in steps, if it is the same in all environments.
     delay: Option<(usize, f64)>,
-    /// Address of its numbers in the memory: delay line, lagged effort and what it goes to, integral, phase, held sample.
+    /// Address of the pipeline's numbers in the memory: delay line, lagged effort and its goal, integral, phase, held sample.
     memory: usize,
-    /// Which delay line it is.
+    /// Index of the delay line.
     cursor: usize,
-    /// Address of its place in the table.
+    /// Address of the pipeline's numbers in the table.
     table: usize,
 }
 
@@ -65,18 +65,18 @@ struct ActuatorPipeline {
 #[derive(Clone, Debug)]
 pub struct ActuatorPipelines<S> {
     pipelines: Vec<ActuatorPipeline>,
-    /// For every group of lanes the numbers of every pipeline, lane-interleaved.
+    /// Numbers of every pipeline for every group of lanes, lane-interleaved.
     tables: Vec<Vec<S>>,
     lanes: usize,
     num_envs: usize,
-    /// Numbers that survive a step, per lane.
+    /// Memory that survives a step, in numbers per lane.
     pub memory: usize,
-    /// Delay lines.
+    /// Number of delay lines.
     pub lines: usize,
 }
 
 impl<S: Scalar> ActuatorPipelines<S> {
-    /// `specs` has an entry for every actuator of the model; they are what [`ActuatorSpec::fold`] returned.
+    /// Pipelines of `specs`, the result of [`ActuatorSpec::fold`] with an entry for every actuator of the model.
     pub fn new(specs: &[Option<ActuatorSpec>], num_envs: usize, lanes: usize, h: f64) -> Self {
         let mut all = Self { pipelines: vec![], tables: vec![], lanes, num_envs, memory: 0, lines: 0 };
         for (actuator, spec) in specs.iter().enumerate() {
@@ -99,20 +99,21 @@ impl<S: Scalar> ActuatorPipelines<S> {
         all
     }
 
-    /// Where every delay line is in the memory: its address, and its samples of one number each.
+    /// Delay lines in the memory: the address of each, and its samples of one number each.
     pub fn delay_lines(&self) -> impl Iterator<Item = DelayLine> {
         self.pipelines.iter().filter(|c| c.line > 0).map(|c| DelayLine { at: c.memory, samples: c.line, width: 1 })
     }
 
-    /// Gives the environments `envs` the numbers of `specs`, whose lists have one for all of these or one for each; of actuators without
-    /// an entry they stay. What is remembered stays too.
+    /// Sets the numbers of the environments `envs` from `specs`, whose lists have one for all of these or one for each.
+    ///
+    /// Actuators without an entry keep their numbers. The memory stays.
     pub fn assign(&mut self, specs: &[Option<ActuatorSpec>], envs: &[usize], h: f64) {
         let lanes = self.lanes;
         for pipeline in &mut self.pipelines {
             let Some(spec) = &specs[pipeline.actuator] else { continue };
             for (k, &env) in envs.iter().enumerate() {
                 let (table, lane) = (&mut self.tables[env / lanes][pipeline.table * lanes..], env % lanes);
-                // Lanes that are no environment are as the last one.
+                // Unused lanes have the numbers of the last environment.
                 let alike = if env + 1 == self.num_envs { lane..lanes } else { lane..lane + 1 };
                 for (row, x) in table.chunks_exact_mut(lanes).zip(numbers(spec, k, h)) {
                     row[alike.clone()].fill(S::from_f64(x));
@@ -135,7 +136,7 @@ impl<S: Scalar> ActuatorPipelines<S> {
         self.pipelines.is_empty()
     }
 
-    /// Numbers of the pipelines that act within a step, as they are at its end.
+    /// Loads the numbers that act within a step, as they are at the end of the step.
     pub fn load<R: Real<Scalar = S>>(&self, compiled: &ModelStructure<S>, group: usize, specs: &mut [ActuatorDynamics<R>]) {
         R::vectorize(
             #[inline(always)]
@@ -161,7 +162,7 @@ impl<S: Scalar> ActuatorPipelines<S> {
         )
     }
 
-    /// The same of one lane.
+    /// Numbers of all actuators in one lane.
     pub fn read(&self, compiled: &ModelStructure<S>, group: usize, lane: usize) -> Vec<ActuatorDynamics<f64>> {
         let mut specs = vec![ActuatorDynamics::default(); compiled.actuator_dynamics];
         for pipeline in &self.pipelines {
@@ -181,8 +182,9 @@ impl<S: Scalar> ActuatorPipelines<S> {
         specs
     }
 
-    /// Before a step from the state (q, v): the controls `given` become those of the step, and its pipelines are set. A lane with a control
-    /// that is not finite takes none of them up, and gets NaN, for which its step is refused.
+    /// Advances the pipelines before a step from the state (q, v): converts the controls `given` to those of the step.
+    ///
+    /// If a lane has a control that is not finite, it stores none of its controls and gets NaN, so that its step is rejected.
     #[expect(clippy::too_many_arguments, reason = "what is given, to whom, and what is remembered")]
     pub fn advance<R: Real<Scalar = S>>(
         &self,
@@ -228,7 +230,7 @@ impl<S: Scalar> ActuatorPipelines<S> {
         )
     }
 
-    /// After a step: what the pipelines hand on at its end.
+    /// Writes the outputs of the pipelines at the end of a step.
     pub fn hold_outputs<R: Real<Scalar = S>>(
         &self,
         compiled: &ModelStructure<S>,
@@ -262,16 +264,16 @@ pub(crate) fn any_nonzero(numbers: &[f64]) -> bool {
     numbers.iter().any(|&x| x != 0.0)
 }
 
-/// A delay in steps as whole ones and the rest; a staircase has no values in between.
+/// Whole and fractional part of a delay in steps. With `staircase` the fraction is rounded away.
 fn parts(steps: f64, staircase: bool) -> (usize, f64) {
-    // A delay of a whole number of steps, but for rounding, is one.
+    // A delay within rounding of a whole number of steps counts as that number.
     let near = (steps + 0.5).floor();
     let steps = if (steps - near).abs() < 1e-9 * (1.0 + near) { near } else { steps };
     let whole = if staircase { steps.ceil() } else { steps.floor() };
     (whole as usize, if staircase { 0.0 } else { steps - whole })
 }
 
-/// The table's row of one environment.
+/// Table row of one environment.
 fn numbers(t: &ActuatorSpec, env: usize, h: f64) -> [f64; NUMBERS] {
     let of = |x: &[f64]| x[env % x.len()];
     let (low, high, lag) = (of(&t.low), of(&t.high), of(&t.lag));
@@ -311,14 +313,14 @@ fn get<R: Real>(numbers: &[R::Scalar], at: usize) -> R {
     R::load(&numbers[at * R::LANES..])
 }
 
-/// Writes in some lanes.
+/// Writes numbers in some lanes.
 #[inline(always)]
 fn put<R: Real>(numbers: &mut [R::Scalar], at: usize, lanes: R::Mask, x: R) {
     let old = get::<R>(numbers, at);
     R::select(lanes, x, old).store(&mut numbers[at * R::LANES..]);
 }
 
-/// An effort within its bounds; NaN stays.
+/// Effort within its bounds; a NaN stays.
 #[inline(always)]
 fn bounded<R: Real>(x: R, [low, high]: [R; 2]) -> R {
     R::select(x.eq(x), x.clamp(low, high), x)
@@ -344,7 +346,7 @@ impl ActuatorPipeline {
         self.lag_at() + 2 * usize::from(self.lagged)
     }
 
-    /// Gains of a continuous servo behind its lag: `left` says how much of its past is left.
+    /// Sets the gains of a continuous servo behind its lag. `left` is the fraction of the past deviation that remains.
     #[inline(always)]
     fn set_gains<R: Real>(&self, table: &[R::Scalar], left: Number, dynamics: &mut ActuatorDynamics<R>) {
         let share: R = if self.lagged { R::one() - get::<R>(table, left as usize) } else { R::one() };
@@ -352,7 +354,7 @@ impl ActuatorPipeline {
         dynamics.rate = -(share * get::<R>(table, Number::Kd as usize));
     }
 
-    /// Puts the control into the delay line and takes out what was there before. A part of a step is the mean of a staircase over it.
+    /// Control after the delay line, to which the present control is appended. A fraction of a step is the mean of the staircase over it.
     #[inline(always)]
     fn delayed<R: Real>(&self, table: &[R::Scalar], u: R, taken: R::Mask, start: R::Mask, memory: &mut Memory<R::Scalar>) -> R {
         let line = self.line;
@@ -360,7 +362,7 @@ impl ActuatorPipeline {
         let cursor = (last + 1) % line;
         memory.cursors[self.cursor] = cursor as u32;
         let numbers = &mut memory.numbers;
-        // What is not taken up leaves the last one in force.
+        // Lanes without a new control keep the last one.
         let held = get::<R>(numbers, self.memory + last);
         put(numbers, self.memory + cursor, R::Mask::splat(true), R::select(taken, u, held));
         if start.any() {
@@ -386,7 +388,9 @@ impl ActuatorPipeline {
         R::select(part.gt(R::zero()), new + (old - new) * part, new)
     }
 
-    /// A servo's effort for the set point `u`: as it is held, or, of a continuous one, without what depends on the motion within the step.
+    /// Effort of a servo for the set point `u`.
+    ///
+    /// It is the held effort of a sampled servo. For a continuous servo it is the part that does not depend on the motion within the step.
     #[inline(always)]
     #[expect(clippy::too_many_arguments, reason = "what is given, to whom, and what is remembered")]
     fn follow<R: Real>(
@@ -405,7 +409,7 @@ impl ActuatorPipeline {
         let mut due = taken;
         if servo == Servo::Sampled {
             let (phase, period) = (get::<R>(numbers, at + 1) + R::of(h), number(Number::Period));
-            // Times are sums of steps: what is due to rounding is due.
+            // Times are sums of steps, so the comparison allows for rounding.
             let ripe = phase.ge(period - R::of(1e-6 * h));
             let rest = R::select(ripe, (phase - period).min(R::of(h)), phase);
             put(numbers, at + 1, taken, R::select(start, R::zero(), rest));
@@ -419,7 +423,7 @@ impl ActuatorPipeline {
         let before = R::select(start, R::zero(), get(numbers, at));
         let after = (before + number(Number::Ki) * error).clamp(-most, most);
         let rest = kp * error - number(Number::Kd) * velocity;
-        // Conditional integration (Astrom & Hagglund 2006, section 3.5): what would drive the effort further beyond its bounds is left out.
+        // Conditional integration (Astrom & Hagglund 2006, section 3.5): the integral does not grow while the effort is beyond its bounds.
         let effort = rest + after;
         let winds = effort.gt(number(Number::Most)).and(after.gt(before)).or(effort.lt(number(Number::Least)).and(after.lt(before)));
         let integral = R::select(winds, before, after);
@@ -431,8 +435,10 @@ impl ActuatorPipeline {
         get(numbers, at + 2)
     }
 
-    /// The mean over the step of an effort that goes to `u` by a first-order lag. Behind a continuous servo, `u` is its goal without what
-    /// depends on the motion, and so is what is returned; the effort itself is brought up to the beginning of the step here.
+    /// Mean over the step of an effort that approaches `u` by a first-order lag.
+    ///
+    /// For a continuous servo, `u` and the result exclude the part that depends on the motion. The function also advances the effort to the
+    /// beginning of the step.
     #[inline(always)]
     fn lag<R: Real>(
         &self,

@@ -1,36 +1,36 @@
-//! Actuator dynamics whose numbers are drawn anew, environment by environment.
+//! Resampling of the numbers of actuator dynamics per environment.
 //!
-//! What stages a spec has, and how long its delay line is, is compiled; the numbers of what is there are not.
+//! The stages of a spec and the length of its delay line are compiled. The numbers of the stages can change.
 
 use crate::actuation::pipeline::any_nonzero;
 use crate::model::actuator_spec::ActuatorSpec;
 use crate::model::{ActuatorError, DeviceError, Model, label};
 
-/// The actuator dynamics of a simulation.
+/// Actuator dynamics of a simulation.
 #[derive(Clone, Debug)]
 pub struct ActuatorModels {
-    /// The model as they change it.
+    /// Model as the dynamics change it.
     pub model: Model,
-    /// What was compiled, with what the model gives to them.
+    /// Compiled specs, with the numbers that they take from the model.
     pub specs: Vec<Option<ActuatorSpec>>,
-    /// As they were given, wherever there is a spec.
+    /// Specs as the user gave them.
     made: Vec<Option<ActuatorSpec>>,
-    /// As environments have them of their own.
+    /// Per-environment specs.
     drawn: Option<Vec<Option<ActuatorSpec>>>,
 }
 
-/// Numbers that were checked, for [`ActuatorModels::take`].
+/// Checked numbers, for [`ActuatorModels::take`].
 #[derive(Clone, Debug)]
 pub struct ResampledActuators {
-    /// The environments that get them.
+    /// Environments that get the numbers.
     pub envs: Vec<usize>,
-    /// For these environments alone, with what the model gives to them; `None` leaves a spec as it is.
+    /// Specs of these environments alone, with the numbers from the model; `None` keeps a spec.
     pub specs: Vec<Option<ActuatorSpec>>,
     drawn: Option<Vec<Option<ActuatorSpec>>>,
 }
 
 impl ActuatorModels {
-    /// The trains of a model; see [`ActuatorSpec::fold`].
+    /// Actuator dynamics of a model; see [`ActuatorSpec::fold`].
     ///
     /// # Errors
     /// As [`ActuatorSpec::fold`].
@@ -41,22 +41,24 @@ impl ActuatorModels {
         Ok(Self { model: folded, made: made.collect(), specs, drawn: None })
     }
 
-    /// What environments have of their own.
+    /// Per-environment specs, if any.
     pub fn drawn(&self) -> Option<&[Option<ActuatorSpec>]> {
         self.drawn.as_deref()
     }
 
-    /// Memory of that, bytes.
+    /// Memory of the specs, bytes.
     pub fn bytes(&self) -> usize {
         let mut drawn = self.drawn.clone();
         drawn.iter_mut().flatten().flatten().flat_map(ActuatorSpec::numbers).map(|x| size_of_val(&x[..])).sum()
     }
 
-    /// What comes of other numbers for the environments `envs`: an entry for every actuator, with lists of one number or one for each of
-    /// these; `None` leaves a spec as it is. Without any, they are as they were made.
+    /// Resamples the actuator dynamics of the environments `envs`.
+    ///
+    /// There is an entry for every actuator, with lists of one number or one per environment; `None` keeps a spec. Without any entries all
+    /// are restored.
     ///
     /// # Errors
-    /// What a number may not be, or what the simulation was not made for, with the actuator's name.
+    /// A number out of its range or an unsupported setting, with the actuator's name.
     pub fn resample_actuators(
         &self,
         model: &Model,
@@ -94,24 +96,24 @@ impl ActuatorModels {
         Ok(ResampledActuators { envs: envs.to_vec(), specs: new, drawn: Some(drawn).filter(|_| given.is_some() || envs.len() < num_envs) })
     }
 
-    /// Takes them over.
+    /// Stores the resampled numbers.
     pub fn take(&mut self, resampled: ResampledActuators) {
         self.drawn = resampled.drawn;
     }
 }
 
-/// Numbers of a spec that environments may have of their own.
+/// Numbers of a spec that can differ between environments.
 trait OwnNumbers: Sized {
-    /// All these numbers, in an order that depends on the spec's stages alone.
+    /// Numbers of the spec, in an order that depends on its stages alone.
     fn numbers(&mut self) -> Vec<&mut Vec<f64>>;
 
     /// Spec of some environments.
     fn of(&self, envs: &[usize]) -> Self;
 
-    /// Takes over the numbers of a spec with the same stages, whose lists have one for all of `envs` or one for each.
+    /// Copies the numbers of a spec with the same stages, whose lists have one for all of `envs` or one for each.
     fn assign(&mut self, given: &mut Self, envs: &[usize], num_envs: usize);
 
-    /// Checks that a spec that was `made` for `num_envs` environments can have these numbers in `n` of them.
+    /// Checks that a spec of `num_envs` environments with the stages of `made` can have these numbers in `n` of them.
     fn fits(&self, made: &Self, n: usize, num_envs: usize, h: f64) -> Result<(), DeviceError>;
 }
 

@@ -9,7 +9,8 @@ use crate::dynamics::kinematics::Kinematics;
 use crate::math::spatial::*;
 
 impl<R: Real> ActuatorForces<R> {
-    /// Arms and lengths of actuators on sites, at the configuration of `kinematics`; lengths are those after moving on at `v` for `time`.
+    /// Computes arms and lengths of actuators on sites at the configuration of `kinematics`. Lengths are those after moving with `v` for
+    /// `time`.
     pub fn transmit(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, v: &[R], time: R) {
         if self.lengths.is_empty() {
             return;
@@ -29,7 +30,7 @@ impl<R: Real> ActuatorForces<R> {
         )
     }
 
-    /// a . x along an actuator's moment.
+    /// Product a . x along an actuator's moment.
     #[inline(always)]
     pub(crate) fn along(&self, actuator: &CompiledActuator<R::Scalar>, x: &[R]) -> R {
         let mut sum = R::zero();
@@ -69,7 +70,7 @@ impl<R: Real> ActuatorForces<R> {
         )
     }
 
-    /// Its rate.
+    /// Rate of the length of a site actuator.
     pub fn rate(&self, compiled: &LaneModel<R>, actuator: usize, v: &[R]) -> R {
         R::vectorize(
             #[inline(always)]
@@ -84,8 +85,9 @@ fn pose<R: Real>(kinematics: &Kinematics<R>, place: &Spot<R::Scalar>) -> (V3<R>,
     (kinematics.point(place.frame, splat(place.pos)), mat_mul(&kinematics.mat[place.frame], &splat(place.mat)))
 }
 
-/// Arms of a wrench, into `arms`, and its length: the site's position and rotation vector in the reference's frame times the wrench; 0
-/// without one.
+/// Computes the arms of a wrench into `arms`, and returns its length.
+///
+/// The length is the site's position and rotation vector in the reference's frame times the wrench; 0 without a reference.
 #[inline(always)]
 fn place<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, wrench: &CompiledWrench<R::Scalar>, arms: &mut [R]) -> R {
     let (pos, mat) = pose(kinematics, &wrench.site);

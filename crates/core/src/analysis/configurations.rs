@@ -1,16 +1,16 @@
-//! Configurations of a model as points of a manifold: the one that a displacement leads to, and the displacement between two.
+//! Configurations of a model as points of a manifold: displaced configurations, and displacements between two of them.
 //!
-//! A displacement has the coordinates of velocities, (nv,): positions and angles as they are, and of a ball or free joint the rotation
-//! vector in the body's frame (MuJoCo's `mj_integratePos` and `mj_differentiatePos` over a time of 1).
+//! A displacement has the coordinates of velocities, (nv,). For ball and free joints it has the rotation vector in the body's frame. These
+//! are MuJoCo's `mj_integratePos` and `mj_differentiatePos` over a time of 1.
 
 use crate::error::{Error, check_length};
 use crate::math::spatial::*;
 use crate::model::{JointKind, Model};
 
-/// Length of a quaternion below which it says no orientation.
+/// Length of a quaternion below which it gives no orientation.
 const NO_LENGTH: f64 = 1e-10;
 
-/// Joint (an index in the model) whose quaternion in `q`, (nq,), has no length, if there is one.
+/// Joint (an index in the model) whose quaternion in `q`, (nq,), has no length, if any.
 ///
 /// # Errors
 /// [`Error::Length`] when `q` has more or fewer numbers.
@@ -68,7 +68,7 @@ fn norm_of(q: [f64; 4]) -> f64 {
     q.iter().map(|x| x * x).sum::<f64>().sqrt()
 }
 
-/// Addresses in q and v of all coordinates that are added as they are.
+/// Addresses in q and v of all scalar coordinates.
 fn scalars(model: &Model) -> impl Iterator<Item = (usize, usize)> {
     model.joints.iter().zip(model.joint_addresses()).flat_map(|(joint, (q, v))| {
         let n = match joint.kind {
@@ -80,7 +80,7 @@ fn scalars(model: &Model) -> impl Iterator<Item = (usize, usize)> {
     })
 }
 
-/// Joints with an orientation, and its addresses in q and v.
+/// Joints with an orientation, and their addresses in q and v.
 fn quaternions(model: &Model) -> impl Iterator<Item = (usize, [usize; 2])> {
     model.joints.iter().zip(model.joint_addresses()).enumerate().filter_map(|(i, (joint, (q, v)))| match joint.kind {
         JointKind::Free => Some((i, [q + 3, v + 3])),

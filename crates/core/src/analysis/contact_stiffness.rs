@@ -1,23 +1,24 @@
-//! What the softness of a model's contacts is in newtons and metres.
+//! Stiffness of a model's soft contacts in newtons and metres.
 
 use crate::analysis::inverse_weights::inverse_weights;
 use crate::compile::{CompiledModel, CompiledPair, SoftContactLaw, SoftLaw};
 use crate::model::Model;
 
-/// The contacts of two geoms by MuJoCo's law as springs and dampers.
+/// Spring and damper that are equivalent to the contacts of two geoms by MuJoCo's law.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct EquivalentSpring {
     /// Indices of the geoms, in the order of [`GeomPair`](crate::model::GeomPair).
     pub geoms: [usize; 2],
-    /// Normal force per depth at rest, N/m: of the first touch, and from the depth on at which the impedance is largest.
+    /// Normal force per depth at rest, N/m: at first touch, and at the depth from which on the impedance is largest.
     pub stiffness: [f64; 2],
     /// Normal force per velocity, N s/m, at the same depths.
     pub damping: [f64; 2],
 }
 
-/// Springs and dampers that solref and solimp of every listed pair of geoms amount to at the model's time step: where nothing
-/// accelerates, R f = a_ref is f = -(d k / R) r - (b / R) v, with R = (1 - d) / d times the inverse weight of both bodies (MuJoCo's
-/// documentation, computation chapter). While a contact accelerates, R is an inertia 1 / R besides, which no spring has.
+/// Springs and dampers that are equivalent to solref and solimp of every listed pair of geoms, at the model's time step.
+///
+/// Without acceleration, R f = a_ref gives f = -(d k / R) r - (b / R) v. R is (1 - d) / d times the inverse weight of both bodies (MuJoCo's
+/// documentation, computation chapter). In an accelerating contact R also acts as an inertia 1 / R, which no spring has.
 pub fn equivalent_springs(model: &Model) -> Vec<EquivalentSpring> {
     let mut compiled = CompiledModel::<f64>::new(model);
     let weights = model.soft.inverse_weights.clone().unwrap_or_else(|| inverse_weights(model));

@@ -13,10 +13,10 @@ use crate::model::{MIN_VALUE, Model};
 use crate::options::StepSettings;
 use crate::sensing::{contact_wrenches, motion_of, orientations};
 
-/// What [`Simulation::derive`](crate::Simulation::derive) gives of every environment, in MuJoCo's vocabulary.
+/// Quantity that [`Simulation::derive`](crate::Simulation::derive) computes for every environment, in MuJoCo's vocabulary.
 ///
-/// Poses and velocities are those of the present state, as `mj_forward` leaves them. What a step did is that of the last one, and where
-/// the state was set since, that of the step that would be made from it.
+/// Poses and velocities are those of the present state, as after `mj_forward`. Results of a step are those of the last one. If the state
+/// was set since, they are those of a trial step from it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[non_exhaustive]
 pub enum DerivedQuantity {
@@ -24,7 +24,7 @@ pub enum DerivedQuantity {
     BodyPos,
     /// Orientations of the bodies' frames: (nbody, 4).
     BodyQuat,
-    /// Velocities of the bodies' frames in world axes, m/s: (nbody, 3). Those that the user poses stand still.
+    /// Velocities of the bodies' frames in world axes, m/s: (nbody, 3). Mocap bodies have zero velocity.
     BodyLinVel,
     /// Angular velocities of the bodies in world axes, rad/s: (nbody, 3).
     BodyAngVel,
@@ -36,34 +36,38 @@ pub enum DerivedQuantity {
     GeomPos,
     /// Orientations of the geoms: (ngeom, 4).
     GeomQuat,
-    /// Centres of mass of every body with all that hangs from it, m: (nbody, 3); of nothing but massless bodies that of the body itself.
+    /// Centres of mass of every body with its descendants, m: (nbody, 3). For massless bodies it is that of the body.
     SubtreeCom,
-    /// (v+ - v) / h of the last step, (nv).
+    /// Acceleration (v+ - v) / h of the last step: (nv), m/s^2 or rad/s^2.
     Acceleration,
     /// Forces of the actuators at the present state with the controls in force, before their gears: (nu).
     ActuatorForce,
-    /// The same on the joints, within their bounds: (nv), N or N m.
+    /// Actuator forces on the joints, within their bounds: (nv), N or N m.
     JointActuatorForce,
-    /// Force of all constraints of the last step on the joints, contacts and limits among them: (nv), N or N m.
+    /// Force of all constraints of the last step on the joints, including contacts and limits: (nv), N or N m.
     JointConstraintForce,
-    /// Force (N) and torque (N m) of all contacts of the last step on every body in world axes, the torque about its present centre of
-    /// mass: (nbody, 6).
+    /// Force (N) and torque (N m) of all contacts of the last step on every body, world axes: (nbody, 6).
+    ///
+    /// The torque is about the body's present centre of mass.
     BodyContactForce,
     /// Centres of mass of the bodies, m: (nbody, 3).
     BodyCom,
-    /// Inertias of the bodies about the centre of mass of their tree, world axes: xx, yy, zz, xy, xz, yz in kg m^2, the mass times the
-    /// place of the body's centre of mass in kg m, the mass in kg: (nbody, 10). The world has none.
+    /// Inertias of the bodies about the centre of mass of their tree, world axes: (nbody, 10). The world has none.
+    ///
+    /// Six numbers are xx, yy, zz, xy, xz, yz in kg m^2. Three are the mass times the position of the body's centre of mass in kg m. The
+    /// last is the mass in kg.
     BodyInertia,
-    /// Angular (rad/s) and linear velocities (m/s) of the bodies, the latter of what is at the centre of mass of their tree: (nbody, 6).
+    /// Angular (rad/s) and linear velocities (m/s) of the bodies, the latter at the centre of mass of their tree: (nbody, 6).
     BodyMotion,
-    /// Torques (N m) and forces (N) on the bodies of the contacts that the last step left, about the centre of mass of their tree, world
-    /// axes: (nbody, 6). Where the state was set since there are none.
+    /// Torques (N m) and forces (N) of the last step's contacts on the bodies, world axes: (nbody, 6).
+    ///
+    /// Torques are about the centre of mass of the tree. Zero if the state was set since the last step.
     BodyForce,
     /// Mass matrix without terms that depend on the time step, armature included: (nv, nv), kg, kg m and kg m^2.
     MassMatrix,
     /// Coriolis, centrifugal and gravitational forces: (nv), N or N m.
     BiasForce,
-    /// Acceleration without constraints under the controls in force and what is applied: (nv), m/s^2 or rad/s^2.
+    /// Acceleration without constraints under the controls in force and the applied inputs: (nv), m/s^2 or rad/s^2.
     SmoothAcceleration,
     /// Jacobian of the origin of a body's frame in world axes, linear rows above angular ones: (6, nv).
     BodyJacobian(usize),
@@ -120,7 +124,7 @@ impl DerivedQuantity {
         }
     }
 
-    /// Whether it is of the last step, and where the state was set since of the one that would be made: not of the state alone.
+    /// Whether the quantity depends on the last step, and not on the state alone. If the state was set since, it is that of a trial step.
     pub fn is_of_last_step(self) -> bool {
         matches!(self, Self::Acceleration | Self::JointConstraintForce | Self::BodyContactForce)
     }
@@ -135,26 +139,26 @@ pub(crate) struct Derivation<R: Real> {
     velocity: Vec<V6<R>>,
     /// Mass of every subtree, kg.
     mass: Vec<R>,
-    /// Centre of mass of every body, and of it with all that hangs from it, m.
+    /// Centre of mass of every body, and of every body with its descendants, m.
     centres: Vec<V3<R>>,
     subtrees: Vec<V3<R>>,
     /// Centre of mass of the tree that each body belongs to, m.
     references: Vec<V3<R>>,
     /// Contact forces of bodies.
     wrenches: Vec<[R; 6]>,
-    /// Mass matrices and the like.
+    /// Workspace of mass matrices and similar quantities.
     dynamics: SmoothDynamics<R>,
-    /// What is known of the present group.
-    known: Known,
-    /// What is derived.
+    /// Quantities of the present group that are already computed.
+    cached: Cached,
+    /// Values of the quantity.
     values: Vec<R>,
-    /// The same, lane-interleaved.
+    /// Values of the quantity, lane-interleaved.
     interleaved: Vec<R::Scalar>,
 }
 
-/// What several quantities of a group share, and which of it was made.
+/// Intermediate results that several quantities of a group share, and which of them are computed.
 #[derive(Clone, Copy, Debug, Default)]
-struct Known {
+struct Cached {
     poses: bool,
     orientations: bool,
     velocities: bool,
@@ -163,9 +167,9 @@ struct Known {
 }
 
 impl<R: Real> Derivation<R> {
-    /// Takes up a group, whose state, inputs and last step are in `s`.
+    /// Begins with a group, whose state, inputs and last step are in `s`.
     pub(crate) fn begin(&mut self, compiled: &LaneModel<R>, s: &mut Workspace<R>) {
-        self.known = Known::default();
+        self.cached = Cached::default();
         self.place_mocap(compiled, s);
     }
 
@@ -189,7 +193,7 @@ impl<R: Real> Derivation<R> {
         }
     }
 
-    /// Puts the mocap frames where the user has them now.
+    /// Places the mocap frames at their present poses.
     fn place_mocap(&mut self, compiled: &LaneModel<R>, s: &mut Workspace<R>) {
         let one = [R::one(), R::zero(), R::zero(), R::zero()];
         self.orientation.resize(compiled.nframe(), one);
@@ -205,7 +209,7 @@ impl<R: Real> Derivation<R> {
         }
     }
 
-    /// Leaves a quantity in `values`.
+    /// Computes a quantity into `values`.
     fn evaluate(&mut self, compiled: &LaneModel<R>, options: &StepSettings, s: &mut Workspace<R>, quantity: DerivedQuantity) {
         use DerivedQuantity as Q;
         let h = R::of(options.timestep);
@@ -231,16 +235,16 @@ impl<R: Real> Derivation<R> {
             }
             _ => {}
         }
-        if !self.known.poses {
+        if !self.cached.poses {
             s.evaluation.kinematics.update(compiled, &s.state.q);
-            self.known.poses = true;
+            self.cached.poses = true;
         }
         let kinematics = &s.evaluation.kinematics;
         match quantity {
             Q::BodyQuat | Q::SiteQuat | Q::GeomQuat => {
-                if !self.known.orientations {
+                if !self.cached.orientations {
                     orientations(compiled, &s.state.q, &mut self.orientation);
-                    self.known.orientations = true;
+                    self.cached.orientations = true;
                 }
                 self.quaternions(compiled, quantity);
             }
@@ -406,10 +410,10 @@ impl<R: Real> Derivation<R> {
 
     /// Velocities of the links.
     fn find_velocities(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, v: &[R]) {
-        if self.known.velocities {
+        if self.cached.velocities {
             return;
         }
-        self.known.velocities = true;
+        self.cached.velocities = true;
         self.velocity.resize(compiled.links.len(), zero());
         let velocity = &mut self.velocity;
         R::vectorize(
@@ -420,18 +424,18 @@ impl<R: Real> Derivation<R> {
 
     /// Centres of mass of the bodies.
     fn find_centres(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>) {
-        if !self.known.centres {
+        if !self.cached.centres {
             centres_of_bodies(compiled, kinematics, &mut self.centres);
-            self.known.centres = true;
+            self.cached.centres = true;
         }
     }
 
-    /// Centres of mass of the bodies, of them with all that hangs from them, and of their trees: a tree begins with a child of the world.
+    /// Centres of mass of the bodies, of the bodies with their descendants, and of their trees. A tree begins with a child of the world.
     fn find_references(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>) {
-        if self.known.references {
+        if self.cached.references {
             return;
         }
-        self.known.references = true;
+        self.cached.references = true;
         self.find_centres(compiled, kinematics);
         self.find_subtrees(compiled);
         self.references.clear();

@@ -1,5 +1,5 @@
-//! Quantities that people ask for outside a step: what is derived from the states of a batch, matrices and energies of one environment,
-//! displacements between configurations, overlaps at the reference pose.
+//! Quantities outside a step: derived quantities of a batch, matrices and energies of one environment, displacements between
+//! configurations, overlaps at the reference pose.
 
 pub mod configurations;
 pub mod contact_stiffness;

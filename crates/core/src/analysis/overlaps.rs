@@ -1,7 +1,7 @@
 //! Overlaps of geoms and violated joint limits at a model's reference pose.
 //!
-//! Bodies of models that were made for soft contact often overlap at the reference pose. Hard contact pushes them apart, so that the robot
-//! moves by itself, or jams. The report names the geoms and a remedy.
+//! Bodies of models for soft contact often overlap at the reference pose. Hard contact pushes them apart, so that the robot moves without
+//! control, or jams. The report names the geoms and a remedy.
 
 use stepper_real::{Mask, Real};
 
@@ -24,17 +24,17 @@ const NOT_CORRECTED: f64 = 1e-5;
 /// Number of lines that the report shows of each kind.
 const SHOWN: usize = 12;
 
-/// A joint outside its range at the reference pose.
+/// Joint outside its range at the reference pose.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct OutOfRange {
     /// Index of the joint in the model.
     pub joint: usize,
-    /// How far, rad or m.
+    /// Amount of the violation, rad or m.
     pub by: f64,
 }
 
-/// Pairs of geoms that overlap by more than 0.01 mm at the reference pose, the deepest first: those that [`exclude`] takes, and those with
-/// the ground.
+/// Pairs of geoms that overlap by more than 0.01 mm at the reference pose, the deepest first: those that [`exclude`] excludes, and those
+/// with the ground.
 pub fn overlaps(model: &Model) -> Vec<Overlap> {
     let compiled: CompiledModel<f64> = CompiledModel::new(model);
     let lanes: LaneModel<f64> = LaneModel::new(&compiled);
@@ -69,8 +69,8 @@ pub fn overlaps(model: &Model) -> Vec<Overlap> {
 /// [`Description::excluded_overlaps`] lists the overlaps. As with SRDF and `<exclude>`, no geoms of the two bodies collide, because other
 /// geoms of them would jam as soon as a joint moves. World geoms are excluded one by one, because the world is not a link.
 ///
-/// Overlaps with the ground stay, because their remedy is another pose: of planes and height fields with anything, and of fixed geoms with
-/// a body that has a free joint.
+/// Overlaps with the ground stay, because their remedy is another pose. These are overlaps of planes and height fields with anything, and
+/// of fixed geoms with a body on a free joint.
 pub fn exclude(model: &Model) -> Model {
     let mut model = model.clone();
     loop {
@@ -125,7 +125,7 @@ pub fn out_of_range(model: &Model) -> Vec<OutOfRange> {
     found
 }
 
-/// [`Model::explain`] with excluded overlaps, large convex hulls, and overlaps and violated limits at the reference pose.
+/// Text of [`Model::explain`] with excluded overlaps, large convex hulls, and overlaps and violated limits at the reference pose.
 pub fn explain(model: &Model) -> String {
     let excluded = model.excluded_overlaps.iter().map(|o| described(o, model)).collect();
     let hulls = model.wide_hulls().iter().map(|h| hull_line(h, model)).collect();
@@ -179,7 +179,7 @@ fn with_remedy(mut lines: Vec<String>, remedy: &str) -> Vec<String> {
     lines
 }
 
-/// The first [`SHOWN`] lines, and the number of the others.
+/// First [`SHOWN`] lines, and the number of the others.
 fn shortened(mut lines: Vec<String>, what: &str) -> Vec<String> {
     let more = lines.len().saturating_sub(SHOWN);
     lines.truncate(SHOWN);

@@ -1,4 +1,4 @@
-//! Quantities of one environment that people ask for outside a step, in f64.
+//! Quantities of one environment outside a step, in f64.
 
 use std::borrow::Cow;
 
@@ -12,10 +12,10 @@ use crate::math::spatial::*;
 use crate::model::JointKind;
 use crate::sensing::orientations;
 
-/// The state of one environment, to ask about.
+/// Snapshot of one environment, for quantities outside a step.
 #[derive(Clone, Debug)]
 pub struct Snapshot<'a> {
-    /// The compiled model with the environment's own parameters.
+    /// Compiled model with the environment's parameters.
     pub(crate) compiled: Cow<'a, LaneModel<f64>>,
     /// Configuration, (nq,).
     pub(crate) q: Vec<f64>,
@@ -23,13 +23,13 @@ pub struct Snapshot<'a> {
     pub(crate) v: Vec<f64>,
     /// Activations, (na,).
     pub(crate) act: Vec<f64>,
-    /// What the user applies.
+    /// Inputs of the user.
     pub(crate) inputs: Inputs<f64>,
     /// Poses of the mocap bodies, position and quaternion each.
     pub(crate) mocap: Vec<([f64; 3], [f64; 4])>,
 }
 
-/// Poses of all bodies at configurations that come one after the other.
+/// Poses of all bodies at a sequence of configurations.
 #[derive(Clone, Debug)]
 pub(crate) struct BodyPoses<'a> {
     compiled: &'a LaneModel<f64>,
@@ -43,7 +43,7 @@ impl<'a> BodyPoses<'a> {
         Self { compiled, kinematics: Kinematics::new(compiled), orientation: vec![[1.0, 0.0, 0.0, 0.0]; compiled.nframe()] }
     }
 
-    /// Position (m) and orientation of every body at the configuration `q`, with the mocap bodies at poses that the user gave.
+    /// Position (m) and orientation of every body at the configuration `q`, with the mocap bodies at the poses of the user.
     pub(crate) fn at(
         &mut self,
         q: &[f64],
@@ -73,7 +73,7 @@ impl Snapshot<'_> {
         kinematics
     }
 
-    /// The mass matrix, row by row, (nv, nv), armature included.
+    /// Mass matrix, row by row, (nv, nv), armature included.
     pub fn mass_matrix(&self) -> Vec<f64> {
         SmoothDynamics::default().mass_matrix(&self.compiled, &self.kinematics()).to_vec()
     }
@@ -91,7 +91,7 @@ impl Snapshot<'_> {
         SmoothDynamics::default().acceleration(&self.compiled, &self.kinematics(), state, &self.inputs).to_vec()
     }
 
-    /// How far a tendon is beyond the lengths between which its spring is slack; 0 without a spring.
+    /// Elongation of a tendon beyond the lengths between which its spring is slack; 0 without a spring.
     fn stretch(&self, tendon: &CompiledTendon<f64>) -> f64 {
         let length = tendon.length.value(&self.q[..]);
         tendon.spring.as_ref().map_or(0.0, |(_, [low, high])| length - f64::min(f64::max(length, *low), *high))

@@ -1,4 +1,4 @@
-//! Mass matrix, bias force and smooth acceleration as people ask for them outside a step, over lanes.
+//! Mass matrix, bias force and smooth acceleration outside a step, over lanes.
 
 use nalgebra::{DMatrix, DVector};
 use stepper_real::{Real, Scalar};
@@ -12,7 +12,7 @@ use crate::math::spatial::*;
 use crate::stages::s01_actuate::actuate;
 use crate::stages::s02_smooth::Smooth;
 
-/// Requests for the smooth dynamics of some environments, one per lane. The workspace of each is made at its first use.
+/// Smooth dynamics of some environments outside a step, one per lane. Each workspace is allocated at its first use.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct SmoothDynamics<R: Real> {
     inertia: Option<FullMass<R>>,
@@ -21,7 +21,7 @@ pub(crate) struct SmoothDynamics<R: Real> {
 }
 
 impl<R: Real> SmoothDynamics<R> {
-    /// The mass matrix, row by row, (nv, nv), armature and the inertia of tendons included.
+    /// Mass matrix, row by row, (nv, nv), with armature and the inertia of tendons.
     pub(crate) fn mass_matrix(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>) -> &[R] {
         self.inertia.get_or_insert_with(|| FullMass::new(compiled)).assemble(compiled, kinematics)
     }
@@ -58,7 +58,7 @@ impl<R: Real> SmoothDynamics<R> {
     }
 }
 
-/// The mass matrix with all its entries.
+/// Mass matrix with all its entries.
 #[derive(Clone, Debug)]
 struct FullMass<R: Real> {
     mass: MassMatrix<R>,
@@ -117,15 +117,17 @@ impl<R: Real> FreeMotion<R> {
     }
 }
 
-/// Gives the acceleration the inertia of tendons, which the factors of the mass matrix leave to rows of the constraint problem: lane by
-/// lane, as few models have it. `matrix` is the whole mass matrix.
+/// Adds the inertia of tendons to the acceleration. The factors of the mass matrix exclude it, because rows of the constraint problem
+/// contain it.
+///
+/// It works lane by lane, because few models need it. `matrix` is the whole mass matrix.
 #[cold]
 fn add_tendon_inertia<R: Real>(compiled: &LaneModel<R>, matrix: &[R], acceleration: &mut [R]) {
     let nv = compiled.nv;
     for lane in 0..R::LANES {
         let number = |x: &R| x.lane(lane).to_f64();
         let full = DMatrix::from_row_iterator(nv, nv, matrix.iter().map(number));
-        // What the joints' forces are, from the acceleration that they give without that inertia.
+        // Joint forces, from the acceleration that they give without that inertia.
         let free = DVector::from_iterator(nv, acceleration.iter().map(number));
         let mut force = &full * &free;
         for tendon in &compiled.tendons {
@@ -134,7 +136,7 @@ fn add_tendon_inertia<R: Real>(compiled: &LaneModel<R>, matrix: &[R], accelerati
             let along = spring.inertia.to_f64() * terms().map(|(dof, c)| c * free[dof]).sum::<f64>();
             terms().for_each(|(dof, c)| force[dof] -= c * along);
         }
-        // A lane that no environment is in may have no numbers.
+        // An unused lane may contain NaN.
         let Some(factors) = full.cholesky() else { continue };
         for (x, solved) in acceleration.iter_mut().zip(factors.solve(&force).iter()) {
             x.set_lane(lane, Scalar::from_f64(*solved));
@@ -142,7 +144,7 @@ fn add_tendon_inertia<R: Real>(compiled: &LaneModel<R>, matrix: &[R], accelerati
     }
 }
 
-/// Adds what springs and dampers of tendons do to the forces of the joints.
+/// Adds the forces of tendon springs and dampers to the joint forces.
 fn pull_tendons<R: Real>(compiled: &LaneModel<R>, q: &[R], v: &[R], tau: &mut [R]) {
     R::vectorize(
         #[inline(always)]

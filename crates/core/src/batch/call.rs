@@ -1,4 +1,4 @@
-//! One call of `step` or `rollout`, as every group needs to know it.
+//! Call of `step` or `rollout`: its arguments for each group of environments.
 
 use std::ops::Range;
 
@@ -11,75 +11,75 @@ use crate::compile::CompiledModel;
 use crate::options::StepSettings;
 use crate::sensing::errors::Errors;
 
-/// Controls of a call, one after the other, and the steps that each is held; `step` has one control.
+/// Controls of a call, one after the other, and the number of steps with each; `step` has one control.
 #[derive(Clone, Copy, Debug)]
 pub struct Schedule {
     /// Number of controls.
     pub controls: usize,
-    /// Steps to make with each.
+    /// Number of steps with each control.
     pub nstep: usize,
 }
 
 impl Schedule {
-    /// Steps of all controls together.
+    /// Number of steps of all controls together.
     pub fn steps(self) -> usize {
         self.controls.saturating_mul(self.nstep)
     }
 }
 
-/// One call of `step` or `rollout` for all environments: what every group needs to know.
+/// Arguments of one call of `step` or `rollout` for all environments.
 #[derive(Clone, Copy, Debug)]
 pub struct Call<'a, S: Scalar> {
-    /// The compiled model.
+    /// Compiled model.
     pub compiled: &'a CompiledModel<S>,
-    /// Settings.
+    /// Settings of a step.
     pub settings: &'a StepSettings,
     /// Number of environments.
     pub num_envs: usize,
     /// Controls and steps.
     pub schedule: Schedule,
-    /// What the user says, environment-major. Controls are (controls, num_envs, nu), or (controls, nu) for all; an empty slice is no
-    /// control, no force, or the model's poses.
+    /// Inputs of the user, environment-major. Controls are (controls, num_envs, nu), or (controls, nu) for all environments. An empty slice
+    /// means zero controls, zero forces, or the mocap poses of the model.
     pub inputs: StepInputs<'a>,
-    /// The steps of the call that are made now.
+    /// Steps of the call that this part makes.
     pub part: Part,
-    /// What sensors that are not ideal make of the truth.
+    /// Error models of the sensors; none where all sensors are ideal.
     pub sensor_errors: Option<&'a Errors<S>>,
-    /// Parameters that environments have of their own.
+    /// Per-environment parameter overrides.
     pub overrides: &'a ParameterOverrides<S>,
     /// Actuator dynamics between controls and forces.
     pub pipelines: Option<&'a ActuatorPipelines<S>>,
 }
 
-/// Which readings are asked for.
+/// Query for readings of some environments.
 #[derive(Debug)]
 pub struct Query<'a> {
-    /// Those of ideal sensors.
+    /// True readings of ideal sensors.
     pub truth: bool,
-    /// Where they go: a row for every environment of the group.
+    /// Output array: a row for every environment of the group.
     pub out: &'a mut [f64],
 }
 
-/// Some steps of a call, which follow one another. The parts of a call make the bits of the whole.
+/// Consecutive steps of a call. The parts of a call give the same bits as the whole.
 #[derive(Clone, Copy, Debug)]
 pub struct Part {
-    /// The first of them, counted over all controls.
+    /// First step, counted over all controls.
     pub from: usize,
-    /// The first after them.
+    /// End of the range: the first step after it.
     pub to: usize,
-    /// Time of the call before them, s.
+    /// Time of the call before these steps, s.
     pub elapsed: f64,
-    /// Whether no other part follows.
+    /// Whether this is the last part.
     pub ends: bool,
 }
 
 impl Part {
-    /// All of so many steps.
+    /// Range of all steps of a call with `steps` steps.
     pub fn whole(steps: usize) -> Self {
         Self { from: 0, to: steps, elapsed: 0.0, ends: true }
     }
 
-    /// The controls that have steps of it, all of them where a control has no step.
+    /// Range of controls with steps in this part; all controls if a control has no steps.
     pub(super) fn controls(&self, schedule: Schedule) -> Range<usize> {
         match schedule.nstep {
             0 => 0..schedule.controls,
@@ -88,7 +88,7 @@ impl Part {
         }
     }
 
-    /// The steps of it that a control has, as places among the control's own.
+    /// Range of the steps of a control in this part, counted from the control's first step.
     pub(super) fn steps_of(&self, control: usize, schedule: Schedule) -> Range<usize> {
         let before = control * schedule.nstep;
         self.from.saturating_sub(before)..(self.to - before).min(schedule.nstep)

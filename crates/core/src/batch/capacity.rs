@@ -1,4 +1,4 @@
-//! Room that a batch needs: contacts that an environment can hold, and memory.
+//! Capacity of a batch: contacts per environment, and memory.
 
 use stepper_real::Level;
 
@@ -19,11 +19,12 @@ pub(super) fn bytes_per_env<S: LaneScalar>(compiled: &CompiledModel<S>, max_cont
     group.bytes().div_ceil(S::SAVED)
 }
 
-/// Memory that is asked for besides what environments keep, bytes each: indices, and what a list of many parts costs.
+/// Memory per environment in addition to its state, bytes: indices and the overhead of lists.
 const BESIDES: usize = 64;
 
-/// Whether there is memory for environments that keep so many bytes each. It is asked for at once and given back: an allocation that fails
-/// piece by piece would end the process.
+/// Whether there is enough memory for `num_envs` environments of `bytes_per_env` bytes each.
+///
+/// It allocates the whole at once and frees it. An allocation that fails later, piece by piece, would end the process.
 pub(super) fn check_memory(num_envs: usize, bytes_per_env: usize) -> Result<(), Error> {
     let fails = |all: usize| Vec::<u8>::new().try_reserve_exact(all).is_err();
     match num_envs > 1 && num_envs.checked_mul(bytes_per_env + BESIDES).is_none_or(fails) {
@@ -32,12 +33,12 @@ pub(super) fn check_memory(num_envs: usize, bytes_per_env: usize) -> Result<(), 
     }
 }
 
-/// Number of contacts that an environment has capacity for: what the options say; else all that can exist, up to 16 and some for each body,
-/// and up to twice what the model's own states have.
+/// Contact capacity of an environment: the number in the options, else an estimate.
 ///
-/// A link of a robot has four. A floating body has what a heap of its like brings it: half of the twelve balls that fit around a ball, or
-/// of the six faces of a box in a wall with four points each. Mechanisms whose parts lie on one another (a puzzle, a gripper of many
-/// meshes) have more all the time, and have them in their reset state or a keyframe.
+/// The estimate is the number of contacts that can exist, with an upper bound. The bound is the larger of two numbers: 16 plus some per
+/// body, and twice the number in the model's stored states. A link of a robot counts four. A floating body counts as a body in a heap. That
+/// is half of the twelve balls around a ball, or of the six faces of a box with four points each. Mechanisms whose parts lie on one another
+/// (a puzzle, a gripper of many meshes) have more contacts in their reset state or a keyframe.
 pub(super) fn contact_capacity<S: LaneScalar>(model: &Model, compiled: &CompiledModel<S>, settings: &StepSettings, level: Level) -> usize {
     if let Some(n) = settings.max_contacts {
         return (n as usize).min(compiled.contact_points);
@@ -59,7 +60,7 @@ pub(super) fn contact_capacity<S: LaneScalar>(model: &Model, compiled: &Compiled
     capacity.max(2 * contacts_at_start(model, compiled, settings, capacity, level)).min(compiled.contact_points)
 }
 
-/// The most contacts that a step finds from the reset state or a keyframe; there may be more than `capacity`.
+/// Largest number of contacts in a step from the reset state or a keyframe; it may exceed `capacity`.
 fn contacts_at_start<S: LaneScalar>(
     model: &Model,
     compiled: &CompiledModel<S>,
@@ -97,7 +98,7 @@ fn contacts_at_start<S: LaneScalar>(
             if group.status[0] & Status::CONTACTS_FULL.bits() == 0 || capacity == compiled.contact_points {
                 break;
             }
-            // There is capacity for all that are found, also for those that others make redundant afterwards.
+            // The capacity includes contacts that the reduction of redundant contacts removes later.
             most = most.max(capacity);
             capacity = (2 * capacity).min(compiled.contact_points);
             worker = make(capacity);

@@ -1,4 +1,4 @@
-//! What is given to a batch besides its state: sensor and actuator models, and parameters of single environments.
+//! Configuration of a batch besides its state: sensor and actuator models, and per-environment parameters.
 
 use crate::actuation::{ActuatorPipelines, ActuatorSpec, memory};
 use crate::batch::capacity::{bytes_per_env, check_memory};
@@ -14,28 +14,29 @@ use crate::sensing::errors::{Errors, Transfer};
 pub trait Configuration {
     /// Settings in force.
     fn settings(&self) -> &StepSettings;
-    /// The same, to be changed by tests.
+    /// Settings of a step, for tests that change them.
     #[cfg(feature = "internals")]
     fn settings_mut(&mut self) -> &mut StepSettings;
-    /// Gives the sensors transfer functions, `None` to ideal ones.
+    /// Sets the transfer functions of the sensors, `None` for ideal ones.
     ///
     /// # Errors
     /// [`Error::Sensor`] for a number out of its range, [`Error::Memory`].
     fn set_sensor_models(&mut self, model: &Model, transfers: &[Option<Transfer>]) -> Result<(), Error>;
-    /// Gives the actuators dynamics, `None` to those without; the model and the specs are what [`ActuatorSpec::fold`] returned. All
-    /// environments are new then.
+    /// Sets the actuator dynamics, `None` for actuators without. Resets all environments.
+    ///
+    /// The model and the specs are the results of [`ActuatorSpec::fold`].
     ///
     /// # Errors
     /// [`Error::Memory`].
     fn set_actuator_models(&mut self, model: &Model, specs: &[Option<ActuatorSpec>]) -> Result<(), Error>;
-    /// Gives the environments `envs` other numbers of their actuator dynamics: lists of one, or one for each of these; `None` leaves an
-    /// actuator as it is.
+    /// Sets the numbers of the actuator dynamics in the environments `envs`: lists of one, or one for each of these. `None` keeps an
+    /// actuator.
     fn resample_actuators(&mut self, specs: &[Option<ActuatorSpec>], envs: &[usize]);
-    /// Gives environments parameters that differ from the model's.
+    /// Sets per-environment parameters that differ from the model's.
     fn override_parameters(&mut self, envs: &[usize], differences: &[Differences]);
-    /// Takes the parameters of all environments back.
+    /// Restores the model's parameters in all environments.
     fn clear_overrides(&mut self);
-    /// Memory of those parameters and of the numbers of actuator dynamics, bytes.
+    /// Memory of per-environment parameters and of the numbers of actuator dynamics, bytes.
     fn parameter_bytes(&self) -> usize;
 }
 
@@ -92,7 +93,7 @@ impl<S: LaneScalar> Configuration for Batch<S> {
 
     fn clear_overrides(&mut self) {
         self.overrides = ParameterOverrides::default();
-        // Workers still have what they read last.
+        // Idle workers still hold their last readings.
         self.workers.idle_workers().clear();
     }
 

@@ -1,4 +1,4 @@
-//! A batch of environments whatever its precision: what a simulation asks of it.
+//! Batch of environments, independent of its precision: the interface that a simulation uses.
 
 use crate::batch::configuration::Configuration;
 use crate::batch::environments::{Batch, Environments};
@@ -7,10 +7,9 @@ use crate::batch::saving::Saving;
 use crate::batch::stepping::BatchCalls;
 use crate::batch::worker::LaneScalar;
 
-/// A batch, whatever its precision: steps, rays, what is given to all environments, one environment's state, and
-/// states as bytes.
+/// Batch of environments of any precision: steps, rays, configuration, the state of one environment, and states as bytes.
 pub trait Engine: BatchCalls + Configuration + Environments + RayCalls + Saving + Send + Sync {
-    /// A copy of the batch, with workers and threads of its own.
+    /// Copy of the batch, with separate workers and threads.
     fn boxed_clone(&self) -> Box<dyn Engine>;
 }
 

@@ -19,26 +19,26 @@ use crate::options::{ContactLaw, Integrator, StepSettings};
 use crate::sensing::errors::Errors;
 use crate::stages::s10_record::Status;
 
-/// What became of the last call in one environment.
+/// Outcome of the last call in one environment.
 #[derive(Clone, Copy, Debug)]
 pub struct Outcome {
-    /// Flags of all its steps.
+    /// Flags of all steps of the environment.
     pub status: Status,
-    /// Residual of its last step, m/s.
+    /// Residual of the last step, m/s.
     pub residual: f64,
-    /// Sweeps of its last step.
+    /// Sweeps of the last step.
     pub sweeps: f64,
-    /// Newton steps of its last step, over all islands of bodies.
+    /// Newton steps of the last step, over all islands of bodies.
     pub newton_steps: f64,
-    /// Deepest overlap of a contact beyond its margin, m.
+    /// Largest overlap of a contact beyond its margin, m.
     pub depth: f64,
-    /// Farthest that a joint or tendon was beyond its range, rad or m.
+    /// Largest distance of a joint or tendon beyond its range, rad or m.
     pub overshoot: f64,
     /// Largest position error of an equality, m or rad.
     pub equality_violation: f64,
 }
 
-/// The state of one environment of a batch, to be read and written.
+/// Access to the state of one environment of a batch.
 pub trait Environments {
     /// Copies a field out.
     fn read(&self, field: Field, env: usize, out: &mut [f64]);
@@ -48,25 +48,25 @@ pub trait Environments {
     fn time(&self, env: usize) -> f64;
     /// Sets the time, s.
     fn set_time(&mut self, env: usize, time: f64);
-    /// What became of the last call.
+    /// Outcome of the last call in environment `env`.
     fn outcome(&self, env: usize) -> Outcome;
     /// Contacts of the last step: geoms of the model and the numbers.
     fn contacts(&self, env: usize) -> Vec<([usize; 2], StoredContact)>;
-    /// Readings that were clipped and samples that were lost in the last call: two numbers for every sensor of the model.
+    /// Number of clipped readings and of lost samples in the last call, for every sensor of the model.
     fn sensor_faults(&self, env: usize, out: &mut [[u32; 2]]);
     /// Steps of the last call in which the effort of each actuator was cut to its bounds.
     fn actuator_saturation(&self, env: usize, out: &mut [u32]);
-    /// Worst row of the last step of the last call that was not solved.
+    /// Worst row of the last unsolved step of the last call.
     fn worst_row(&self, model: &Model, env: usize) -> Option<WorstRow>;
-    /// Controls that actuator dynamics hand on, and the numbers of those that act within a step; `None` where there are no dynamics.
+    /// Outputs of the actuator dynamics: controls, and the numbers of the dynamics within a step; `None` without dynamics.
     fn actuator_outputs(&self, env: usize) -> Option<(Vec<f64>, Vec<ActuatorDynamics<f64>>)>;
-    /// Begins a new episode for random numbers: the next one, or the first one under a new seed.
+    /// Begins a new episode of random numbers: the next one, or the first one under a new seed.
     fn begin_episode(&mut self, env: usize, seed: Option<u64>);
-    /// Says as which environment it draws random numbers.
+    /// Sets the index under which an environment draws random numbers.
     fn set_random_stream(&mut self, env: usize, stream: u32);
     /// Clears warm starts, contacts and outcome, and the memory of sensors and actuator dynamics.
     fn clear_memory(&mut self, env: usize);
-    /// Says that the state was set: sensors of accelerations and forces have no last step to read. All memory stays.
+    /// Marks the state as set: sensors of accelerations and forces have no last step to read. All memory stays.
     fn discard_last_step(&mut self, env: usize);
     /// Sets the controls in force before the first step, for sensors that read actuators.
     fn set_initial_ctrl(&mut self, env: usize, ctrl: &[f64]);
@@ -90,10 +90,10 @@ pub struct Batch<S: LaneScalar> {
 }
 
 impl<S: LaneScalar> Batch<S> {
-    /// `num_envs` environments at the model's reset state. `threads` 0 means all that this process may use.
+    /// Batch of `num_envs` environments at the model's reset state. `threads` 0 selects all that this process may use.
     ///
     /// # Errors
-    /// [`Error::Memory`] when the memory is too small; with `check` only, else the process may end.
+    /// [`Error::Memory`] when the memory is too small. Only with `check`; otherwise the process may end.
     pub fn new(model: &Model, settings: StepSettings, num_envs: usize, threads: usize, level: Level, check: bool) -> Result<Self, Error> {
         let compiled = compile(model, &[], &settings);
         let max_contacts = contact_capacity(model, &compiled, &settings, level);
@@ -103,7 +103,7 @@ impl<S: LaneScalar> Batch<S> {
         let threads = if threads == 0 { std::thread::available_parallelism().map_or(1, usize::from) } else { threads };
         let lanes = if num_envs == 1 { S::single(level) } else { S::lanes(&compiled, num_envs, threads, level) };
         let groups = make_groups(model, &compiled, num_envs, lanes, max_contacts);
-        // More threads than groups would have nothing to do.
+        // More threads than groups would be idle.
         let workers = WorkerPool::new(threads.min(groups.len()), lanes, level);
         Ok(Self {
             compiled,
@@ -128,19 +128,19 @@ impl<S: LaneScalar> Batch<S> {
         if self.num_envs == 1 { 1 } else { self.lanes.min(S::SAVED) }
     }
 
-    /// The group and the lane of an environment.
+    /// Group and lane of an environment.
     pub(super) fn lane(&self, env: usize) -> (&Group<S>, usize) {
         (&self.groups[env / self.lanes], env % self.lanes)
     }
 
-    /// The same for writing; makes idle workers forget the state that they have kept, so that they load it again.
+    /// Group and lane of an environment, for writing. Idle workers discard their copy of its state, so that they load it again.
     pub(super) fn lane_mut(&mut self, env: usize) -> (&mut Group<S>, usize) {
         self.workers.idle_workers().iter_mut().for_each(|worker| worker.forget_state());
         (&mut self.groups[env / self.lanes], env % self.lanes)
     }
 }
 
-/// The compiled model for these settings, with actuator dynamics if there are any.
+/// Compiled model for these settings, with actuator dynamics if there are any.
 pub(super) fn compile<S: LaneScalar>(model: &Model, specs: &[Option<ActuatorSpec>], settings: &StepSettings) -> CompiledModel<S> {
     let mut compiled = CompiledModel::with_actuator_specs(model, specs);
     if settings.contact == ContactLaw::Mujoco {
@@ -272,7 +272,7 @@ impl<S: LaneScalar> Environments for Batch<S> {
     }
 
     fn set_initial_ctrl(&mut self, env: usize, ctrl: &[f64]) {
-        // What actuator dynamics make of them is known when they step.
+        // Actuator dynamics determine their outputs at the first step.
         if self.pipelines.is_none() {
             let (group, lane) = self.lane_mut(env);
             let lanes = group.lanes;

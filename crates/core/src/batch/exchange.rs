@@ -1,4 +1,4 @@
-//! What goes from a group's state and a call's arrays into the workspace, and back.
+//! Exchange between the arrays of a call, the state of a group and the workspace.
 
 use stepper_real::{Mask, Real, Scalar};
 
@@ -12,7 +12,7 @@ pub(super) fn store_state<R: Real>(group: &mut Group<R::Scalar>, s: &Workspace<R
     R::vectorize(
         #[inline(always)]
         || {
-            // One by one: pairs in an array would be moved through memory.
+            // One by one, because pairs in an array would go through memory.
             R::store_all(&s.state.q, &mut group.q);
             R::store_all(&s.state.v, &mut group.v);
             R::store_all(&s.state.act, &mut group.act);
@@ -24,7 +24,7 @@ pub(super) fn store_state<R: Real>(group: &mut Group<R::Scalar>, s: &Workspace<R
     )
 }
 
-/// Keeps where the mocap bodies have got to: the end of their trajectories, if all steps of the call were made.
+/// Stores the poses of the mocap bodies: the end of their trajectories, if all steps of the call were made.
 pub(super) fn store_mocap_trajectories<R: Real>(call: &Call<'_, R::Scalar>, group: &mut Group<R::Scalar>, s: &Workspace<R>) {
     if s.inputs.mocap_trajectories.is_empty() {
         return;
@@ -51,7 +51,7 @@ pub(super) fn load_state<R: Real>(group: &Group<R::Scalar>, s: &mut Workspace<R>
     )
 }
 
-/// The part of [`load_state`] that says where the environments are and how they move, and the impulses of scalar rows: without contacts.
+/// Loads positions, velocities and impulses of scalar rows, the part of [`load_state`] without contacts.
 pub(super) fn load_motion<R: Real>(group: &Group<R::Scalar>, s: &mut Workspace<R>) {
     R::vectorize(
         #[inline(always)]
@@ -66,7 +66,7 @@ pub(super) fn load_motion<R: Real>(group: &Group<R::Scalar>, s: &mut Workspace<R
     )
 }
 
-/// Takes up what the user says for the whole call.
+/// Loads the inputs that hold for the whole call.
 pub(super) fn load_inputs<R: Real>(call: &Call<'_, R::Scalar>, group: &Group<R::Scalar>, first: usize, s: &mut Workspace<R>) {
     if let Some(pipelines) = call.pipelines {
         pipelines.load(call.compiled, first / R::LANES, &mut s.inputs.actuator_dynamics);
@@ -112,7 +112,7 @@ fn find_mocap_trajectories<R: Real>(call: &Call<'_, R::Scalar>, group: &Group<R:
     )
 }
 
-/// Takes up control number `control` of the call.
+/// Loads control number `control` of the call.
 pub(super) fn load_control<R: Real>(call: &Call<'_, R::Scalar>, control: usize, first: usize, s: &mut Workspace<R>) {
     let row = call.inputs.ctrl.len() / call.schedule.controls;
     let used = (call.num_envs - first).min(R::LANES);
@@ -120,7 +120,8 @@ pub(super) fn load_control<R: Real>(call: &Call<'_, R::Scalar>, control: usize, 
     gather(&call.inputs.ctrl[control * row..(control + 1) * row], call.compiled.actuators.len(), first, used, out);
 }
 
-/// Rows `first..first + used` of an array with `n` columns, one per lane; a single row is everybody's, an empty array is zero.
+/// Gathers rows `first..first + used` of an array with `n` columns, one per lane. A single row is for all environments, an empty array is
+/// zero.
 fn gather<R: Real>(rows: &[f64], n: usize, first: usize, used: usize, out: &mut [R]) {
     R::vectorize(
         #[inline(always)]

@@ -1,14 +1,14 @@
-//! What a user gives: inputs of a call, fields of the state, rows for many environments.
+//! Inputs of the user: inputs of a call, fields of the state, rows for many environments.
 
 use crate::model::Model;
 
-/// What the user says to a call of step, environment-major. An empty slice says nothing: what is in force stays.
+/// Inputs of a call of `step`, environment-major. An empty slice keeps the input that is in force.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct StepInputs<'a> {
     /// Controls, (num_envs, nu), or (nu) for all: from this call on.
     ///
-    /// A control that is NaN or infinite is no error, since other environments go on. It stays in force like any other: a step that is not
-    /// finite because of it leaves its environment as it is, and flags it [`Status::NON_FINITE`](crate::Status::NON_FINITE).
+    /// A NaN or infinite control is no error, because other environments continue. It stays in force like any other. If a step is not
+    /// finite because of it, its environment keeps its state and the flag [`Status::NON_FINITE`](crate::Status::NON_FINITE).
     pub ctrl: &'a [f64],
     /// Forces on the joints in N or N m, (num_envs, nv): in this call.
     pub qfrc: &'a [f64],
@@ -18,14 +18,14 @@ pub struct StepInputs<'a> {
     pub mocap_pos: &'a [f64],
     /// Orientations of the mocap bodies, (num_envs, nmocap, 4): in this call.
     pub mocap_quat: &'a [f64],
-    /// Equalities that act, (num_envs, neq), 0 for one that does not: in this call.
+    /// Activity of equalities, (num_envs, neq), 0 for an inactive one: in this call.
     pub eq_active: &'a [f64],
-    /// Which environments step, (num_envs): the others stay as they are, to the bit. Nobody reads what is said of them.
+    /// Mask of the environments that step, (num_envs). The others stay as they are, to the bit, and their inputs are not read.
     pub mask: &'a [bool],
 }
 
 impl<'a> StepInputs<'a> {
-    /// All but the controls, in the order of [`AppliedInput::ALL`].
+    /// Inputs without the controls, in the order of [`AppliedInput::ALL`].
     pub(super) fn applied(&self) -> [&'a [f64]; 5] {
         [self.qfrc, self.xfrc, self.mocap_pos, self.mocap_quat, self.eq_active]
     }
@@ -75,12 +75,12 @@ pub enum AppliedInput {
     MocapPos,
     /// Orientations of the mocap bodies, (nmocap, 4).
     MocapQuat,
-    /// Equalities that act, (neq): 1, or 0 for one that does not.
+    /// Activity of equalities, (neq): 1, or 0 for an inactive one.
     EqActive,
 }
 
 impl AppliedInput {
-    /// All of them.
+    /// All applied inputs.
     pub const ALL: [Self; 5] = [Self::QfrcApplied, Self::XfrcApplied, Self::MocapPos, Self::MocapQuat, Self::EqActive];
 
     /// Name in Python and in messages.
@@ -106,7 +106,7 @@ impl AppliedInput {
         }
     }
 
-    /// One environment's part after a reset: no forces, mocap bodies where the model has them, and the model's own equalities.
+    /// Part of one environment after a reset: no forces, mocap bodies at the poses of the model, and the model's activity of equalities.
     pub fn at_reset(self, model: &Model) -> Vec<f64> {
         let mocap = || model.bodies.iter().filter(|b| b.mocap);
         match self {
@@ -118,21 +118,22 @@ impl AppliedInput {
     }
 }
 
-/// What the user applies, in force until it is changed.
+/// Applied inputs, in force until the user changes them.
 #[derive(Clone, Debug, Default)]
 pub(super) struct AppliedInputs {
-    /// In the order of [`AppliedInput::ALL`], (num_envs, ...) each; empty where nothing was ever given.
+    /// Arrays in the order of [`AppliedInput::ALL`], (num_envs, ...) each; empty before the first input.
     arrays: [Vec<f64>; 5],
 }
 
 impl AppliedInputs {
-    /// One array, (num_envs, ...); empty where nothing was ever given.
+    /// Array of an input, (num_envs, ...); empty before the first input.
     pub(super) fn get(&self, input: AppliedInput) -> &[f64] {
         &self.arrays[input as usize]
     }
 
-    /// Replaces one array; no values take back what was applied. Positions and orientations of mocap bodies go together: whoever moves a
-    /// body may leave its orientation alone.
+    /// Replaces one array; an empty one clears the input.
+    ///
+    /// If only positions or only orientations of mocap bodies are given, the others are those of the reset state.
     pub(super) fn set(&mut self, input: AppliedInput, values: &[f64], model: &Model, num_envs: usize) {
         let array = &mut self.arrays[input as usize];
         array.clear();
@@ -146,7 +147,7 @@ impl AppliedInputs {
         }
     }
 
-    /// Puts one environment's part of every array back to what it is after a reset.
+    /// Resets one environment's part of every array.
     pub(super) fn reset(&mut self, env: usize, model: &Model) {
         for input in AppliedInput::ALL {
             let array = &mut self.arrays[input as usize];
@@ -157,17 +158,17 @@ impl AppliedInputs {
         }
     }
 
-    /// What a call reads: what it is given, and what is in force where it is given nothing.
+    /// Inputs of a call: those given, and those in force where none are given.
     pub(super) fn complete<'a>(&'a self, given: &StepInputs<'a>) -> StepInputs<'a> {
         self.complete_with(given, |held| held)
     }
 
-    /// The same for one environment: inputs are those of it alone.
+    /// Inputs of a call for one environment. `given` has the inputs of this environment alone.
     pub(super) fn complete_one<'a>(&'a self, env: usize, num_envs: usize, given: &StepInputs<'a>) -> StepInputs<'a> {
         self.complete_with(given, |held| &held[env * (held.len() / num_envs)..][..held.len() / num_envs])
     }
 
-    /// The same with a part of each array that is in force.
+    /// Inputs of a call, with `part` selecting from each array in force.
     fn complete_with<'a>(&'a self, given: &StepInputs<'a>, part: impl Fn(&'a [f64]) -> &'a [f64]) -> StepInputs<'a> {
         let [qfrc, xfrc, mocap_pos, mocap_quat, eq_active] = &self.arrays;
         let or = |given: &'a [f64], held: &'a [f64]| if given.is_empty() { part(held) } else { given };
@@ -182,14 +183,13 @@ impl AppliedInputs {
         }
     }
 
-    /// Memory that it holds, bytes.
+    /// Memory of the arrays, bytes.
     pub(super) fn bytes(&self) -> usize {
         self.arrays.iter().map(|array| size_of_val(&array[..])).sum()
     }
 }
 
-/// What is to be written to the state of some environments. Of arrays there is a row for every environment of the simulation, of which
-/// theirs are read, or one row for all.
+/// Values to write to the state of some environments. Each array has a row for every environment of the simulation, or one row for all.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct StateRows<'a> {
     /// Configurations, (num_envs, nq) or (nq): m, rad and quaternions, which are normalised.
@@ -202,14 +202,14 @@ pub struct StateRows<'a> {
     pub time: Option<&'a [f64]>,
 }
 
-/// How an episode begins, besides the model's reset state.
+/// Initial state of an episode, based on the reset state of the model.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Episode<'a> {
-    /// A new seed, for all or for each environment of the batch, under which it is the first episode; else it is the next one under the
-    /// old seed.
+    /// New seed, for all or for each environment of the batch, with this as its first episode. `None` starts the next episode under the old
+    /// seed.
     pub seed: Option<&'a [u64]>,
-    /// A keyframe of the model: state, time and controls in force.
+    /// Keyframe of the model: state, time and controls in force.
     pub keyframe: Option<&'a crate::model::Keyframe>,
-    /// What is written over that.
+    /// Values that replace those of the reset state.
     pub rows: StateRows<'a>,
 }

@@ -1,4 +1,5 @@
-//! Many environments of one model: their state, parameters of their own, workers on threads, rollouts, and the simulation that users call.
+//! Many environments of one model: their state, per-environment parameters, workers on threads, rollouts, and the simulation that users
+//! call.
 
 pub mod call;
 mod capacity;

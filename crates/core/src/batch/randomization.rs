@@ -1,7 +1,7 @@
-//! Randomization, environment by environment: parameters that environments have of their own.
+//! Randomization: per-environment parameters.
 //!
-//! It is kept twice: as the fields that the user gave ([`Randomization`]), of which variants of the model are made; and as those numbers of
-//! the compiled model that came out other than the model's ([`ParameterOverrides`]), which is what a step reads.
+//! There are two forms. [`Randomization`] has the fields of the user, from which variants of the model are made. [`ParameterOverrides`] has
+//! the numbers of the compiled model that differ from the model's. A step reads these.
 
 use std::collections::BTreeMap;
 
@@ -10,45 +10,47 @@ use stepper_real::Scalar;
 use crate::compile::{LaneModel, Params};
 use crate::model::{Model, ModelError, Variants};
 
-/// Numbers of a compiled model, by their place in its parameters, that one environment has other than the model.
+/// Numbers of one environment that differ from the compiled model, by their place in its parameters.
 pub type Differences = Vec<(u32, f64)>;
 
-/// Fields of the model that environments have of their own, by name, (num_envs, numbers of the field) each.
+/// Per-environment fields of the model, by name, (num_envs, numbers of the field) each.
 #[derive(Clone, Debug, Default)]
 pub struct Randomization {
     fields: BTreeMap<&'static str, Vec<f64>>,
 }
 
-/// One field for some environments: its name, and rows for all environments, of which theirs are read; `None` for the model's own numbers.
+/// Assignment of one field: its name, and rows for all environments, of which those of the chosen environments are read. `None` restores
+/// the model's numbers.
 pub type Assignment<'a> = (&'static str, Option<&'a [f64]>);
 
 impl Randomization {
-    /// The fields, (num_envs, numbers of the field) each.
+    /// Fields, (num_envs, numbers of the field) each.
     pub fn fields(&self) -> impl Iterator<Item = (&'static str, &[f64])> {
         self.fields.iter().map(|(&name, values)| (name, &values[..]))
     }
 
-    /// Whether all environments have the model's own numbers.
+    /// Whether all environments have the model's numbers.
     pub fn is_empty(&self) -> bool {
         self.fields.is_empty()
     }
 
-    /// Memory that it holds, bytes.
+    /// Memory of the fields, bytes.
     pub fn bytes(&self) -> usize {
         self.fields.values().map(|values| size_of_val(&values[..])).sum()
     }
 
-    /// Whether nothing is left of it when these fields are assigned to `all` environments or to some.
+    /// Whether this assignment, to `all` environments or to some, removes the last per-environment field.
     pub fn ends_with(&self, assigned: &[Assignment<'_>], all: bool) -> bool {
         let taken_back = |name: &&str| all && assigned.iter().any(|(assigned, _)| assigned == name);
         assigned.iter().all(|(_, values)| values.is_none()) && self.fields.keys().all(taken_back)
     }
 
-    /// What the environments `envs` have other than the model when these fields are assigned to them. `with_dynamics` is what actuator
-    /// dynamics make of a model.
+    /// Differences from the compiled model when these fields are assigned to the environments `envs`.
+    ///
+    /// `with_dynamics` applies the actuator dynamics to a model.
     ///
     /// # Errors
-    /// [`ModelError`] of the first variant that is no model or has another structure, with its environment.
+    /// [`ModelError`] of the first variant that is invalid or has another structure, with its environment.
     pub fn differences(
         &self,
         model: &Model,
@@ -72,7 +74,7 @@ impl Randomization {
         envs.iter().map(differences).collect()
     }
 
-    /// Takes the fields over.
+    /// Stores the assigned fields.
     pub fn assign(&mut self, model: &Model, num_envs: usize, assigned: &[Assignment<'_>], envs: &[usize]) {
         for &(name, values) in assigned {
             if values.is_none() && envs.len() == num_envs {
@@ -103,7 +105,7 @@ fn differ(own: &Params<f64>, shared: &Params<f64>) -> Differences {
     both.filter(|(_, (own, shared))| own.to_bits() != shared.to_bits()).map(|(place, (&own, _))| (place, own)).collect()
 }
 
-/// Numbers of the compiled model that environments have of their own: which, and for every group of lanes what they are.
+/// Per-environment numbers of the compiled model: their places, and their values for every group of lanes.
 #[derive(Clone, Debug, Default)]
 pub struct ParameterOverrides<S> {
     /// Places in [`Params`], ascending; the same in all groups.
@@ -113,9 +115,9 @@ pub struct ParameterOverrides<S> {
 }
 
 impl<S: Scalar> ParameterOverrides<S> {
-    /// Gives environments what they have other than the model, and nothing else. Groups have `lanes` lanes.
+    /// Sets the differences of environments from the model, and removes all earlier ones. Groups have `lanes` lanes.
     pub fn assign(&mut self, shared: &Params<S>, groups: usize, lanes: usize, envs: &[usize], differences: &[Differences]) {
-        self.make_room(shared, groups, lanes, differences);
+        self.add_places(shared, groups, lanes, differences);
         if self.places.is_empty() {
             return;
         }
@@ -129,8 +131,8 @@ impl<S: Scalar> ParameterOverrides<S> {
         }
     }
 
-    /// Adds places that are new.
-    fn make_room(&mut self, shared: &Params<S>, groups: usize, lanes: usize, differences: &[Differences]) {
+    /// Adds the places that are new.
+    fn add_places(&mut self, shared: &Params<S>, groups: usize, lanes: usize, differences: &[Differences]) {
         let mut places: Vec<u32> = differences.iter().flatten().map(|d| d.0).chain(self.places.iter().copied()).collect();
         places.sort_unstable();
         places.dedup();
@@ -149,7 +151,7 @@ impl<S: Scalar> ParameterOverrides<S> {
         self.numbers = (0..groups).map(moved).collect();
     }
 
-    /// Memory that it holds, bytes.
+    /// Memory of the overrides, bytes.
     pub fn bytes(&self) -> usize {
         size_of_val(&self.places[..]) + self.numbers.iter().map(|n| size_of_val(&n[..])).sum::<usize>()
     }

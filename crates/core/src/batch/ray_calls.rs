@@ -11,8 +11,9 @@ use crate::error::Error;
 
 /// Rays of all environments.
 pub trait RayCalls {
-    /// Casts rays, whose directions have unit length; `surfaces` has that of every one of their geoms that is no simple shape. Distances
-    /// are in the precision of the lanes.
+    /// Casts rays with directions of unit length, and writes distances in the precision of the lanes.
+    ///
+    /// `surfaces` has the surface of every one of their geoms that is no simple shape.
     ///
     /// # Errors
     /// [`Error::Threads`].

@@ -9,33 +9,32 @@ use crate::math::spatial::*;
 use crate::sensing::{Placed, nearest};
 
 /// Rays of all environments, for [`Simulation::cast_rays`](crate::Simulation::cast_rays). An array has (num_envs, count, 3) numbers, or
-/// (count, 3) that are for all environments.
+/// (count, 3) for all environments.
 #[derive(Clone, Copy, Debug)]
 pub struct RayCast<'a> {
-    /// Where they begin, in the world, m.
+    /// Origins of the rays, world axes, m.
     pub points: &'a [f64],
-    /// Where they go, in world axes, of any length above 0.
+    /// Directions of the rays in world axes, of any length above 0.
     pub directions: &'a [f64],
-    /// Rays of an environment.
+    /// Number of rays of an environment.
     pub count: usize,
-    /// Geoms that they can meet, as indices in the model.
+    /// Geoms that the rays can hit, as indices in the model.
     pub geoms: &'a [usize],
 }
 
-/// The same of a group: what they can meet, with its index in the model.
+/// Ray query of a group: its rays and the geoms that they can hit.
 #[derive(Clone, Copy, Debug)]
 pub struct RayQuery<'a, S> {
-    /// As they were given, the directions of unit length.
+    /// Rays of the query, with directions of unit length.
     pub rays: RayCast<'a>,
     /// Number of environments.
     pub num_envs: usize,
-    /// What the rays can meet.
+    /// Geoms that the rays can hit, with their index in the model.
     pub targets: &'a [(usize, Target<S>)],
 }
 
 impl<S: Scalar> RayQuery<'_, S> {
-    /// Distances (m) and geoms that are met by the rays of the environments from `first` on, as many as there are rows in `distances`:
-    /// -1 for none.
+    /// Distances (m) and geoms of the first hits, for the environments from `first` on, one for each row of `distances`; -1 without a hit.
     pub(super) fn cast<R: Real<Scalar = S>>(
         &self,
         compiled: &LaneModel<R>,
@@ -62,7 +61,7 @@ impl<S: Scalar> RayQuery<'_, S> {
         }
     }
 
-    /// Three numbers of a ray of every environment.
+    /// Gathers three numbers of a ray of every environment.
     fn gather<R: Real<Scalar = S>>(&self, rows: &[f64], ray: usize, first: usize, used: usize) -> V3<R> {
         let shared = rows.len() == 3 * self.rays.count && self.num_envs > 1;
         let mut x = zero::<R, 3>();

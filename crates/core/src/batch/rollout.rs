@@ -1,6 +1,6 @@
-//! A rollout: many controls in one call, and what is written down after each.
+//! Rollout: many controls in one call, with recorded quantities after each.
 //!
-//! A thread keeps its environments for the whole rollout, so they stay in its cache; each thread has its own part of every array.
+//! A thread keeps its environments for the whole rollout, so that they stay in its cache. Each thread has its part of every array.
 
 use stepper_real::{Mask, Real, Scalar};
 
@@ -8,7 +8,7 @@ use crate::integrators::workspace::Workspace;
 use crate::math::precision::Precision;
 use crate::model::Model;
 
-/// What can be written down after a control.
+/// Quantity that a rollout can record after a control.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Quantity {
     /// Configuration, nq.
@@ -22,7 +22,7 @@ pub enum Quantity {
 }
 
 impl Quantity {
-    /// All of them.
+    /// All quantities.
     pub const ALL: [Self; 4] = [Self::Qpos, Self::Qvel, Self::Act, Self::Observation];
 
     /// Name in Python and in messages.
@@ -35,7 +35,7 @@ impl Quantity {
         }
     }
 
-    /// Numbers per environment.
+    /// Numbers of the quantity per environment.
     pub fn width(self, model: &Model) -> usize {
         match self {
             Self::Qpos => model.nq(),
@@ -46,17 +46,17 @@ impl Quantity {
     }
 }
 
-/// An array in the precision of the lanes.
+/// Array in the precision of the lanes.
 #[derive(Debug)]
 pub enum Numbers<'a> {
-    /// 64 bits.
+    /// Array of 64-bit numbers.
     F64(&'a mut [f64]),
-    /// 32 bits.
+    /// Array of 32-bit numbers.
     F32(&'a mut [f32]),
 }
 
 impl Numbers<'_> {
-    /// Scalar type.
+    /// Scalar type of the array.
     pub fn precision(&self) -> Precision {
         match self {
             Self::F64(_) => Precision::F64,
@@ -64,7 +64,7 @@ impl Numbers<'_> {
         }
     }
 
-    /// Number of numbers.
+    /// Length of the array.
     pub fn len(&self) -> usize {
         match self {
             Self::F64(x) => x.len(),
@@ -72,16 +72,16 @@ impl Numbers<'_> {
         }
     }
 
-    /// Whether there is none.
+    /// Whether the array is empty.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
 }
 
-/// Where a rollout is written down.
+/// Output arrays of a rollout.
 #[derive(Debug)]
 pub struct Recording<'a> {
-    /// What, and where to: (controls, num_envs, n) each.
+    /// Recorded quantities and their arrays, (controls, num_envs, n) each.
     pub quantities: Vec<(Quantity, Numbers<'a>)>,
     /// Flags of all steps of a control, as [`Status::bits`](crate::Status::bits): (controls, num_envs).
     pub status: &'a mut [u32],
@@ -89,7 +89,7 @@ pub struct Recording<'a> {
     pub residual: &'a mut [f64],
 }
 
-/// The part of a recording that belongs to some environments that follow one another.
+/// Part of a recording for consecutive environments.
 #[derive(Debug)]
 pub struct Share<'a, S> {
     quantities: Vec<(Quantity, usize, Vec<&'a mut [S]>)>,
@@ -98,7 +98,7 @@ pub struct Share<'a, S> {
 }
 
 impl<'a> Recording<'a> {
-    /// The shares of `size` environments each, the last of what is left. `numbers` takes an array in the precision of the lanes.
+    /// Shares of `size` environments each; the last has the rest. `numbers` returns an array in the precision of the lanes.
     pub fn split<S: Scalar>(self, num_envs: usize, size: usize, numbers: impl Fn(Numbers<'a>) -> &'a mut [S]) -> Vec<Share<'a, S>> {
         let controls = self.status.len() / num_envs;
         let status = parts(self.status, num_envs, size);
@@ -118,7 +118,7 @@ impl<'a> Recording<'a> {
     }
 }
 
-/// Cuts every row of an array into pieces of `size`: the rows' first pieces, then their second ones, and so on.
+/// Splits every row of an array into pieces of `size`: the first pieces of all rows, then their second ones, and so on.
 fn parts<T>(array: &mut [T], row: usize, size: usize) -> Vec<Vec<&mut [T]>> {
     let rows = array.len() / row;
     let mut out: Vec<Vec<&mut [T]>> = (0..row.div_ceil(size)).map(|_| Vec::with_capacity(rows)).collect();
@@ -131,13 +131,13 @@ fn parts<T>(array: &mut [T], row: usize, size: usize) -> Vec<Vec<&mut [T]>> {
 }
 
 impl<S: Scalar> Share<'_, S> {
-    /// Whether a quantity is written down.
+    /// Whether the recording has a quantity.
     pub fn has(&self, quantity: Quantity) -> bool {
         self.quantities.iter().any(|q| q.0 == quantity)
     }
 
-    /// What [`Share::write`] wrote of flags and residuals after control number `call`, of which not all steps were made: leaves the former
-    /// in `status` and returns the latter.
+    /// Reads back the flags and residuals that [`Share::write`] wrote after control number `call`, which was interrupted. Leaves the flags
+    /// in `status` and returns the residuals.
     pub fn resume<R: Real<Scalar = S>>(&self, call: usize, first: usize, alive: R::Mask, status: &mut [u32]) -> R {
         let used = alive.bits().count_ones() as usize;
         status[..used].copy_from_slice(&self.status[call][first..first + used]);
@@ -148,7 +148,7 @@ impl<S: Scalar> Share<'_, S> {
         residual
     }
 
-    /// Writes down the lanes of a group whose first environment is number `first` of the share, after control number `call`.
+    /// Records the lanes of a group whose first environment is number `first` of the share, after control number `call`.
     pub fn write<R: Real<Scalar = S>>(&mut self, call: usize, first: usize, s: &Workspace<R>, readings: &[R], status: &[u32], residual: R) {
         let used = s.alive.bits().count_ones() as usize;
         self.status[call][first..first + used].copy_from_slice(&status[..used]);

@@ -1,12 +1,12 @@
-//! States as bytes: the same state bit for bit, or a clear refusal.
+//! States as bytes, which are restored bit for bit or rejected with an error.
 //!
-//! | bytes | what |
+//! | bytes | content |
 //! |---|---|
-//! | 8 | the bytes that every saved state begins with |
+//! | 8 | magic bytes of a saved state |
 //! | 4 | [`FORMAT_VERSION`], little endian |
 //! | 1 | bytes of a number of the lanes: 8 or 4 |
 //! | 32 | SHA-256 of the model, see [`Model::digest`](crate::Model::digest) |
-//! | 32 | SHA-256 of all the rest: of what is before it and after it |
+//! | 32 | SHA-256 of all other bytes, before and after it |
 //! | rest | payload: environments and controls in force, in postcard's encoding |
 
 use sha2::{Digest, Sha256};
@@ -14,22 +14,22 @@ use sha2::{Digest, Sha256};
 use crate::error::Error;
 use crate::math::precision::Precision;
 
-/// The first bytes of every saved state. The last is no valid UTF-8, and not that of a saved model.
+/// First bytes of every saved state. The last is no valid UTF-8, and differs from that of a saved model.
 const MAGIC: [u8; 8] = *b"stepper\xfe";
 
-/// Version of the format of saved states; changes whenever what survives a step does.
+/// Version of the format of saved states; changes with the content of a state.
 pub const FORMAT_VERSION: u32 = 6;
-/// The oldest that is read: before it, states had no position error of equalities.
+/// Oldest version that can be read: before it, states had no position error of equalities.
 const OLDEST_VERSION: u32 = 6;
 
-/// Where the digest of the model begins.
+/// Offset of the digest of the model.
 const MODEL: usize = 13;
-/// Where that of the rest begins.
+/// Offset of the digest of the rest.
 const CHECK: usize = MODEL + 32;
-/// Where the payload begins.
+/// Offset of the payload.
 const PAYLOAD: usize = CHECK + 32;
 
-/// All that survives a step, of some environments of a model.
+/// Saved state of some environments of a model: all that survives a step.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct SavedState {
     model: [u8; 32],
@@ -47,7 +47,7 @@ impl SavedState {
         self.model
     }
 
-    /// Scalar type of the lanes that it was saved from.
+    /// Scalar type of the lanes that saved it.
     pub fn precision(&self) -> Precision {
         self.precision
     }
@@ -71,13 +71,13 @@ impl SavedState {
         head
     }
 
-    /// The state as bytes, with a checksum, see [`SavedState::from_bytes`].
+    /// State as bytes, with a checksum, see [`SavedState::from_bytes`].
     pub fn to_bytes(&self) -> Vec<u8> {
         let head = self.head();
         [&head[..], &checksum(&head, &self.payload), &self.payload].concat()
     }
 
-    /// The state that [`SavedState::to_bytes`] wrote, bit for bit. Whether it fits a simulation, that says when the state is given to it.
+    /// Reads a state that [`SavedState::to_bytes`] wrote, bit for bit. Restoring it in a simulation checks whether it fits.
     ///
     /// # Errors
     /// [`Error::NotAState`] when the bytes are no state, of another format version, or damaged.

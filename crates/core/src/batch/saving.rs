@@ -13,17 +13,18 @@ use crate::sensing::errors::Errors;
 
 /// States as bytes.
 pub trait Saving {
-    /// All that survives a step, as bytes: `ctrl`, (num_envs, nu), are the controls in force. Of one environment, or of all.
+    /// Saves all that survives a step as bytes, of one environment or of all. `ctrl`, (num_envs, nu), are the controls in force.
     fn save(&self, env: Option<usize>, ctrl: &[f64]) -> Vec<u8>;
-    /// Takes over what [`Saving::save`] wrote, in the environments `envs`: from a state of as many environments as there are each its own,
-    /// from a state of one all the same. Returns the controls in force of the state.
+    /// Restores a state that [`Saving::save`] wrote in the environments `envs`, and returns its controls in force.
+    ///
+    /// A state of as many environments as the batch has goes to the same environments. A state of one environment goes to all of `envs`.
     ///
     /// # Errors
-    /// The first thing that does not fit; nothing is changed then.
+    /// The first mismatch; nothing is changed then.
     fn restore(&mut self, bytes: &[u8], envs: &[usize]) -> Result<Vec<f64>, StateMisfit>;
 }
 
-/// All that survives a step, in groups of one width whatever steps them: 4 `f64` or 8 `f32`, or one environment alone.
+/// All that survives a step, in groups of one width for every level: 4 `f64` or 8 `f32`, or one environment alone.
 #[derive(Serialize, Deserialize)]
 struct SavedGroups<S> {
     num_envs: usize,
@@ -70,7 +71,7 @@ impl<S: LaneScalar> Saving for Batch<S> {
 }
 
 impl<S: LaneScalar> Batch<S> {
-    /// Refuses a state that is none of this batch's.
+    /// Checks that a state fits this batch.
     fn check_saved(&self, saved: &SavedGroups<S>) -> Result<(), StateMisfit> {
         if saved.num_envs != self.num_envs && saved.num_envs != 1 {
             return Err(StateMisfit::NumEnvs { found: saved.num_envs, must: self.num_envs });
@@ -115,11 +116,13 @@ impl<S: LaneScalar> Batch<S> {
         [sensors, self.pipelines.iter().flat_map(ActuatorPipelines::delay_lines).collect()]
     }
 
-    /// Takes over environments one by one. Delay lines turn to where those of this batch are, and what comes from one environment for all
-    /// draws each environment's own random numbers.
+    /// Restores environments one by one.
+    ///
+    /// Delay lines are rotated to the position of this batch. If one environment is restored to several, each draws different random
+    /// numbers.
     fn restore_some(&mut self, saved: &SavedGroups<S>, envs: &[usize]) {
         let lines = self.delay_lines();
-        // All environments step together: the lines of all are at one place.
+        // All environments step together, so that all delay lines are at one position.
         let places = [self.groups[0].sensing.cursors.clone(), self.groups[0].actuation.cursors.clone()];
         let turn = |mut part: Group<S>| {
             let memories =
@@ -173,12 +176,12 @@ mod tests {
         Simulation::new(Arc::new(scene.finish().unwrap()), options, Some(3), Precision::F64, 1).unwrap()
     }
 
-    /// The state of a simulation whose environments have two contacts each, in groups with room for `room` of them.
-    fn touching(sim: &Simulation, room: usize, change: impl Fn(&mut Group<f64>)) -> SavedState {
+    /// State of a simulation whose environments have two contacts each, in groups with a contact capacity of `capacity`.
+    fn touching(sim: &Simulation, capacity: usize, change: impl Fn(&mut Group<f64>)) -> SavedState {
         let state = sim.save_state();
         let mut saved = postcard::from_bytes::<SavedGroups<f64>>(state.payload()).unwrap();
         for group in &mut saved.groups {
-            let (lanes, entries) = (group.lanes, room * group.lanes);
+            let (lanes, entries) = (group.lanes, capacity * group.lanes);
             group.contact_ids.resize(entries, 0);
             group.contact_data.resize(10 * entries, 0.0);
             for lane in (0..lanes).filter(|lane| group.alive >> lane & 1 == 1) {
@@ -192,14 +195,14 @@ mod tests {
     }
 
     #[test]
-    fn a_state_with_room_for_more_contacts_is_the_same() {
+    fn a_state_with_capacity_for_more_contacts_is_the_same() {
         let mut sim = boxes();
-        let [state, older] = [2, 4].map(|room| touching(&sim, room, |_| ()));
+        let [state, older] = [2, 4].map(|capacity| touching(&sim, capacity, |_| ()));
         assert!(older.nbytes() > state.nbytes() + 3 * 2 * 10 * 8);
         for given in [older, state.clone()] {
             sim.restore_state(&given).unwrap();
             assert_eq!(sim.save_state(), state);
-            // That of one environment given to all of them is the same again.
+            // The state of one environment, restored to all of them.
             let one = sim.save_state_of(1);
             sim.restore_state(&one).unwrap();
             assert_eq!(sim.save_state(), state);

@@ -1,4 +1,4 @@
-//! A worker's sensors: their first observation, readings of a whole group at once, and what they read of the last step.
+//! Sensors of a worker: first observations, readings of a whole group, and their inputs from the last step.
 
 use stepper_real::{Mask, Real, Scalar};
 
@@ -29,8 +29,9 @@ pub(super) struct Reader<'a, R: Real, P> {
 }
 
 impl<R: Real, P: Probe> Reader<'_, R, P> {
-    /// Lets the error models begin in the lanes that wait for it. What the user applies is left out of that reading, so that it is the
-    /// same whenever it is made, before a step or by the step itself.
+    /// Starts the error models in the lanes that wait for it.
+    ///
+    /// This reading leaves out the inputs of the user. It is then the same before a step and within a step.
     pub(super) fn begin_observations(&self, group: &mut Group<R::Scalar>, s: &mut Workspace<R>) {
         if let (Some(errors), true) = (self.call.sensor_errors, group.sensing.waiting & group.alive != 0) {
             self.observe_initial_state(errors, group, s);
@@ -68,8 +69,10 @@ impl<R: Real, P: Probe> Reader<'_, R, P> {
         }
     }
 
-    /// Completes the readings after the steps of a control, left in `s.sensors.workspace.truth`: those of the error models where there are
-    /// any, else the true ones, which stage 9 has made unless they are `unread` because no step was made.
+    /// Completes the readings after the steps of a control, in `s.sensors.workspace.truth`.
+    ///
+    /// These are the readings of the error models, if there are any, else the true readings. Stage 9 has computed them unless they are
+    /// `unread` because no step was made.
     pub(super) fn complete_readings(&self, group: &Group<R::Scalar>, s: &mut Workspace<R>, unread: bool) {
         if self.call.sensor_errors.is_some() {
             load_or_zero(&group.sensing.observation, &mut s.sensors.workspace.truth);
@@ -78,28 +81,31 @@ impl<R: Real, P: Probe> Reader<'_, R, P> {
         }
     }
 
-    /// Reads the true sensors of the state in the workspace.
+    /// Reads the ideal sensors at the state in the workspace.
     fn read_truth(&self, s: &mut Workspace<R>) {
         let Workspace { state, inputs, evaluation, velocity, sensors, alive, .. } = s;
         let input = StepInput { compiled: self.compiled, options: self.call.settings, state, inputs, alive: *alive };
         read_sensors(input, &velocity.scalar_impulse, &mut evaluation.kinematics, sensors);
     }
 
-    /// Reads the state of the group. Where no step was made since the state was set, sensors of accelerations and forces read the step that
-    /// would be made from it, which is not kept.
+    /// Reads the sensors at the state of the group.
+    ///
+    /// Without a step since the state was set, sensors of accelerations and forces read a trial step from this state, whose result is
+    /// discarded.
     fn evaluate(&self, group: &Group<R::Scalar>, s: &mut Workspace<R>) {
         let needs = self.call.compiled.sensing.needs;
         load_state(group, s);
         load_inputs(self.call, group, self.first, s);
         s.current = false;
         load_or_zero(&group.sensing.ctrl, &mut s.inputs.ctrl);
-        self.recall_last_step(group, s, needs);
+        self.load_last_step(group, s, needs);
         self.read_truth(s);
     }
 
-    /// Brings what is derived from the state of the group into the workspace: the state, the inputs and controls in force, and with
-    /// `last_step` what the last step did, or the step that would be made where there was none since the state was set; contacts that the
-    /// last step left if `contacts`.
+    /// Loads the group into the workspace to compute derived quantities: the state, the inputs and controls in force.
+    ///
+    /// `last_step` adds the results of the last step, or of a trial step if the state was set since. `contacts` adds the contacts of the
+    /// last step.
     pub(super) fn load_to_derive(&self, group: &Group<R::Scalar>, s: &mut Workspace<R>, last_step: bool, contacts: bool) {
         if last_step {
             load_state(group, s);
@@ -116,13 +122,12 @@ impl<R: Real, P: Probe> Reader<'_, R, P> {
             None => load_control(self.call, 0, self.first, s),
         }
         if last_step {
-            self.recall_last_step(group, s, Needs { step: true, contacts: true, ..Needs::default() });
+            self.load_last_step(group, s, Needs { step: true, contacts: true, ..Needs::default() });
         }
     }
 
-    /// Takes up what is kept of the last step, as far as somebody `needs` it. Lanes whose state was set since make a step, which is not
-    /// kept.
-    fn recall_last_step(&self, group: &Group<R::Scalar>, s: &mut Workspace<R>, needs: Needs) {
+    /// Loads the stored results of the last step that `needs` lists. Lanes whose state was set since make a trial step.
+    fn load_last_step(&self, group: &Group<R::Scalar>, s: &mut Workspace<R>, needs: Needs) {
         load_or_zero(&group.sensing.acceleration, &mut s.sensors.acceleration);
         let fresh = if needs.step { group.sensing.fresh & group.alive } else { 0 };
         if fresh != 0 {
@@ -142,7 +147,7 @@ impl<R: Real, P: Probe> Reader<'_, R, P> {
         }
     }
 
-    /// Makes a step in the lanes `fresh` for what sensors read of it, and takes its state and time back.
+    /// Makes a trial step in the lanes `fresh` for the sensors, and restores their state and time.
     fn make_step_to_read(&self, group: &Group<R::Scalar>, s: &mut Workspace<R>, fresh: u32) {
         let elapsed = s.state.elapsed;
         s.alive = R::Mask::from_bits(fresh);
@@ -157,7 +162,7 @@ impl<R: Real, P: Probe> Reader<'_, R, P> {
     }
 }
 
-/// Remembers what sensors read of the last step.
+/// Stores the results of the last step that sensors read.
 pub(super) fn remember<R: Real>(group: &mut Group<R::Scalar>, s: &Workspace<R>) {
     let memory = &mut group.sensing;
     memory.fresh = 0;
@@ -196,7 +201,7 @@ fn load_or_zero<R: Real>(from: &[R::Scalar], out: &mut [R]) {
     )
 }
 
-/// The contacts of one lane as they are in the state.
+/// Contacts of one lane, as the state has them.
 fn place_contacts<R: Real>(group: &Group<R::Scalar>, lane: usize, out: &mut Contacts<R>) {
     out.count[lane] = group.contact_count[lane] as usize;
     for (k, contact) in group.contacts(lane).enumerate() {

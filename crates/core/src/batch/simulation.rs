@@ -1,4 +1,4 @@
-//! A simulation: a model, its settings and a batch of environments. What the bindings translate.
+//! Simulation: a model, its settings and a batch of environments. The Python bindings translate its interface.
 
 mod calls;
 mod checks;
@@ -39,7 +39,7 @@ use crate::options::{ContactLaw, Integrator, Options, StepSettings};
 
 /// Environments of one model.
 ///
-/// A clone has the same state, parameters and inputs in force, and moves with the same bits; its threads start at its first step.
+/// A clone has the same state, parameters and inputs in force, and gives the same bits. Its threads start at its first step.
 #[derive(Clone)]
 pub struct Simulation {
     model: Arc<Model>,
@@ -51,22 +51,22 @@ pub struct Simulation {
     compiled: OnceLock<LaneModel<f64>>,
     randomization: Randomization,
     actuator_models: Option<ActuatorModels>,
-    /// Controls in force, (num_envs, nu): those of the last step until others are given.
+    /// Controls in force, (num_envs, nu): those of the last step until they are replaced.
     ctrl: Vec<f64>,
     applied: AppliedInputs,
     truth: TrueReadings,
-    /// Those that rays have met so far.
+    /// Surfaces of the geoms that rays have met so far.
     surfaces: RaySurfaces,
-    /// Changes so far of what derived quantities depend on.
+    /// Number of changes so far to the inputs of derived quantities.
     revision: u64,
 }
 
-/// True readings of all sensors, as long as nothing changes that they depend on.
+/// Cached true readings of all sensors, valid while none of their inputs changes.
 #[derive(Clone, Default)]
 struct TrueReadings {
-    known: bool,
+    is_cached: bool,
     readings: Vec<f64>,
-    /// Inputs that the user applied at that time, in the order of [`AppliedInput::ALL`](crate::batch::inputs::AppliedInput::ALL).
+    /// Applied inputs at that time, in the order of [`AppliedInput::ALL`](crate::batch::inputs::AppliedInput::ALL).
     applied: [Vec<f64>; 5],
 }
 
@@ -80,7 +80,7 @@ impl fmt::Debug for Simulation {
 }
 
 impl Simulation {
-    /// One environment in 64 bits at the model's reset state, with default options, on the thread that calls.
+    /// Simulation of one environment in 64 bits at the model's reset state, with default options, on the calling thread.
     ///
     /// # Errors
     /// Those of [`Simulation::new`].
@@ -88,13 +88,14 @@ impl Simulation {
         Self::new(model, Options::default(), None, Precision::F64, 1)
     }
 
-    /// `num_envs` environments at the model's reset state; `None` is a single one. `threads` 0 means all that this process may use.
+    /// Simulation of `num_envs` environments at the model's reset state; `None` is a single one. `threads` 0 selects all that this process
+    /// may use.
     ///
     /// # Errors
-    /// [`Error::Option`] for an option out of its range; [`Error::NoEnvironments`] for `Some(0)`; [`Error::Level`] when the CPU level asked
-    /// for by `STEPPER_CPU_LEVEL` is not there; [`Error::Memory`] when the memory is too small for that many environments; [`Error::Model`]
-    /// for a number that 32 bits cannot hold, in that precision; [`Error::Actuator`] for a delay of an actuator that is too long for the
-    /// time step.
+    /// [`Error::Option`] for an option out of its range; [`Error::NoEnvironments`] for `Some(0)`; [`Error::Level`] when the machine lacks
+    /// the CPU level in `STEPPER_CPU_LEVEL`. [`Error::Memory`] when the memory is too small for that many environments; [`Error::Model`]
+    /// for a number that 32 bits cannot hold, in that precision. [`Error::Actuator`] for an actuator delay that is too long for the time
+    /// step.
     pub fn new(
         model: impl Into<Arc<Model>>,
         options: Options,
@@ -174,12 +175,12 @@ impl Simulation {
         Ok(simulation)
     }
 
-    /// The model.
+    /// Model of the simulation.
     pub fn model(&self) -> &Arc<Model> {
         &self.model
     }
 
-    /// The settings as they were given.
+    /// Options as the user gave them.
     pub fn options(&self) -> &Options {
         &self.options
     }
@@ -189,8 +190,9 @@ impl Simulation {
         self.engine.settings().timestep
     }
 
-    /// Residual at which the solver stops, in force, m/s: that of the options, or [`Precision::tolerance`],
-    /// with MuJoCo's law no more than 0.6 % of what gravity changes of a velocity in a step.
+    /// Residual at which the solver stops, m/s: that of the options, or [`Precision::tolerance`].
+    ///
+    /// With MuJoCo's law it is at most 0.6 % of the velocity that gravity adds in a step.
     pub fn tolerance(&self) -> f64 {
         self.engine.settings().tolerance
     }
@@ -205,48 +207,48 @@ impl Simulation {
         self.num_envs
     }
 
-    /// Threads that step: never more than there are groups of lanes to step.
+    /// Number of threads that step, at most the number of groups of lanes.
     pub fn threads(&self) -> usize {
         self.engine.threads()
     }
 
-    /// Memory of the state of all environments and of readings that are kept, bytes.
+    /// Memory of the state of all environments and of cached readings, bytes.
     pub fn bytes(&self) -> usize {
         let TrueReadings { readings, applied, .. } = &self.truth;
         let kept = readings.len() + applied.iter().map(Vec::len).sum::<usize>();
         self.engine.bytes() + kept * size_of::<f64>()
     }
 
-    /// Memory of what waits for the next step, bytes: controls in force and what the user applies.
+    /// Memory of the inputs of the next step, bytes: controls in force and applied inputs.
     pub fn input_bytes(&self) -> usize {
         size_of_val(&self.ctrl[..]) + self.applied.bytes()
     }
 
-    /// Calls `look` while the workspace of one more thread is there, as the first step makes it for every thread: so that it can be
-    /// measured.
+    /// Calls `look` while the workspace of one more thread exists, as the first step allocates it for every thread. It serves to measure
+    /// that memory.
     pub fn with_worker(&self, mut look: impl FnMut()) {
         self.engine.with_worker(&mut look);
     }
 
-    /// The engine, to be changed: what sensors read may be something else then.
+    /// Engine, mutable. Cached readings are invalidated.
     fn engine_mut(&mut self) -> &mut dyn Engine {
         self.note_change();
         &mut *self.engine
     }
 
-    /// Takes note that readings and derived quantities may be others from now on.
+    /// Invalidates cached readings and derived quantities.
     fn note_change(&mut self) {
-        self.truth.known = false;
+        self.truth.is_cached = false;
         self.revision += 1;
     }
 
-    /// Number that is another after every change of what [`Simulation::derive`] reads: states, parameters, controls in force, and what is
-    /// applied.
+    /// Revision number, which changes with every input of [`Simulation::derive`]: states, parameters, controls in force, and applied
+    /// inputs.
     pub fn revision(&self) -> u64 {
         self.revision
     }
 
-    /// The model as the step reads it, in f64.
+    /// Compiled model in f64.
     fn lane_model(&self) -> &LaneModel<f64> {
         self.compiled.get_or_init(|| {
             LaneModel::new(&match &self.actuator_models {

@@ -12,20 +12,20 @@ use crate::math::lanes::{Target, columns, lane_bits, set_columns, set_lane_bits}
 use crate::sensing::memory::Memory;
 use crate::stages::s10_record::Status;
 
-/// Numbers of a contact that a state keeps: impulse, position, normal, distance.
+/// Numbers of a contact in a state: impulse, position, normal, distance.
 const CONTACT_NUMBERS: usize = 10;
-/// Where the normal begins among them.
+/// Offset of the normal in these numbers.
 const NORMAL: usize = 6;
 
-/// The environments of one group of lanes, lane-interleaved: entry i of lane l is at `i * lanes + l`.
+/// State of the environments of one group of lanes, lane-interleaved: entry i of lane l is at `i * lanes + l`.
 ///
-/// Contact impulses are the warm start of the next step, so they are part of the state; their geometry is kept beside them for whoever
-/// reads contacts. Nothing else survives a step.
+/// Contact impulses are the warm start of the next step, so they are part of the state. The geometry of the contacts is kept with them for
+/// readers of contacts. Nothing else survives a step.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Group<S> {
     /// Lanes of the group.
     pub lanes: usize,
-    /// Lanes that are environments; the others fill up the group and rest.
+    /// Lanes that are environments (bits). The other lanes are unused.
     pub alive: u32,
     /// Configuration, nq per lane.
     pub q: Vec<S>,
@@ -37,7 +37,7 @@ pub struct Group<S> {
     pub scalar_impulse: Vec<S>,
     /// Impulse of all constraints of the last step on the joints, nv per lane.
     pub impulse: Vec<S>,
-    /// Last pose of every mocap body (position, quaternion), 7 per lane; zeros where there is none.
+    /// Last pose of every mocap body (position, quaternion), 7 per lane; zeros before the first.
     pub mocap: Vec<S>,
     /// Number of contacts per lane.
     pub contact_count: Vec<u32>,
@@ -47,13 +47,13 @@ pub struct Group<S> {
     pub contact_data: Vec<S>,
     /// Angular impulses of contact k of lane l, three numbers each; empty when the scene has no torsional or rolling friction.
     pub contact_torque: Vec<S>,
-    /// What is known of pairs of hulls that were near one another in the last step.
+    /// Cached separations of the pairs of hulls that were close to each other in the last step.
     pub separation_cache: SeparationCache,
-    /// s, per lane.
+    /// Simulated time, s, per lane.
     pub time: Vec<f64>,
     /// Flags of the last call, per lane.
     pub status: Vec<u32>,
-    /// Steps of the last call in which the effort of each actuator was cut to its bounds, per lane; empty when none has any.
+    /// Steps of the last call in which the effort of each actuator was cut to its bounds, per lane; empty without bounds.
     pub saturated: Vec<u32>,
     /// Residual of the last step, m/s, per lane.
     pub residual: Vec<S>,
@@ -61,23 +61,23 @@ pub struct Group<S> {
     pub sweeps: Vec<S>,
     /// Newton steps of the last step, per lane.
     pub newton_steps: Vec<S>,
-    /// Worst row of the last step of the last call that was not solved, per lane, as
-    /// [`ConstraintCode`](crate::constraints::worst_row::ConstraintCode) has it.
+    /// Worst row of the last unsolved step of the last call, per lane, as a
+    /// [`ConstraintCode`](crate::constraints::worst_row::ConstraintCode).
     pub worst: Vec<u64>,
-    /// Deepest overlap of the contacts in the last call, m, per lane.
+    /// Largest overlap of the contacts in the last call, m, per lane.
     pub depth: Vec<S>,
-    /// Farthest that a joint or tendon was beyond its range after a step of the last call, rad or m, per lane.
+    /// Largest distance of a joint or tendon beyond its range after a step of the last call, rad or m, per lane.
     pub overshoot: Vec<S>,
     /// Largest position error of an equality after a step of the last call, m or rad, per lane.
     pub equality_violation: Vec<S>,
-    /// What sensors remember.
+    /// Memory of the sensors.
     pub sensing: Memory<S>,
-    /// What actuator dynamics remember.
+    /// Memory of the actuator dynamics.
     pub actuation: actuation::memory::Memory<S>,
 }
 
 impl<S: Scalar> Group<S> {
-    /// A group of environments at the model's reset state, `first` and those after it; `alive` says which lanes are used.
+    /// Group of environments at the model's reset state, `first` and those after it. `alive` has the bits of the lanes in use.
     pub fn new(compiled: &ModelStructure<S>, qpos0: &[S], lanes: usize, alive: u32, first: usize, max_contacts: usize) -> Self {
         let zeros = |n: usize| vec![S::default(); n * lanes];
         Self {
@@ -109,13 +109,13 @@ impl<S: Scalar> Group<S> {
         }
     }
 
-    /// Clears what a lane remembers of its last step: warm starts, contacts, certificate, and the memory of sensors and actuator dynamics.
+    /// Clears a lane's memory of its last step: warm starts, contacts, certificate, and the memory of sensors and actuator dynamics.
     pub fn clear_memory(&mut self, lane: usize) {
         let lanes = self.lanes;
         for numbers in [&mut self.scalar_impulse, &mut self.impulse, &mut self.mocap] {
             numbers.iter_mut().skip(lane).step_by(lanes).for_each(|x| *x = S::default());
         }
-        // What is behind the contacts that there are is read with those of other lanes, and nothing follows from it.
+        // Entries beyond the contacts of a lane are loaded with those of other lanes, but have no effect.
         self.contact_count[lane] = 0;
         self.separation_cache.forget(lane);
         self.status[lane] = Status::OK.bits();
@@ -129,7 +129,7 @@ impl<S: Scalar> Group<S> {
         self.actuation.forget(lane, lanes);
     }
 
-    /// Memory that it holds, bytes.
+    /// Memory of the state, bytes.
     pub fn bytes(&self) -> usize {
         let impulses = [&self.scalar_impulse, &self.impulse, &self.mocap, &self.contact_data, &self.contact_torque];
         let record = [&self.residual, &self.sweeps, &self.newton_steps, &self.depth, &self.overshoot, &self.equality_violation];
@@ -147,7 +147,7 @@ impl<S: Scalar> Group<S> {
             + self.actuation.bytes()
     }
 
-    /// Whether two groups are of the same shape, but for the room that they have for contacts.
+    /// Whether two groups have the same shape, except for their contact capacity.
     pub fn fits(&self, other: &Self) -> bool {
         let sizes = |g: &Self| {
             let impulses = [&g.scalar_impulse, &g.impulse, &g.mocap].map(Vec::len);
@@ -161,7 +161,7 @@ impl<S: Scalar> Group<S> {
             && self.actuation.fits(&other.actuation)
     }
 
-    /// Whether its contacts have all of their numbers, and angular impulses if `rolling` and only then, and are `max_contacts` at most.
+    /// Whether the contacts are complete, with angular impulses only if `rolling`, and at most `max_contacts`.
     pub fn has_whole_contacts(&self, max_contacts: usize, rolling: bool) -> bool {
         let entries = self.contact_ids.len();
         entries.is_multiple_of(self.lanes)
@@ -171,7 +171,7 @@ impl<S: Scalar> Group<S> {
             && self.contact_torque.len() == if rolling { 3 * entries } else { 0 }
     }
 
-    /// The same state in one form only: what nobody can read is zero.
+    /// Canonical form of the state: entries that cannot be read are zero.
     pub fn canonical(mut self) -> Self {
         let lanes = self.lanes;
         for lane in 0..lanes {
@@ -192,13 +192,13 @@ impl<S: Scalar> Group<S> {
         self
     }
 
-    /// Entries of `contact_ids` that the contacts of the environments in lanes `first` to `first + n` are among.
+    /// Number of entries of `contact_ids` that cover the contacts of the lanes `first` to `first + n`.
     fn used_entries(&self, first: usize, n: usize) -> usize {
         let held = (first..first + n).filter(|lane| self.alive >> lane & 1 == 1).map(|lane| self.contact_count[lane] as usize);
         self.lanes * held.max().unwrap_or(0)
     }
 
-    /// The part of it that lanes `first` to `first + n` are, with room for the contacts that there are.
+    /// Part of the group with the lanes `first` to `first + n`, with a capacity for the present contacts.
     pub fn part(&self, first: usize, n: usize) -> Self {
         let lanes = self.lanes;
         let entries = self.used_entries(first, n);
@@ -234,7 +234,7 @@ impl<S: Scalar> Group<S> {
         }
     }
 
-    /// Takes over the lanes of a part in some lanes, of contacts those that there are: what is behind them stays, and nobody can read it.
+    /// Copies the lanes of a part to some lanes. Entries beyond the contacts of a lane stay; they cannot be read.
     pub(crate) fn set_part(&mut self, target: Target, part: &Self) {
         let (lanes, n) = (self.lanes, part.lanes);
         set_lane_bits(&mut self.alive, target, n, part.alive);
@@ -329,20 +329,20 @@ impl<S: Scalar> Group<S> {
     }
 }
 
-/// One contact of one environment.
+/// Contact of one environment in a state.
 #[derive(Clone, Copy, Debug)]
 pub struct StoredContact {
-    /// Identity.
+    /// Identity of the contact.
     pub id: ContactId,
     /// Impulse along normal and tangents, N s.
     pub impulse: [f64; 3],
     /// Angular impulse of torsional and rolling friction about normal and tangents, N m s.
     pub torque: [f64; 3],
-    /// m
+    /// Position, m.
     pub pos: [f64; 3],
-    /// From the first geom to the second.
+    /// Unit normal, from the first geom to the second.
     pub normal: [f64; 3],
-    /// m
+    /// Distance, m.
     pub distance: f64,
 }
 

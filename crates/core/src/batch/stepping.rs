@@ -1,4 +1,4 @@
-//! Calls of a batch: steps, rollouts and readings, on one thread or several, in one go or in parts.
+//! Calls of a batch: steps, rollouts and readings, on one thread or several, as a whole or in parts.
 
 use std::time::Instant;
 
@@ -17,13 +17,15 @@ use crate::math::lanes::{Target, each_of};
 use crate::options::StepSettings;
 use crate::step_derivative::{DerivativeQuery, DerivativeRows};
 
-/// Asked between the parts of a long call, on the thread that calls, whether it is to go on.
+/// Callback of a long call. The calling thread calls it between the parts; false stops the call.
 pub(super) type Watch<'a> = Option<&'a mut dyn FnMut() -> bool>;
 
 /// Calls for all environments.
 pub trait BatchCalls {
-    /// Makes the steps of a schedule, `inputs.ctrl` being (controls, num_envs, nu) or (controls, nu), and writes down what follows each
-    /// control. Returns how many steps were made, the same in every environment: fewer when the watch says so.
+    /// Makes the steps of a schedule and records the quantities after each control. Returns the number of steps made, the same in every
+    /// environment.
+    ///
+    /// `inputs.ctrl` is (controls, num_envs, nu) or (controls, nu). If the watch returns false, fewer steps are made.
     ///
     /// # Errors
     /// [`Error::Threads`]; nothing was done then.
@@ -39,37 +41,38 @@ pub trait BatchCalls {
     /// # Errors
     /// [`Error::Threads`].
     fn read_sensors(&mut self, inputs: &StepInputs<'_>, truth: bool, out: &mut [f64]) -> Result<(), Error>;
-    /// Derives quantities of all environments in one pass, environment-major, to arrays in the precision of the lanes; `inputs` are those
-    /// in force.
+    /// Computes derived quantities of all environments in one pass, environment-major, in the precision of the lanes. `inputs` are those in
+    /// force.
     ///
     /// # Errors
     /// [`Error::Threads`].
     fn derive(&mut self, inputs: &StepInputs<'_>, quantities: Vec<(DerivedQuantity, Numbers<'_>)>) -> Result<(), Error>;
-    /// Differentiates the step from the present state in all environments, implicitly; nothing advances.
+    /// Differentiates the step from the present state in all environments, implicitly. The state stays the same.
     ///
     /// # Errors
     /// [`Error::Threads`].
     fn differentiate(&mut self, inputs: &StepInputs<'_>, query: &DerivativeQuery<'_>, rows: DerivativeRows<'_>) -> Result<(), Error>;
     /// Problem that a step of one environment from the present state would solve, as bytes: see [`stepper_solve::Problem::from_bytes`].
     fn problem(&self, inputs: &StepInputs<'_>, env: usize) -> Vec<u8>;
-    /// Threads that step.
+    /// Number of threads that step.
     fn threads(&self) -> usize;
-    /// Whether so many steps take so short, two or three microseconds, that waking another thread costs more.
+    /// Whether `nstep` steps take at most two or three microseconds, so that waking another thread costs more.
     fn is_brief(&self, nstep: usize) -> bool;
-    /// Calls `look` while the workspace of one more worker is there.
+    /// Calls `look` while the workspace of one more worker exists.
     fn with_worker(&self, look: &mut dyn FnMut());
-    /// Says who makes workers from now on.
+    /// Sets the functions that create workers.
     #[cfg(feature = "internals")]
     fn set_workers(&mut self, makers: &WorkerMakers);
 }
 
-/// Time between two looks at the watch of a long call, s: short beside the patience of somebody who wants it to end, long beside what
-/// sending the groups to the workers again takes.
+/// Time between two calls of the watch in a long call, s. An interrupted user hardly notices it, and sending the groups to the workers
+/// again takes far less.
 const PART: f64 = 0.05;
-/// Lower bound on the time of a step on one thread, per environment and degree of freedom, s. It gives the number of steps of the first
-/// part, before anything was measured; later parts follow the measured rate.
+/// Lower bound on the time of a step on one thread, per environment and degree of freedom, s.
+///
+/// It gives the number of steps of the first part, before any measurement. Later parts follow the measured rate.
 const LEAST_COST: f64 = 5e-8;
-/// Degrees of freedom times environments times steps of a brief call, at most.
+/// Largest product of degrees of freedom, environments and steps of a brief call.
 const BRIEF: usize = 10;
 
 impl<S: LaneScalar> BatchCalls for Batch<S> {
@@ -160,7 +163,7 @@ impl<S: LaneScalar> BatchCalls for Batch<S> {
     }
 
     fn problem(&self, inputs: &StepInputs<'_>, env: usize) -> Vec<u8> {
-        // A copy of the group takes the step, in a worker of its own: what is here stays as it is.
+        // A copy of the group takes the step, in a separate worker. The group stays as it is.
         let (group, lane) = self.lane(env);
         let call = self.call(inputs, Schedule { controls: 1, nstep: 1 }, Part::whole(1));
         self.workers.make_worker(&self.worker_spec()).problem(&call, &mut group.clone(), env - lane, lane)
@@ -206,7 +209,7 @@ impl<S: LaneScalar> Batch<S> {
         !(sensing.cursors.is_empty() && actuation.cursors.is_empty())
     }
 
-    /// Makes steps of all environments and gives those outside the mask their state back: delay lines of all are at one place.
+    /// Makes steps of all environments and restores the state of those outside the mask, because all delay lines share one position.
     #[cold]
     fn step_all_and_restore(&mut self, inputs: &StepInputs<'_>, schedule: Schedule, watch: Watch<'_>) -> Result<usize, Error> {
         let before = self.save(None, inputs.ctrl);
@@ -216,7 +219,7 @@ impl<S: LaneScalar> Batch<S> {
         Ok(steps)
     }
 
-    /// Groups that a worker takes at a time: small chunks even out what some groups cost more than others.
+    /// Number of groups that a worker takes at a time. Small chunks balance groups of different cost.
     pub(super) fn chunk_size(&self) -> usize {
         match self.workers.threads() {
             1 => self.groups.len(),
@@ -229,8 +232,9 @@ impl<S: LaneScalar> Batch<S> {
         ((PART / LEAST_COST) as usize / (self.num_envs * self.compiled.nv.max(1))).max(1)
     }
 
-    /// Makes the steps of a call that somebody watches in parts: every group ends a part before any begins the next, so that all stop at
-    /// one count. Returns the steps made.
+    /// Makes the steps of a watched call in parts. Returns the number of steps made.
+    ///
+    /// Every group ends a part before any group begins the next, so that all stop after the same step.
     #[inline(never)]
     fn run_parts(
         &mut self,
@@ -248,7 +252,7 @@ impl<S: LaneScalar> Batch<S> {
                 return total;
             }
             if !self.compiled.mocap.is_empty() {
-                // The sums that the workers made.
+                // These sums equal those of the workers.
                 (0..steps).for_each(|_| part.elapsed += self.settings.timestep);
             }
             part.from = part.to;
@@ -266,7 +270,7 @@ impl<S: LaneScalar> Batch<S> {
         }
     }
 
-    /// Sends the groups to the workers once, for a part of a call, which `shares` write down chunk by chunk, if there are any.
+    /// Sends the groups to the workers once, for a part of a call. If there are `shares`, the workers record into them chunk by chunk.
     fn run_part(&mut self, inputs: &StepInputs<'_>, schedule: Schedule, part: Part, shares: &mut [Share<'_, S>]) {
         if self.workers.threads() > 1 {
             return self.run_part_on_threads(inputs, schedule, part, shares);
@@ -303,7 +307,7 @@ impl<S: LaneScalar> Batch<S> {
     }
 }
 
-/// Makes the steps of a group, if its environments are among those that step; those that are not keep their state.
+/// Makes the steps of a group. Environments outside the mask keep their state.
 fn run_chosen<S: LaneScalar>(worker: &mut dyn Worker<S>, call: &Call<'_, S>, group: &mut Group<S>, at: GroupPosition<'_, '_, S>) {
     let mask = call.inputs.mask.get(at.first..).unwrap_or_default();
     let others = (0..group.lanes).filter(|&lane| mask.get(lane) == Some(&false)).fold(0, |set, lane| set | 1 << lane) & group.alive;
@@ -317,7 +321,7 @@ fn run_chosen<S: LaneScalar>(worker: &mut dyn Worker<S>, call: &Call<'_, S>, gro
     worker.run(call, group, at);
     let mut moved = others;
     if 2 * others.count_ones() > group.alive.count_ones() {
-        // Fewer lanes are copied the other way round.
+        // The smaller set of lanes is copied.
         std::mem::swap(group, &mut kept);
         moved = group.alive & !others;
     }

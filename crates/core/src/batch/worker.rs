@@ -1,4 +1,4 @@
-//! A worker steps groups of environments on one thread; one kind per lane type, one instantiation per CPU level.
+//! Worker that steps groups of environments on one thread: one kind per lane type, one instantiation per CPU level.
 
 use serde::{Serialize, de::DeserializeOwned};
 #[cfg(not(test))]
@@ -21,17 +21,17 @@ use crate::probe::{NoProbe, Probe, Span};
 use crate::step::step;
 use crate::step_derivative::{DerivativeQuery, DerivativeRows, StepDerivative};
 
-/// A thread's room to work, with the step compiled for its lanes and CPU level.
+/// Workspace of a thread, with the step compiled for its lanes and CPU level.
 pub trait Worker<S: Scalar>: Send {
     /// Makes the steps of `call` in one group.
     fn run(&mut self, call: &Call<'_, S>, group: &mut Group<S>, at: GroupPosition<'_, '_, S>);
     /// Reads the sensors of one group, whose first environment is `first`.
     fn sense(&mut self, call: &Call<'_, S>, group: &mut Group<S>, first: usize, query: Query<'_>);
-    /// Derives some quantities of one group, whose first environment is `first`, environment-major, each to the rows of its `out`.
+    /// Computes derived quantities of one group, whose first environment is `first`, environment-major, each into the rows of its `out`.
     fn derive(&mut self, call: &Call<'_, S>, group: &Group<S>, first: usize, quantities: &[DerivedQuantity], out: &mut [&mut [S]]);
     /// Casts rays of one group, whose first environment is `first`: distances and geoms, a row for every environment.
     fn cast_rays(&mut self, call: &Call<'_, S>, group: &Group<S>, first: usize, query: &RayQuery<'_, S>, rows: (&mut [S], &mut [i32]));
-    /// Problem of one lane as the first solve of the steps of `call` finds it, as bytes; the group is used up.
+    /// Constraint problem of one lane at the first solve of the steps of `call`, as bytes. Overwrites the group.
     fn problem(&mut self, call: &Call<'_, S>, group: &mut Group<S>, first: usize, lane: usize) -> Vec<u8>;
     /// Differentiates a step of `call` of one group, whose first environment is `first`: `query` and `rows` have its environments alone.
     fn differentiate(
@@ -42,74 +42,76 @@ pub trait Worker<S: Scalar>: Send {
         query: &DerivativeQuery<'_>,
         rows: &mut DerivativeRows<'_>,
     );
-    /// Forgets what it has of the state of its last group: somebody else has written to that.
+    /// Discards the worker's copy of the last group's state, because another thread has changed that state.
     fn forget_state(&mut self);
 }
 
-/// How to make a worker.
+/// Parameters of a new worker.
 #[derive(Clone, Copy)]
 pub struct WorkerSpec<'a, S: Scalar> {
-    /// The compiled model.
+    /// Compiled model.
     pub compiled: &'a CompiledModel<S>,
-    /// Settings.
+    /// Settings of a step.
     pub settings: &'a StepSettings,
-    /// Contacts an environment has room for.
+    /// Contact capacity of an environment.
     pub max_contacts: usize,
 }
 
-/// Makes a worker for groups of so many lanes at a CPU level that this machine has.
+/// Function that creates a worker for groups of that many lanes, at a CPU level of this machine.
 pub type MakeWorker<S> = fn(&WorkerSpec<'_, S>, usize, Level) -> Box<dyn Worker<S>>;
 
-/// Who makes workers, in each precision.
+/// Functions that create workers, in each precision.
 #[cfg(feature = "internals")]
 #[derive(Clone, Copy, Debug)]
 pub struct WorkerMakers {
-    /// In 64 bits.
+    /// Function for 64 bits.
     pub f64: MakeWorker<f64>,
-    /// In 32 bits.
+    /// Function for 32 bits.
     pub f32: MakeWorker<f32>,
 }
 
-/// A scalar type with the lanes that step it.
+/// Scalar type with the lanes that step it.
 pub trait LaneScalar: Scalar + Serialize + DeserializeOwned {
-    /// Lanes of a group in which states are saved, whatever steps them: those of the narrowest level.
+    /// Lanes of a group in saved states, for every level: those of the narrowest level.
     const SAVED: usize;
-    /// Lanes of a single environment.
+    /// Number of lanes for a single environment.
     fn single(level: Level) -> usize;
-    /// Lanes of a group of many environments, stepped by so many threads.
+    /// Number of lanes of a group, for `num_envs` environments and `threads` threads.
     fn lanes(compiled: &CompiledModel<Self>, num_envs: usize, threads: usize, level: Level) -> usize;
-    /// A worker for groups of `lanes` lanes at a CPU level that this machine has.
+    /// Worker for groups of `lanes` lanes at a CPU level of this machine.
     fn worker(spec: &WorkerSpec<'_, Self>, lanes: usize, level: Level) -> Box<dyn Worker<Self>>;
-    /// The same with a probe in its steps.
+    /// Worker with a probe in its steps.
     fn probed_worker(spec: &WorkerSpec<'_, Self>, lanes: usize, level: Level, probe: impl Probe) -> Box<dyn Worker<Self>>;
-    /// The one of two makers for this precision.
+    /// Function of `makers` for this precision.
     #[cfg(feature = "internals")]
     fn maker(makers: &WorkerMakers) -> MakeWorker<Self>;
-    /// An array of a recording in this precision.
+    /// Array of a recording in this precision.
     ///
     /// # Panics
     /// When it is of the other; [`Simulation`](crate::Simulation) has checked it.
     fn numbers(array: Numbers<'_>) -> &mut [Self];
 }
 
-/// Where a group is among the environments, and where it writes down what it does.
+/// Position of a group among the environments, and its output arrays.
 #[derive(Debug)]
 pub struct GroupPosition<'a, 'b, S> {
-    /// Its first environment.
+    /// First environment of the group.
     pub first: usize,
-    /// The first environment of the share.
+    /// First environment of the share.
     pub share_first: usize,
-    /// What the group and its neighbours write, if anything.
+    /// Output arrays of the group and its neighbours, if any.
     pub share: Option<&'a mut Share<'b, S>>,
 }
 
-/// Largest mass matrix (entries, 128 bytes each in two registers) with which a step still works in the caches next to the core. Two
-/// registers make dm_control's humanoid (243) 4 to 6 % faster, humanoid_CMU (952) up to 4 % slower.
+/// Largest mass matrix (entries, 128 bytes each in two registers) with which a step still fits the caches next to the core.
+///
+/// Two registers make dm_control's humanoid (243) 4 to 6 % faster, humanoid_CMU (952) up to 4 % slower.
 const MAX_CACHED_ENTRIES: usize = 512;
 
-/// The level's lanes, `n`, or twice as many where that takes less time: with AVX-512 it takes as much as 1.8 times one register, but
-/// twice as much and more where the CPU has units of half the width (docs/benchmarks/performance.md). With the sixteen registers of AVX2 it
-/// would take 2.2 to 2.5 times.
+/// Number of lanes: the level's lanes `n`, or twice as many if that is faster.
+///
+/// With AVX-512 twice the lanes take 1.8 times as long as one register. On CPUs with units of half the width they take at least twice as
+/// long (docs/benchmarks/performance.md). With the sixteen registers of AVX2 they would take 2.2 to 2.5 times as long.
 fn lanes<S: Scalar>(n: usize, compiled: &CompiledModel<S>, num_envs: usize, threads: usize, level: Level) -> usize {
     let groups = |lanes: usize| num_envs.div_ceil(lanes).div_ceil(threads);
     let pays = compiled.chain.len() <= MAX_CACHED_ENTRIES && 9 * groups(2 * n) <= 5 * groups(n);
@@ -144,7 +146,7 @@ impl LaneScalar for f64 {
         }
     }
 
-    // No unit test steps, so that nothing of this is compiled a second time, which would take minutes.
+    // Unit tests make no steps, so that this code is not compiled a second time, which would take minutes.
     #[cfg(test)]
     fn probed_worker(_: &WorkerSpec<'_, f64>, _: usize, _: Level, _: impl Probe) -> Box<dyn Worker<f64>> {
         unimplemented!("unit tests do not step")
@@ -201,7 +203,7 @@ impl LaneScalar for f32 {
     }
 }
 
-/// A worker in the lanes of `R`.
+/// Worker in the lanes of `R`.
 pub fn lane_worker<R: Real>(spec: &WorkerSpec<'_, R::Scalar>, probe: impl Probe) -> Box<dyn Worker<R::Scalar>> {
     let compiled = LaneModel::new(spec.compiled);
     Box::new(LaneWorker {
@@ -215,17 +217,17 @@ pub fn lane_worker<R: Real>(spec: &WorkerSpec<'_, R::Scalar>, probe: impl Probe)
     })
 }
 
-/// Where a worker steps and reads.
+/// Worker of one lane type: its compiled model and workspace.
 struct LaneWorker<R: Real, P: Probe> {
     probe: P,
     workspace: Workspace<R>,
-    /// The compiled model with the parameters of the group that is worked on.
+    /// Compiled model with the parameters of the present group.
     compiled: LaneModel<R>,
     /// Flags of the steps of a control, per lane.
     flags: Vec<u32>,
-    /// Workspace of derived quantities, made with the first.
+    /// Workspace of derived quantities, allocated at first use.
     derivation: Derivation<R>,
-    /// Workspace of derivatives of the step, made with the first.
+    /// Workspace of derivatives of the step, allocated at first use.
     derivative: Option<Box<StepDerivative<R>>>,
     max_contacts: usize,
 }
@@ -280,7 +282,7 @@ impl<R: Real, P: Probe> Worker<R::Scalar> for LaneWorker<R, P> {
         assert_eq!(group.lanes, R::LANES, "a worker reads groups of its own width");
         self.load_overrides(call, first);
         let reader = Reader { call, compiled: &self.compiled, first, probe: self.probe };
-        // What the last step did may take another step, which leaves poses of its own.
+        // Reading the last step may make another step, which changes the poses.
         for of_last_step in [false, true] {
             if quantities.iter().all(|q| q.is_of_last_step() != of_last_step) {
                 continue;
@@ -344,7 +346,7 @@ impl<R: Real, P: Probe> Worker<R::Scalar> for LaneWorker<R, P> {
 }
 
 impl<R: Real, P: Probe> LaneWorker<R, P> {
-    /// Takes up the parameters of the group whose first environment is `first`.
+    /// Loads the parameters of the group whose first environment is `first`.
     fn load_overrides(&mut self, call: &Call<'_, R::Scalar>, first: usize) {
         if let Some(numbers) = call.overrides.numbers.get(first / R::LANES) {
             self.compiled.params.load_lanes(&call.overrides.places, numbers);
@@ -352,7 +354,7 @@ impl<R: Real, P: Probe> LaneWorker<R, P> {
         }
     }
 
-    /// Brings the state of a group and what the user says for the whole call into the workspace.
+    /// Loads the state of a group and the inputs of the call into the workspace.
     fn load(&mut self, call: &Call<'_, R::Scalar>, group: &mut Group<R::Scalar>, first: usize) {
         let s = &mut self.workspace;
         if !s.current {
@@ -366,7 +368,7 @@ impl<R: Real, P: Probe> LaneWorker<R, P> {
         s.evaluation.poses.exchange(&mut group.separation_cache);
     }
 
-    /// Brings the state of a group back.
+    /// Stores the state of a group.
     fn store(&mut self, call: &Call<'_, R::Scalar>, group: &mut Group<R::Scalar>) {
         let s = &mut self.workspace;
         s.evaluation.poses.exchange(&mut group.separation_cache);
@@ -377,12 +379,13 @@ impl<R: Real, P: Probe> LaneWorker<R, P> {
         if call.part.ends && call.part.to > 0 {
             store_mocap_trajectories(call, group, s);
         }
-        // Who has one group alone goes on with it.
+        // A worker with a single group keeps it loaded for the next call.
         s.current = call.num_envs <= R::LANES;
     }
 
-    /// Some steps of one control; adds their flags to those that are there, and returns their largest residual and that given. After the
-    /// last of them the sensors have been read, if so they are to be.
+    /// Makes some steps of one control. Adds their flags to `status`, and returns the largest residual of these steps and the one given.
+    ///
+    /// After the last step the sensors are read if the call requests them.
     fn run_control(
         &mut self,
         call: &Call<'_, R::Scalar>,
@@ -441,14 +444,14 @@ fn count_saturated<R: Real>(compiled: &LaneModel<R>, s: &Workspace<R>, counts: &
     )
 }
 
-/// Clears the counts and flags of the call before.
+/// Clears the counts and flags of the last call.
 fn clear_call_totals<R: Real>(group: &mut Group<R::Scalar>) {
     group.status[..R::LANES].fill(0);
     group.worst[..R::LANES].fill(0);
     group.depth[..R::LANES].fill(R::Scalar::default());
     group.overshoot[..R::LANES].fill(R::Scalar::default());
     group.equality_violation[..R::LANES].fill(R::Scalar::default());
-    // An empty array takes the C library's masked stores a hundred times as long as a short one.
+    // The C library's masked store of an empty array takes a hundred times as long as that of a short one.
     if !group.saturated.is_empty() {
         group.saturated.fill(0);
     }

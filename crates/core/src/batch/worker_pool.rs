@@ -1,4 +1,4 @@
-//! Workers, and the threads that they work on.
+//! Pool of workers, and of the threads that they work on.
 
 use std::sync::Mutex;
 
@@ -7,31 +7,31 @@ use stepper_real::Level;
 use crate::batch::worker::{LaneScalar, MakeWorker, Worker, WorkerSpec};
 use crate::error::Error;
 
-/// Workers and the pool of threads that runs them, made at the first step and again after a fork.
+/// Workers and the pool of threads that runs them, created at the first step and again after a fork.
 pub(super) struct WorkerPool<S: LaneScalar> {
     threads: usize,
     lanes: usize,
     level: Level,
     make: MakeWorker<S>,
     idle: Mutex<Vec<Box<dyn Worker<S>>>>,
-    /// With the process that started its threads.
+    /// Thread pool, with the id of the process that started its threads.
     pool: Option<(u32, rayon::ThreadPool)>,
 }
 
 impl<S: LaneScalar> Clone for WorkerPool<S> {
-    /// A pool for the same work, without workers and threads yet.
+    /// Pool for the same work, without workers and threads yet.
     fn clone(&self) -> Self {
         Self { threads: self.threads, lanes: self.lanes, level: self.level, make: self.make, idle: Mutex::default(), pool: None }
     }
 }
 
 impl<S: LaneScalar> WorkerPool<S> {
-    /// No workers and no threads yet, for groups of `lanes` lanes.
+    /// Pool without workers and threads yet, for groups of `lanes` lanes.
     pub(super) fn new(threads: usize, lanes: usize, level: Level) -> Self {
         Self { threads, lanes, level, make: S::worker, idle: Mutex::new(Vec::new()), pool: None }
     }
 
-    /// Threads that step, the one that calls among them.
+    /// Number of threads that step, including the calling one.
     pub(super) fn threads(&self) -> usize {
         self.threads
     }
@@ -40,20 +40,20 @@ impl<S: LaneScalar> WorkerPool<S> {
         (self.make)(spec, self.lanes, self.level)
     }
 
-    /// Says who makes workers from now on.
+    /// Sets the function that creates workers.
     #[cfg(feature = "internals")]
     pub(super) fn set_maker(&mut self, make: MakeWorker<S>) {
         self.make = make;
         self.idle_workers().clear();
     }
 
-    /// Workers that nobody else can reach meanwhile: there is nothing to lock.
+    /// Idle workers. The exclusive reference replaces a lock.
     pub(super) fn idle_workers(&mut self) -> &mut Vec<Box<dyn Worker<S>>> {
         self.idle.get_mut().expect("a worker panicked")
     }
 
-    /// Starts the threads, one less than are to step: the one that calls is among them. They do not survive a fork: the child starts its
-    /// own.
+    /// Starts the threads: one less than the number that steps, because the calling thread steps too. Threads do not survive a fork; the
+    /// child starts new ones.
     ///
     /// # Errors
     /// [`Error::Threads`] when the system refuses a thread.
@@ -66,14 +66,15 @@ impl<S: LaneScalar> WorkerPool<S> {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(self.threads - 1).thread_name(|i| format!("stepper-{i}")).build();
             let pool = pool.map_err(|e| Error::Threads { threads: self.threads, reason: e.to_string() })?;
             let stale = self.pool.replace((pid, pool));
-            // The parent's threads do not exist here; waiting for them would never end.
+            // The parent's threads do not exist in this process; waiting for them would never end.
             std::mem::forget(stale.filter(|(owner, _)| *owner != pid));
         }
         Ok(())
     }
 
-    /// Lets this thread, and those of the pool if there is one, take chunks whenever they are ready for one, each with a worker. This
-    /// thread need not be woken, and the others join it when they are awake.
+    /// Distributes chunks to this thread, and to those of the pool if there is one, each with a worker.
+    ///
+    /// Every thread takes a chunk when it is ready. This thread starts at once; the others join when they are awake.
     pub(super) fn share_chunks<P: Send>(
         &self,
         spec: &WorkerSpec<'_, S>,

@@ -1,4 +1,4 @@
-//! The worst row of an unsolved step, in the words of the model.
+//! Worst row of an unsolved step, in the words of the model.
 
 use std::fmt;
 
@@ -8,39 +8,40 @@ use crate::compile::CompiledModel;
 use crate::constraints::worst_row::{CodedConstraint, ConstraintCode};
 use crate::model::Model;
 
-/// Constraint that an unsolved step has left with the largest residual. Indices are those of the model.
+/// Constraint with the largest residual of an unsolved step. Indices are those of the model.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum WorstRow {
     /// Contact of two geoms.
     Contact {
-        /// The geoms.
+        /// Geoms of the contact.
         geoms: [usize; 2],
     },
     /// Range of a joint.
     Limit {
-        /// The joint.
+        /// Joint with the range.
         joint: usize,
     },
     /// Dry friction of a joint.
     DryFriction {
-        /// The joint.
+        /// Joint with the friction.
         joint: usize,
     },
-    /// Equality. Hard ones that share a degree of freedom are solved as combinations of their rows, of which this is the last part.
+    /// Equality. Hard equalities that share a degree of freedom are solved as combinations of their rows. Their index is that of the last
+    /// one in the combination.
     Equality {
-        /// The equality.
+        /// Equality of the row.
         equality: usize,
     },
     /// Range, dry friction or spring of a tendon.
     Tendon {
-        /// The tendon.
+        /// Tendon of the row.
         tendon: usize,
     },
 }
 
 impl WorstRow {
-    /// The row of a code, if it names one.
+    /// Row of a code, if any.
     pub(super) fn of_code<S: Scalar>(code: u64, model: &Model, compiled: &CompiledModel<S>) -> Option<Self> {
         let owner = match ConstraintCode(code).constraint()? {
             CodedConstraint::Contact(pair) => {
@@ -68,7 +69,7 @@ impl WorstRow {
         Some(Self::Equality { equality: last.index })
     }
 
-    /// The row in words, with names of the model: `contact of geoms "floor" and "foot"`.
+    /// Description with names of the model: `contact of geoms "floor" and "foot"`.
     pub fn describe<'a>(&self, model: &'a Model) -> impl fmt::Display + 'a {
         let name = |kind: &str, i: usize, name: &str| if name.is_empty() { format!("{kind} {i}") } else { format!("{kind} {name:?}") };
         match *self {

@@ -1,4 +1,4 @@
-//! Actuators, and which entries of the mass matrix those that act as springs and dampers touch.
+//! Actuators, and the entries of the mass matrix to which springs and dampers among them contribute.
 
 use std::f64::consts::PI;
 
@@ -9,12 +9,12 @@ use crate::compile::merging::{Merged, matrix, quaternion, vector};
 use crate::compile::tree::{CompiledFriction, Dof, scalars};
 use crate::model::{Activation, Actuator, JointKind, Model, Transmission};
 
-/// An actuator on a linear combination of scalar joints, or on a site.
+/// Actuator on a linear combination of scalar joints, or on a site.
 #[derive(Clone, Debug)]
 pub struct CompiledActuator<S> {
-    /// Address in q, degree of freedom, moment arm (gear included); empty for an actuator on a site.
+    /// Terms of the moment: address in q, degree of freedom, moment arm (gear included). Empty for an actuator on a site.
     pub moment: Vec<(usize, usize, S)>,
-    /// What it is on a site.
+    /// Wrench of the actuator on a site, if it acts on one.
     pub wrench: Option<CompiledWrench<S>>,
     /// Bounds of the control.
     pub ctrl_range: Option<[S; 2]>,
@@ -22,71 +22,71 @@ pub struct CompiledActuator<S> {
     pub force_range: Option<[S; 2]>,
     /// Bounds of the activation.
     pub act_range: Option<[S; 2]>,
-    /// Address of its activation.
+    /// Address of the actuator's activation.
     pub act: Option<usize>,
     /// Dynamics of the activation.
     pub activation: Activation,
     /// Whether gain or bias depend on length or velocity.
     pub needs_motion: bool,
-    /// Its place among the servos.
+    /// Index among the servos.
     pub servo: Option<usize>,
-    /// What of its dynamics acts within a step.
+    /// Part of the actuator's dynamics that acts within a step.
     pub dynamics: Option<CompiledActuatorDynamics<S>>,
-    /// Index of the force range of the joint that it drives, where it drives a joint that has one. Actuators on tendons have none.
+    /// Index of the force range of the joint that it drives, if that joint has one. Actuators on tendons have none.
     pub joint_force_range: Option<usize>,
 }
 
-/// Where a site is.
+/// Place of a site.
 #[derive(Clone, Copy, Debug)]
 pub struct Spot<S> {
-    /// The compiled model's frame.
+    /// Frame of the compiled model.
     pub frame: usize,
-    /// Position in it, m.
+    /// Position in the frame, m.
     pub pos: [S; 3],
-    /// Orientation in it.
+    /// Orientation in the frame.
     pub mat: [S; 9],
 }
 
-/// A wrench at a site: an actuator whose moment depends on the configuration.
+/// Wrench at a site: an actuator whose moment depends on the configuration.
 #[derive(Clone, Debug)]
 pub struct CompiledWrench<S> {
-    /// The site.
+    /// Site on which the wrench acts.
     pub site: Spot<S>,
-    /// The site in whose frame the wrench is given and against which it acts.
+    /// Reference site, in whose frame the wrench is given and on which the reaction acts.
     pub reference: Option<Spot<S>>,
     /// Force and torque per unit of the actuator's force, gear included.
     pub wrench: [S; 6],
-    /// What a whole turn adds to the length, where the length is an angle.
+    /// Change of the length by a whole turn, if the length is an angle.
     pub turn: Option<S>,
     /// Dofs that move the site (1) or the reference (-1), but not both.
     pub dofs: Vec<(usize, S)>,
-    /// Where its arms begin among those of all wrenches; its length is at its index among them.
+    /// Offset of its arms among those of all wrenches. Its length has the index of the wrench.
     pub arms: usize,
-    /// Its place among the wrenches.
+    /// Index among the wrenches.
     pub index: usize,
 }
 
-/// What of an actuator's dynamics acts within a step: bounds and laws that differ between environments.
+/// Part of an actuator's dynamics that acts within a step: bounds and force laws that differ between environments.
 #[derive(Clone, Copy, Debug)]
 pub struct CompiledActuatorDynamics<S> {
-    /// Its place among those trains.
+    /// Index among the actuator dynamics that act within a step.
     pub index: usize,
-    /// Whether it is a servo whose law is continuous.
+    /// Whether it is a continuous servo.
     pub servo: bool,
     /// Whether it is a motor with a torque-speed curve, and whether the control is its voltage.
     pub motor: Option<bool>,
-    /// Whether its effort has limits.
+    /// Whether the effort has limits.
     pub limited: bool,
-    /// The row of dry friction that takes its losses, and the moment arm there.
+    /// Row of dry friction with its losses, and the moment arm there.
     pub losses: Option<(usize, S)>,
 }
 
-/// An actuator whose force depends on its own motion.
+/// Actuator whose force depends on its length or velocity.
 #[derive(Clone, Debug)]
 pub struct CompiledServo<S> {
-    /// The actuator.
+    /// Index of the actuator.
     pub actuator: usize,
-    /// Entries of the mass matrix for pairs of dofs on one branch, and the factor of its weight there.
+    /// Entries of the mass matrix for pairs of dofs on one branch, and the factors of the added inertia there.
     pub entries: Vec<(usize, S)>,
     /// Entries of an actuator on a site: entries and the two arms whose product is the factor.
     pub products: Vec<(usize, [usize; 2])>,
@@ -105,11 +105,11 @@ pub struct CompiledForceRange<S> {
     pub bounds: [S; 2],
     /// Actuators that act on it, and their moment arms.
     pub actuators: Vec<(usize, S)>,
-    /// Whether any of them is a servo.
+    /// Whether any of these actuators is a servo.
     pub has_servos: bool,
 }
 
-/// What actuators refer to.
+/// Parts of the scene that actuators refer to.
 #[derive(Clone, Copy)]
 pub(super) struct Scene<'a> {
     pub(super) model: &'a Model,
@@ -125,15 +125,15 @@ pub(super) struct Drives<S> {
     pub(super) actuators: Vec<CompiledActuator<S>>,
     pub(super) servos: Vec<CompiledServo<S>>,
     pub(super) force_ranges: Vec<CompiledForceRange<S>>,
-    /// Arms of all wrenches, and how many wrenches there are.
+    /// Number of arms of all wrenches, and number of wrenches.
     pub(super) arms: usize,
     pub(super) wrenches: usize,
-    /// Trains that act within a step.
+    /// Number of actuator dynamics that act within a step.
     pub(super) actuator_dynamics: usize,
 }
 
 impl<S: Scalar> Drives<S> {
-    /// `trains` has an entry for every actuator of the model, or none at all.
+    /// Compiler of actuators. `specs` has an entry for every actuator of the model, or none at all.
     pub(super) fn new(scene: Scene<'_>, specs: &[Option<ActuatorSpec>]) -> Self {
         let model = scene.model;
         let mut drives = Self { actuators: vec![], servos: vec![], force_ranges: vec![], arms: 0, wrenches: 0, actuator_dynamics: 0 };
@@ -207,7 +207,7 @@ impl<S: Scalar> Drives<S> {
         Some(compiled)
     }
 
-    /// What of a spec acts within a step; delay, lag and sampled servos act between steps.
+    /// Part of a spec that acts within a step. Delay, lag and sampled servos act between steps.
     fn dynamics(&mut self, scene: Scene<'_>, a: &Actuator, spec: Option<&ActuatorSpec>) -> Option<CompiledActuatorDynamics<S>> {
         let spec = spec?;
         let row = |j: usize| scene.frictions.iter().position(|f| f.dof == scene.addresses[j].1);
@@ -246,14 +246,16 @@ fn spot<S: Scalar>(scene: Scene<'_>, site: usize) -> Spot<S> {
     }
 }
 
-/// Entry of the mass matrix for a dof and one above it; none if they lie on different branches.
+/// Entry of the mass matrix for a dof and one above it; `None` if they lie on different branches.
 fn entry(scene: Scene<'_>, below: usize, above: usize) -> Option<usize> {
     let dof = &scene.dofs[below];
     scene.chain[dof.chain..dof.chain + dof.depth].iter().position(|&d| d as usize == above).map(|k| dof.chain + k)
 }
 
-/// Entries of a a^T in the layout of the mass matrix for a moment (dof, arm), of pairs on one branch; and where some pair is on two
-/// branches, the entries of a diagonal matrix that is not smaller (see [`crate::actuation::forces`]).
+/// Entries of a a^T in the layout of the mass matrix, for a moment of (dof, arm) and its pairs on one branch.
+///
+/// If some pair is on two branches, it also returns the entries of a diagonal matrix that is not smaller (see
+/// [`crate::actuation::forces`]).
 fn entries(moment: &[(usize, f64)], scene: Scene<'_>) -> [Vec<(usize, f64)>; 2] {
     let mut arms: Vec<(usize, f64)> = Vec::new();
     for &(dof, arm) in moment {
@@ -262,7 +264,7 @@ fn entries(moment: &[(usize, f64)], scene: Scene<'_>) -> [Vec<(usize, f64)>; 2] 
             None => arms.push((dof, arm)),
         }
     }
-    // The deepest first: its chain holds all the others, or the moment goes across branches.
+    // The deepest dof first: its chain contains all the others, or the moment goes across branches.
     arms.sort_by_key(|&(dof, _)| std::cmp::Reverse(scene.dofs[dof].depth));
     let pairs: Vec<_> = arms.iter().enumerate().flat_map(|(k, &below)| arms[k..].iter().map(move |&above| (below, above))).collect();
     let product = |&((i, a), (j, b)): &((usize, f64), (usize, f64))| entry(scene, i, j).map(|entry| (entry, a * b));
@@ -277,7 +279,7 @@ fn entries(moment: &[(usize, f64)], scene: Scene<'_>) -> [Vec<(usize, f64)>; 2] 
 
 type Products = (Vec<(usize, [usize; 2])>, Vec<(usize, usize)>);
 
-/// Entries of a wrench, whose arms change: entries with the arms whose product they get, and, across branches, diagonal entries.
+/// Entries of a wrench, whose arms change: entries with the two arms of each product, and diagonal entries if it goes across branches.
 fn products<S: Scalar>(wrench: &CompiledWrench<S>, scene: Scene<'_>) -> Products {
     let mut dofs: Vec<(usize, usize)> = wrench.dofs.iter().enumerate().map(|(k, &(dof, _))| (dof, wrench.arms + k)).collect();
     dofs.sort_by_key(|&(dof, _)| std::cmp::Reverse(scene.dofs[dof].depth));

@@ -1,4 +1,4 @@
-//! Collision geometry: where geoms are fixed, and the pairs that can touch.
+//! Collision geometry: frames of geoms, and the pairs that can touch.
 
 use std::cmp::Ordering;
 use std::collections::BTreeMap;
@@ -13,84 +13,84 @@ use crate::compile::merging::{Merged, matrix, quaternion, vector};
 use crate::compile::parameters::{ContactParams, Params};
 use crate::model::{ContactSpring, Filter, Geom, GeomPair, HeightField, Kernel, Mesh, Model, Shape};
 
-/// A geom that takes part in collision.
+/// Geom that takes part in collision.
 #[derive(Clone, Debug)]
 pub struct CompiledGeom<S> {
-    /// Its index in the model.
+    /// Index of the geom in the model.
     pub index: usize,
-    /// The frame that it is fixed to.
+    /// Frame to which the geom is fixed.
     pub frame: usize,
     /// Whether it is a half space.
     pub is_plane: bool,
-    /// Whether all that touches it is at one distance from a point of it, the nearest of its axis: a sphere or a capsule.
+    /// Whether the surface has a constant distance from the nearest point of its axis: a sphere or a capsule.
     pub is_round: bool,
-    /// Its orientation in the frame.
+    /// Orientation of the geom in the frame.
     pub mat: [S; 9],
-    /// Whether any pair reads more of its orientation than its z axis.
+    /// Whether any pair reads more of the geom's orientation than its z axis.
     pub full_orientation: bool,
-    /// What [`Kernel::Convex`] collides; not there when no pair asks for it.
+    /// Solid for [`Kernel::Convex`]; none if no pair needs it.
     pub solid: Option<Solid>,
 }
 
 impl<S: Scalar> CompiledGeom<S> {
-    /// Prepares it for [`Kernel::Convex`].
+    /// Creates the solid for [`Kernel::Convex`].
     fn make_solid(&mut self, model: &Model, shape: &Shape) {
         self.keep_solid(model, shape);
         self.full_orientation = true;
     }
 
-    /// Keeps its solid, from which the check for tunnelling tells what passes.
+    /// Stores the solid for the check of tunnelling.
     fn keep_solid(&mut self, model: &Model, shape: &Shape) {
         self.solid.get_or_insert_with(|| solid(model, shape));
     }
 }
 
-/// Two geoms that can touch.
+/// Pair of geoms that can touch.
 #[derive(Clone, Copy, Debug)]
 pub struct CompiledPair<S> {
-    /// Indices into the compiled model's geoms.
+    /// Indices of the geoms in the compiled model.
     pub geoms: [usize; 2],
-    /// Narrow phase.
+    /// Kernel of the narrow phase.
     pub kernel: Kernel,
-    /// Rows of a contact: 1, 3, 4 or 6.
+    /// Number of rows of a contact: 1, 3, 4 or 6.
     pub condim: u8,
-    /// Distance at which the contact pushes, m.
+    /// Margin: distance at which the contact pushes, m.
     pub margin: S,
-    /// What gives way in its contacts; `None` where they are rigid.
+    /// Spring of its contacts; `None` for rigid ones.
     pub spring: Option<Spring<S>>,
 }
 
 impl<S> CompiledPair<S> {
-    /// Whether it is a half space and a capsule.
+    /// Whether the pair is a half space and a capsule.
     pub fn is_plane_and_capsule(&self) -> bool {
         matches!(self.kernel, Kernel::PlaneCapsule)
     }
 }
 
-/// Geoms that all may meet one another, so many that their pairs are found anew in every step instead of being listed.
+/// Geoms that all may collide with each other, too many for a list of pairs. Detection finds their pairs in every step.
 #[derive(Clone, Debug)]
 pub struct DynamicPairs<S> {
-    /// Its geoms, ascending.
+    /// Geoms of the group, ascending.
     pub members: Vec<Member>,
     /// Radius of the largest ball about one of them, margin included, m.
     pub widest: f64,
-    /// Number of the first pair; those before are listed.
+    /// Number of the first dynamic pair; the pairs before it are listed.
     first: usize,
     filter: Filter,
-    /// Of every geom of the model.
+    /// Shapes of all geoms of the model.
     shapes: Vec<Shape>,
     has_rolling_friction: bool,
     scalar: PhantomData<S>,
 }
 
-/// A geom whose pairs are dynamic.
+/// Geom with dynamic pairs.
 #[derive(Clone, Copy, Debug)]
 pub struct Member {
-    /// Index into the compiled model's geoms.
+    /// Index of the geom in the compiled model.
     pub geom: usize,
-    /// Its index in the model.
+    /// Index of the geom in the model.
     model_geom: usize,
-    /// Its share of the margin of a pair, m.
+    /// Part of a pair's margin that this geom contributes, m.
     pub margin: f64,
 }
 
@@ -113,7 +113,7 @@ impl<S: Scalar> DynamicPairs<S> {
         Some(if swap { [b.geom, a.geom] } else { [a.geom, b.geom] })
     }
 
-    /// A pair, if it can collide.
+    /// Dynamic pair by its number, if it can collide.
     pub fn pair(&self, number: usize) -> Option<CompiledPair<S>> {
         let [a, b] = self.members_of(number)?;
         let geoms = self.filter.ordered([a.model_geom, b.model_geom]);
@@ -125,13 +125,13 @@ impl<S: Scalar> DynamicPairs<S> {
         Some(pair_plan(&pair, Kernel::of(shapes[0], shapes[1])?, self.geoms(number)?))
     }
 
-    /// A pair in the terms of the model, if it can collide.
+    /// Pair in the terms of the model, if it can collide.
     pub(crate) fn geom_pair(&self, number: usize) -> Option<GeomPair> {
         let [a, b] = self.members_of(number)?;
         self.filter.pair(self.filter.ordered([a.model_geom, b.model_geom]))
     }
 
-    /// What the contacts of a pair are like, from what the geoms bring (see [`Filter::precedence`]).
+    /// Contact parameters of a pair, combined from those of its geoms (see [`Filter::precedence`]).
     #[inline(always)]
     pub(super) fn contact<R: Real<Scalar = S>>(&self, number: usize, params: &Params<R>) -> ContactParams<R> {
         let [a, b] = self.members_of(number).expect("a pair of the dynamic pairs").map(|m| m.model_geom);
@@ -152,22 +152,22 @@ impl<S: Scalar> DynamicPairs<S> {
         }
     }
 
-    /// Whether any of its pairs can have more than sliding friction.
+    /// Whether any of the pairs can have more than sliding friction.
     pub fn has_rolling_friction(&self) -> bool {
         self.has_rolling_friction
     }
 
-    /// Bound on the contacts that its pairs can have at once, m members having no more neighbours than fit around them.
+    /// Bound on the number of contacts at once: every member has at most as many neighbours as fit around it.
     pub fn contact_points(&self) -> usize {
         self.members.len() * NEIGHBOUR_POINTS
     }
 }
 
-/// Contacts that a geom among many of its like brings: half of twelve neighbours (the kissing number), up to eight points each.
+/// Number of contacts that a geom among many similar ones adds: half of twelve neighbours (the kissing number), up to eight points each.
 const NEIGHBOUR_POINTS: usize = 48;
-/// A model with more pairs than this among its geoms of ordinary size finds the pairs of these geoms anew in every step.
+/// Number of pairs of ordinary-sized geoms above which detection finds these pairs in every step.
 const LISTED_PAIRS: usize = 3000;
-/// How many times larger than the median a geom must be to be left out of the dynamic pairs: the cells of its size would hold all geoms.
+/// Ratio of a geom's size to the median above which its pairs are listed. A grid with cells of its size would have all geoms in one cell.
 const LARGE: f64 = 8.0;
 
 /// Geoms, listed pairs and dynamic pairs.
@@ -223,11 +223,12 @@ pub(crate) fn compile<S: Scalar>(model: &Model, merged: &Merged) -> Collision<S>
     (geoms, pairs, dynamic_pairs)
 }
 
-/// Number of a pair's patch where it has none.
+/// Contact group of a pair without one.
 pub const NO_PATCH: u32 = u32::MAX;
 
-/// Patch of every listed pair: pairs of the same two frames have the same, and a pair that is alone has none. Contacts with torsional or
-/// rolling friction are in none. Empty where no pair is in any.
+/// Contact group of every listed pair: pairs of the same two frames share one, and a single pair has none.
+///
+/// Contacts with torsional or rolling friction have none. Empty if no pair has a group.
 pub(super) fn patches<S>(geoms: &[CompiledGeom<S>], pairs: &[CompiledPair<S>]) -> Vec<u32> {
     let mut of_frames: BTreeMap<_, Vec<usize>> = BTreeMap::new();
     for (i, pair) in pairs.iter().enumerate().filter(|(_, pair)| pair.condim <= 3 && pair.spring.is_none()) {
@@ -241,7 +242,7 @@ pub(super) fn patches<S>(geoms: &[CompiledGeom<S>], pairs: &[CompiledPair<S>]) -
     patches
 }
 
-/// For every geom whether its pairs are dynamic; none are where the list of pairs is short.
+/// Whether the pairs of each geom are dynamic. None are if the list of pairs is short.
 fn dynamic(model: &Model) -> Vec<bool> {
     let can = |g: &Geom| (g.contype | g.conaffinity) != 0 && !g.shape.is_surface() && !matches!(g.shape, Shape::Plane);
     let size = |g: &Geom| bounding_radius(model, &g.shape);
@@ -253,8 +254,7 @@ fn dynamic(model: &Model) -> Vec<bool> {
     if n * n.saturating_sub(1) / 2 > LISTED_PAIRS && n < (1 << 16) { among } else { vec![false; model.geoms.len()] }
 }
 
-/// The pairs that can collide, without the dynamic ones: those with torsional or rolling friction first, ascending by their
-/// geoms.
+/// Pairs that can collide, without the dynamic ones: those with torsional or rolling friction first, ascending by their geoms.
 ///
 /// Contacts are in the order of their pairs, so that those with six rows have the same slots in all lanes.
 fn listed_pairs(model: &Model, filter: &Filter, among: &[bool]) -> Vec<GeomPair> {
@@ -266,7 +266,7 @@ fn listed_pairs(model: &Model, filter: &Filter, among: &[bool]) -> Vec<GeomPair>
     pairs
 }
 
-/// How large and how thin a geom is.
+/// Size and thickness of a geom.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Bulk {
     pub(super) bounding_radius: f64,
@@ -299,7 +299,7 @@ fn geom<S: Scalar>(model: &Model, merged: &Merged, index: usize) -> CompiledGeom
     }
 }
 
-/// What a step reads of a shape's size: radius, half length (capsule, cylinder), half sizes (box) or half axes (ellipsoid), m.
+/// Size of a shape: radius, half length (capsule, cylinder), half sizes (box) or half axes (ellipsoid), m.
 pub(super) fn size(shape: &Shape) -> [f64; 3] {
     match *shape {
         Shape::Sphere { radius } => [radius, 0.0, 0.0],
@@ -310,7 +310,7 @@ pub(super) fn size(shape: &Shape) -> [f64; 3] {
     }
 }
 
-/// Half the least width: nothing for a surface, and a mesh is taken for a tenth as thin as it is wide.
+/// Half the least width: 0 for a surface. A mesh counts as a tenth as thin as it is wide.
 fn inscribed_radius(model: &Model, shape: &Shape) -> f64 {
     let least = |sizes: &[f64]| sizes.iter().copied().fold(f64::INFINITY, f64::min);
     match *shape {
@@ -346,14 +346,14 @@ fn solid(model: &Model, shape: &Shape) -> Solid {
     })
 }
 
-/// Why an asset is there.
+/// Reason why an asset exists.
 const CHECKED: &str = "a finished model has the form of every geom that can touch others";
 
-/// Radius of a ball about the geom's origin that holds it.
+/// Radius of a ball about the geom's origin that contains the geom.
 fn bounding_radius(model: &Model, shape: &Shape) -> f64 {
     match *shape {
         Shape::Plane => f64::INFINITY,
-        // A mesh that nothing can touch comes without its form.
+        // A mesh that no geom can touch has no form.
         Shape::Mesh { .. } => model.mesh_of(shape).map_or(f64::INFINITY, Mesh::radius),
         Shape::HeightField { .. } => {
             let field = model.height_field_of(shape).expect(CHECKED);

@@ -1,7 +1,7 @@
-//! The compiled model: what the step reads, and no more than this scene needs.
+//! Compiled model: the numbers that the step reads, and no more than this scene needs.
 //!
-//! Bodies that cannot move against their parent are merged into one *link*. A *frame* is anything a geom can be fixed to: frame 0 is the
-//! world, frames `1..=links` the links, the rest bodies that the user poses (mocap). Pairs that can never collide are not in the list.
+//! Bodies that cannot move relative to their parent are merged into one *link*. A *frame* is anything to which a geom can be fixed: frame 0
+//! is the world, frames `1..=links` the links, the rest mocap bodies. Pairs that can never collide are not in the list.
 
 use std::ops::Deref;
 
@@ -19,12 +19,12 @@ use crate::compile::tree::{
     CompiledBallLimit, CompiledBody, CompiledFriction, CompiledJoint, CompiledLimit, CompiledMocap, CompiledSpinner, Descendant, Dof, Link,
 };
 
-/// Everything of a model that a step reads, in the scalar type of its lanes.
+/// Compiled model: everything that a step reads of a model, in the scalar type of its lanes.
 #[derive(Clone, Debug)]
 pub struct CompiledModel<S: Scalar> {
-    /// What all environments share.
+    /// Part that all environments share.
     pub structure: ModelStructure<S>,
-    /// The model's own parameters; environments may have others, see [`LaneModel`](crate::compile::LaneModel).
+    /// Parameters of the model. Environments may override them, see [`LaneModel`](crate::compile::LaneModel).
     pub params: Params<S>,
 }
 
@@ -37,7 +37,7 @@ impl<S: Scalar> Deref for CompiledModel<S> {
     }
 }
 
-/// A compiled model without its parameters: its structure, and the numbers that no environment may have for itself.
+/// Compiled model without its parameters: its structure, and the numbers that are the same in all environments.
 #[derive(Clone, Debug)]
 pub struct ModelStructure<S: Scalar> {
     /// Number of configuration coordinates.
@@ -50,7 +50,7 @@ pub struct ModelStructure<S: Scalar> {
     pub ntree: usize,
     /// Velocity of the medium, m/s.
     pub wind: [S; 3],
-    /// What the medium acts on.
+    /// Bodies on which the medium acts.
     pub fluid: Vec<CompiledFluid<S>>,
     /// Single bodies that can tumble.
     pub spinners: Vec<CompiledSpinner<S>>,
@@ -64,27 +64,28 @@ pub struct ModelStructure<S: Scalar> {
     pub joints: Vec<CompiledJoint<S>>,
     /// Degrees of freedom.
     pub dofs: Vec<Dof>,
-    /// `chain[dof.chain..][..dof.depth]`: the dof and its ancestors, towards the root. Also the layout of the mass matrix's entries.
+    /// Chains: `chain[dof.chain..][..dof.depth]` is the dof and its ancestors, towards the root. It is also the layout of the mass matrix's
+    /// entries.
     pub chain: Vec<u32>,
-    /// `below[dof.below]`: the dofs that have a dof in their chain, itself left out, the last first.
+    /// Descendants of the dofs: the range `dof.descendants` has those with the dof in their chain, without the dof itself, the last first.
     pub descendants: Vec<Descendant>,
     /// For every frame, the set of dofs that move it, as 64-bit words.
     pub moved_dofs: Vec<Vec<u64>>,
     /// Frames of mocap bodies and the bodies themselves.
     pub mocap: Vec<CompiledMocap<S>>,
-    /// Frame and pose in it of every body.
+    /// Frame of every body, and its pose in the frame.
     pub bodies: Vec<CompiledBody<S>>,
     /// Geoms that take part in collision.
     pub geoms: Vec<CompiledGeom<S>>,
     /// Pairs that can collide and for which there is a kernel, in a fixed order; all of them, if none are dynamic.
     pub pairs: Vec<CompiledPair<S>>,
-    /// Patch of every listed pair: contacts of pairs with one number join the same two frames. Empty where no pair is in any.
+    /// Contact group of every listed pair: pairs with the same number join the same two frames. Empty if no pair has a group.
     pub patches: Vec<u32>,
     /// Whether the contacts of any pair are springs.
     pub has_contact_springs: bool,
     /// Geoms whose pairs are too many to list.
     pub dynamic_pairs: Option<DynamicPairs<S>>,
-    /// Which links nothing holds; empty if all are held.
+    /// Whether each link floats freely; empty if none does.
     pub floating: Vec<bool>,
     /// Whether any pair can have torsional or rolling friction.
     pub has_rolling_friction: bool,
@@ -92,35 +93,35 @@ pub struct ModelStructure<S: Scalar> {
     pub limits: Vec<CompiledLimit>,
     /// Dry friction.
     pub frictions: Vec<CompiledFriction>,
-    /// Equalities that act.
+    /// Equalities of the model, in blocks.
     pub equalities: Vec<EqualityBlock<S>>,
     /// Limits of ball joints.
     pub ball_limits: Vec<CompiledBallLimit>,
     /// Fixed tendons with limits, dry friction, springs, dampers or inertia.
     pub tendons: Vec<CompiledTendon<S>>,
-    /// Impulses that survive a step, one for every scalar row that there can be: limits, dry friction, then what names its `owner`.
+    /// Number of impulses that survive a step, one for every possible scalar row: limits, dry friction, then the rows with an `owner`.
     pub scalar_impulses: usize,
     /// Actuators.
     pub actuators: Vec<CompiledActuator<S>>,
-    /// Actuators whose force depends on their own motion.
+    /// Actuators whose force depends on their length or velocity.
     pub servos: Vec<CompiledServo<S>>,
     /// Bounds of the sum of actuator forces on a dof.
     pub actuator_force_ranges: Vec<CompiledForceRange<S>>,
-    /// Whether Euler's rule takes the joints' damping explicitly.
+    /// Whether joint damping is explicit with Euler's rule.
     pub explicit_damping: bool,
-    /// Whether a bound, of its own or of a joint, holds for any servo.
+    /// Whether any servo has a bound, of its force or of the sum of forces on a joint.
     pub servos_are_bounded: bool,
-    /// Arms of all wrenches at sites, and how many wrenches there are.
+    /// Number of arms of all wrenches at sites, and number of wrenches.
     pub wrench_arms: [usize; 2],
-    /// Actuator dynamics that act within a step.
+    /// Number of actuator dynamics that act within a step.
     pub actuator_dynamics: usize,
     /// Whether actuator dynamics lose effort to friction.
     pub lossy: bool,
-    /// Sensors: what each reads.
+    /// Sensors, with their readings.
     pub sensing: CompiledSensing<S>,
-    /// Whether there are pairs that can pass through one another: anything but half spaces and height fields.
+    /// Whether there are pairs that can pass through each other: anything but half spaces and height fields.
     pub can_tunnel: bool,
-    /// Contacts that can exist at once.
+    /// Largest number of contacts at once.
     pub contact_points: usize,
     /// Softness of constraints, with MuJoCo's contact law.
     pub softness: Option<CompiledSoftness<S>>,
@@ -133,14 +134,14 @@ impl<S: Scalar> ModelStructure<S> {
         1 + self.links.len() + self.mocap.len()
     }
 
-    /// Tree of the degrees of freedom that move a frame, if any do.
+    /// Tree of the degrees of freedom that move a frame, if any.
     #[inline(always)]
     pub fn tree_of(&self, frame: usize) -> Option<usize> {
         let (w, word) = self.moved_dofs[frame].iter().enumerate().find(|(_, word)| **word != 0)?;
         Some(self.dofs[64 * w + word.trailing_zeros() as usize].tree)
     }
 
-    /// A pair by its number.
+    /// Pair by its number.
     ///
     /// # Panics
     /// When there is none.
@@ -168,14 +169,14 @@ impl<S: Scalar> ModelStructure<S> {
         own || !self.actuator_force_ranges.is_empty()
     }
 
-    /// The dof and its ancestors, towards the root.
+    /// Chain of a dof: the dof and its ancestors, towards the root.
     #[inline(always)]
     pub fn chain_of(&self, dof: usize) -> &[u32] {
         let d = &self.dofs[dof];
         &self.chain[d.chain..d.chain + d.depth]
     }
 
-    /// The descendants of a dof, the last first.
+    /// Descendants of a dof, the last first.
     #[inline(always)]
     pub fn descendants(&self, dof: usize) -> &[Descendant] {
         &self.descendants[self.dofs[dof].descendants.clone()]

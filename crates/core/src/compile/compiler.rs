@@ -1,4 +1,4 @@
-//! The compiler: from a finished model to its compiled form.
+//! Compiler: from a finished model to its compiled form.
 
 use stepper_real::Scalar;
 
@@ -18,7 +18,7 @@ impl<S: Scalar> CompiledModel<S> {
         Self::with_actuator_specs(model, &[])
     }
 
-    /// The same with actuator dynamics, one entry for every actuator; the model is what [`ActuatorSpec::fold`] made of it.
+    /// Compiles a model with actuator dynamics, one entry for every actuator. The model is the result of [`ActuatorSpec::fold`].
     pub fn with_actuator_specs(model: &Model, specs: &[Option<ActuatorSpec>]) -> Self {
         let merged = Merged::new(model);
         let addresses = model.joint_addresses();
@@ -113,7 +113,7 @@ impl<S: Scalar> CompiledModel<S> {
         (0..links.len()).filter_map(spinner).collect()
     }
 
-    /// Which of `links` links are alone on a free joint; empty if none is.
+    /// Whether each of `links` links is alone on a free joint; empty if none is.
     fn floating(spinners: &[CompiledSpinner<S>], links: usize) -> Vec<bool> {
         let mut floating = vec![];
         for spinner in spinners.iter().filter(|s| s.kind == JointKind::Free) {

@@ -1,4 +1,4 @@
-//! Equalities and tendons, compiled: what their rows are made from, and which of them are solved together.
+//! Compiled equalities and tendons: the inputs of their rows, and the blocks that are solved together.
 
 use std::ops::Range;
 
@@ -9,17 +9,17 @@ use crate::compile::merging::{Merged, quaternion, vector};
 use crate::compile::tree::scalars;
 use crate::model::{Equality, EqualityKind, Model};
 
-/// A linear combination of scalar joints: a fixed tendon, or one joint.
+/// Linear combination of scalar joints: a fixed tendon, or one joint.
 #[derive(Clone, Debug)]
 pub struct Combination<S> {
-    /// Address in q, degree of freedom, coefficient.
+    /// Terms: address in q, degree of freedom, coefficient.
     pub terms: Vec<(usize, usize, S)>,
-    /// Its value at `qpos0`.
+    /// Value of the combination at `qpos0`.
     pub reference: S,
 }
 
 impl<S: Scalar> Combination<S> {
-    /// Its value at a configuration.
+    /// Value of the combination at a configuration.
     #[inline(always)]
     pub fn value<R: Real<Scalar = S>>(&self, q: &[R]) -> R {
         let mut x = R::zero();
@@ -29,7 +29,7 @@ impl<S: Scalar> Combination<S> {
         x
     }
 
-    /// Its rate at a velocity.
+    /// Rate of the combination at a velocity.
     #[inline(always)]
     pub fn rate<R: Real<Scalar = S>>(&self, v: &[R]) -> R {
         let mut x = R::zero();
@@ -40,65 +40,65 @@ impl<S: Scalar> Combination<S> {
     }
 }
 
-/// Links between a frame and the nearest frame that it has in common with another one.
+/// Path of links between a frame and the nearest frame that it has in common with another one.
 #[derive(Clone, Debug, Default)]
 pub struct FramePath {
-    /// Index of the mocap body that the path begins at; `None` where it begins at the world or at the common frame.
+    /// Index of the mocap body at the beginning of the path; `None` if it begins at the world or at the common frame.
     pub mocap: Option<usize>,
-    /// Links from there to the frame.
+    /// Links along the path to the frame.
     pub links: Vec<u32>,
 }
 
-/// What an equality's rows are made from.
+/// Inputs of an equality's rows.
 #[derive(Clone, Debug)]
 pub enum EqualityRows<S> {
-    /// Two points that meet, and two orientations that agree if there are any.
+    /// Two points that meet, and two orientations that agree, if any.
     Points {
-        /// Frames that the points are fixed to.
+        /// Frames to which the points are fixed.
         frames: [usize; 2],
-        /// The points in them, m.
+        /// Points in these frames, m.
         anchors: [[S; 3]; 2],
-        /// The orientations in them that agree, and the weight of a radian, m.
+        /// Orientations in these frames that agree, and the weight of a radian, m.
         turn: Option<([[S; 9]; 2], S)>,
-        /// The links that the relative pose of the two frames depends on.
+        /// Paths of links that determine the relative pose of the two frames.
         paths: [FramePath; 2],
     },
-    /// `x - ref = polynomial(other - ref)`.
+    /// Coupling `x - ref = polynomial(other - ref)`.
     Coupling {
-        /// x
+        /// Combination x.
         first: Combination<S>,
-        /// other
+        /// Combination on the other side.
         second: Option<Combination<S>>,
         /// Coefficients of the powers 0 to 4.
         polynomial: [S; 5],
     },
 }
 
-/// A spring with a damper and inertia along a row.
+/// Spring with a damper and inertia along a row.
 #[derive(Clone, Copy, Debug)]
 pub struct Spring<S> {
-    /// N/u
+    /// Stiffness, N/u.
     pub stiffness: S,
-    /// N s/u
+    /// Damping, N s/u.
     pub damping: S,
-    /// N s^2/u
+    /// Inertia, N s^2/u.
     pub inertia: S,
 }
 
-/// An equality, whether it acts or not.
+/// Equality of the model, active or not.
 #[derive(Clone, Debug)]
 pub struct CompiledEquality<S> {
-    /// The model's equality.
+    /// Index of the equality in the model.
     pub index: usize,
-    /// Whether it acts where the user says nothing else.
+    /// Whether the equality is active by default.
     pub active: bool,
-    /// What its rows are made from.
+    /// Inputs of its rows.
     pub rows: EqualityRows<S>,
-    /// Degrees of freedom that it moves, with their ancestors, ascending.
+    /// Degrees of freedom that the equality moves, with their ancestors, ascending.
     pub support: Vec<u32>,
-    /// `None` when it is hard.
+    /// Spring of a soft equality; `None` for a hard one.
     pub spring: Option<Spring<S>>,
-    /// Index of its first row's impulse.
+    /// Index of the first row's impulse.
     pub owner: usize,
 }
 
@@ -114,31 +114,31 @@ impl<S> CompiledEquality<S> {
     }
 }
 
-/// Equalities whose rows are made together: on the same support, and orthogonal if they are hard.
+/// Equalities whose rows are assembled together: on the same support, and orthogonal if they are hard.
 #[derive(Clone, Debug)]
 pub struct EqualityBlock<S> {
-    /// Its equalities.
+    /// Equalities of the block.
     pub equalities: Vec<CompiledEquality<S>>,
     /// Degrees of freedom that any of them moves, with their ancestors, ascending.
     pub support: Vec<u32>,
-    /// Number of its rows.
+    /// Number of rows of the block.
     pub rows: usize,
-    /// Whether all are hard, so that they are made orthogonal.
+    /// Whether all equalities are hard, so that their rows become orthogonal.
     pub hard: bool,
     /// Whether the rows are hard and share no degree of freedom with other hard rows. They are then eliminated from all other rows.
     pub eliminated: bool,
-    /// `support` as a set, in 64-bit words.
+    /// Set of `support`, in 64-bit words.
     pub set: Vec<u64>,
 }
 
-/// A fixed tendon with rows of its own.
+/// Fixed tendon with rows in the constraint problem.
 #[derive(Clone, Debug)]
 pub struct CompiledTendon<S> {
-    /// The model's tendon.
+    /// Index of the tendon in the model.
     pub index: usize,
-    /// Its length.
+    /// Length of the tendon.
     pub length: Combination<S>,
-    /// Degrees of freedom that it moves, with their ancestors, ascending.
+    /// Degrees of freedom that the tendon moves, with their ancestors, ascending.
     pub support: Vec<u32>,
     /// Lowest and highest length, u.
     pub range: Option<[S; 2]>,
@@ -150,10 +150,10 @@ pub struct CompiledTendon<S> {
     pub owner: usize,
 }
 
-/// Most rows that are made orthogonal together: the cost grows with their square.
+/// Largest number of rows that are orthogonalised together: the cost grows with its square.
 const MOST_ROWS: usize = 48;
 
-/// Who joins which degrees of freedom.
+/// Compiler of equalities and tendons.
 pub(super) struct Compiler<'a> {
     pub(super) model: &'a Model,
     pub(super) merged: &'a Merged,
@@ -167,7 +167,7 @@ impl Compiler<'_> {
         Combination { terms, reference: S::from_f64(reference) }
     }
 
-    /// The dofs, with their ancestors, ascending.
+    /// Degrees of freedom with their ancestors, ascending.
     fn with_ancestors(&self, dofs: impl Iterator<Item = usize>) -> Vec<u32> {
         let mut all: Vec<u32> = dofs.flat_map(|d| self.merged.chain_of(d).to_vec()).collect();
         all.sort_unstable();
@@ -237,8 +237,7 @@ impl Compiler<'_> {
         (EqualityRows::Coupling { first, second, polynomial: scalars(*polynomial) }, support)
     }
 
-    /// The equalities in blocks: hard ones that share a degree of freedom together, as long as they are few. `owner` counts
-    /// impulses.
+    /// Equalities in blocks. Hard equalities that share a degree of freedom are in one block, up to [`MOST_ROWS`]. `owner` counts impulses.
     pub(super) fn equalities<S: Scalar>(&self, owner: &mut usize) -> Vec<EqualityBlock<S>> {
         let mut blocks: Vec<EqualityBlock<S>> = Vec::new();
         for (index, equality) in self.model.equalities.iter().enumerate() {
@@ -270,7 +269,7 @@ impl Compiler<'_> {
         blocks
     }
 
-    /// Tendons that have rows.
+    /// Tendons with rows.
     pub(super) fn tendons<S: Scalar>(&self, owner: &mut usize) -> Vec<CompiledTendon<S>> {
         let mut plans = Vec::new();
         for (index, tendon) in self.model.tendons.iter().enumerate() {

@@ -1,4 +1,4 @@
-//! A compiled model with a number for every lane of each of its parameters.
+//! Compiled model with a number for every lane of each of its parameters.
 
 use std::ops::Deref;
 
@@ -8,11 +8,12 @@ use crate::compile::compiled_model::{CompiledModel, ModelStructure};
 use crate::compile::parameters::*;
 use crate::compile::softness::{CompiledSoftness, SoftContactLaw};
 
-/// A compiled model as a group of lanes has it: the structure that all environments share, and the parameters that each lane has. The
-/// shared parameters cannot be read through it.
+/// Compiled model of a group of lanes: the structure that all environments share, and the parameters of each lane.
+///
+/// The shared parameters cannot be read through it.
 #[derive(Clone, Debug)]
 pub struct LaneModel<R: Real> {
-    /// What is shared. In place, so that it costs a step no more to find than a compiled model alone.
+    /// Part that all environments share. It is stored in place, so that a step finds it as fast as in a compiled model alone.
     structure: ModelStructure<R::Scalar>,
     /// Parameters, lane by lane.
     pub params: Params<R>,
@@ -28,12 +29,12 @@ impl<R: Real> Deref for LaneModel<R> {
 }
 
 impl<R: Real> LaneModel<R> {
-    /// With the model's own parameters in every lane.
+    /// Lane model with the parameters of the model in every lane.
     pub fn new(compiled: &CompiledModel<R::Scalar>) -> Self {
         Self { structure: compiled.structure.clone(), params: compiled.params.in_lanes() }
     }
 
-    /// What the contacts of a pair are like.
+    /// Contact parameters of a pair.
     #[inline(always)]
     pub fn contact(&self, pair: usize) -> ContactParams<R> {
         match self.structure.dynamic_pairs.as_ref() {
@@ -59,7 +60,7 @@ impl<R: Real> LaneModel<R> {
         softness.unlisted(&pair)
     }
 
-    /// Mobility of a frame's body if nothing held it, 1/kg; 0 for the world and for what the user poses.
+    /// Mobility of a frame's body without constraints, 1/kg; 0 for the world and mocap bodies.
     #[inline(always)]
     pub fn mobility(&self, frame: usize) -> R {
         if frame == 0 || frame > self.links.len() {
@@ -80,15 +81,16 @@ impl<R: Real> LaneModel<R> {
         sum
     }
 
-    /// Sum of the bounding radii of a pair; of the second geom alone when the first is a plane, m.
+    /// Sum of the bounding radii of a pair, m. If the first geom is a plane, the bounding radius of the second alone.
     #[inline(always)]
     pub fn reach(&self, [a, b]: [usize; 2]) -> R {
         let second = self.params.bounding_radius(b);
         if self.structure.geoms[a].is_plane { second } else { self.params.bounding_radius(a) + second }
     }
 
-    /// Relative displacement, m, up to which two geoms cannot penetrate one another so far that the shortest way out leads to the far side:
-    /// half the sum of their inscribed radii; infinite with a plane.
+    /// Relative displacement up to which two geoms cannot penetrate so far that the shortest way out leads to the far side, m.
+    ///
+    /// It is half the sum of their inscribed radii; infinite with a plane.
     #[inline(always)]
     pub fn tunnelling_distance(&self, [a, b]: [usize; 2]) -> R {
         R::of(0.5) * (self.params.inscribed_radius(a) + self.params.inscribed_radius(b))

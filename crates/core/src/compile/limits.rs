@@ -1,4 +1,4 @@
-//! Joint limits and dry friction, compiled.
+//! Compiled joint limits and dry friction.
 
 use crate::compile::tree::{CompiledBallLimit, CompiledFriction, CompiledLimit};
 use crate::model::actuator_spec::ActuatorSpec;

@@ -1,4 +1,4 @@
-//! Merging of bodies that cannot move against their parent, and the tree of degrees of freedom.
+//! Merging of bodies that cannot move relative to their parent, and the tree of degrees of freedom.
 
 use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
 use stepper_real::Scalar;
@@ -6,19 +6,19 @@ use stepper_real::Scalar;
 use crate::compile::tree::{CompiledBody, CompiledJoint, CompiledMocap, Descendant, Dof, Link, scalars};
 use crate::model::{JointKind, Model, simple_bodies};
 
-/// Which frame every body is fixed to, and where in it.
+/// Frame to which every body is fixed, and its place in the frame.
 #[derive(Clone, Debug)]
 pub(crate) struct Merged {
     pub(crate) frame: Vec<usize>,
     pub(crate) pos: Vec<Vector3<f64>>,
     pub(crate) quat: Vec<UnitQuaternion<f64>>,
-    /// For every link the body whose joints move it.
+    /// Body whose joints move each link.
     pub(crate) leaders: Vec<usize>,
     pub(crate) mocap: Vec<usize>,
     pub(crate) link_tree: Vec<usize>,
     pub(crate) ntree: usize,
     dof_link: Vec<usize>,
-    /// (start in `chain`, length) of every dof.
+    /// Start in `chain` and length, for every dof.
     dof_chain: Vec<(usize, usize)>,
     pub(crate) chain: Vec<u32>,
     last_dof_of_frame: Vec<Option<usize>>,
@@ -38,7 +38,7 @@ pub(crate) fn matrix<S: Scalar>(q: &UnitQuaternion<f64>) -> [S; 9] {
     std::array::from_fn(|k| S::from_f64(m[(k / 3, k % 3)]))
 }
 
-/// (w, x, y, z)
+/// Quaternion as (w, x, y, z).
 pub(crate) fn wxyz<S: Scalar>(q: &UnitQuaternion<f64>) -> [S; 4] {
     scalars([q.w, q.i, q.j, q.k])
 }
@@ -79,7 +79,7 @@ impl Merged {
         merged
     }
 
-    /// The frame that a link hangs from.
+    /// Parent frame of a link.
     pub(crate) fn parent_frame(&self, model: &Model, link: usize) -> usize {
         self.frame[model.bodies[self.leaders[link]].parent]
     }
@@ -113,18 +113,18 @@ impl Merged {
         }
     }
 
-    /// The last of the dofs that move a frame.
+    /// Last of the dofs that move a frame.
     pub(crate) fn last_dof(&self, frame: usize) -> Option<usize> {
         self.last_dof_of_frame[frame]
     }
 
-    /// A dof and its ancestors, towards the root.
+    /// Chain of a dof: the dof and its ancestors, towards the root.
     pub(crate) fn chain_of(&self, dof: usize) -> &[u32] {
         let (start, len) = self.dof_chain[dof];
         &self.chain[start..start + len]
     }
 
-    /// For every frame, the set of dofs that move it.
+    /// For each frame, the set of dofs that move it.
     pub(crate) fn moved_dofs(&self, nv: usize) -> Vec<Vec<u64>> {
         let set = |last: &Option<usize>| {
             let mut words = vec![0u64; nv.div_ceil(64)];
@@ -166,7 +166,7 @@ pub(crate) fn links<S: Scalar>(model: &Model, merged: &Merged) -> Vec<Link<S>> {
     merged.leaders.iter().enumerate().map(link).collect()
 }
 
-/// Mass, centre of mass and central inertia of those bodies of one frame that are chosen.
+/// Mass, centre of mass and central inertia of the chosen bodies of one frame.
 pub(crate) fn combined(model: &Model, merged: &Merged, chosen: impl Fn(usize) -> bool) -> (f64, Vector3<f64>, [f64; 6]) {
     let parts: Vec<usize> = (0..model.bodies.len()).filter(|&b| chosen(b) && model.bodies[b].mass > 0.0).collect();
     let com_of = |b: usize| merged.pos[b] + merged.quat[b] * vector(model.bodies[b].ipos);

@@ -1,4 +1,4 @@
-//! The compiled model: from the scene as its author sees it to what the step reads, and no more than the scene needs.
+//! Compiled model: from the scene of its author to the numbers that the step reads.
 
 mod actuators;
 mod collision;

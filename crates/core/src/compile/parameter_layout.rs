@@ -1,4 +1,4 @@
-//! The parameters of a model, laid out for a compiled model.
+//! Layout of the parameters of a model for a compiled model.
 
 use stepper_real::Scalar;
 
@@ -13,7 +13,7 @@ use crate::compile::passive::{FluidShape, inertia_box};
 use crate::model::{Body, Filter, GeomPair, Joint, JointKind, Model, Object};
 
 impl<S: Scalar> ModelStructure<S> {
-    /// The parameters of a model that has this structure: the one that it was made from, or one with other numbers.
+    /// Parameters of a model with this structure: the compiled model's source, or one with other numbers.
     pub fn params_of(&self, model: &Model) -> Params<f64> {
         let source = Source { structure: self, model };
         let joints = model.joints.iter();
@@ -51,14 +51,14 @@ fn dofs(joint: &Joint) -> impl Iterator<Item = DofParams<f64>> {
     std::iter::repeat_n(DofParams { damping, stiffness: stiffness.max(0.0), armature }, joint.kind.nv())
 }
 
-/// What the numbers are taken from, and where they go.
+/// Source of the numbers, and their destination.
 struct Source<'a, S: Scalar> {
     structure: &'a ModelStructure<S>,
     model: &'a Model,
 }
 
 impl<S: Scalar> Source<'_, S> {
-    /// Links, then the parts that sensors read.
+    /// Inertial parameters of links, then of the parts that sensors read.
     fn inertials(&self) -> impl Iterator<Item = Inertial<f64>> {
         let merged = &self.structure.merged;
         let links = (1..=self.structure.links.len()).map(move |frame| combined(self.model, merged, |b| merged.frame[b] == frame));

@@ -1,14 +1,14 @@
 //! Rows of tables of parameters.
 
-/// A row of a table of parameters: the one place that says how many numbers it has, and in which order they are kept.
+/// Row of a table of parameters. It defines how many numbers the row has, and their order in memory.
 pub(super) trait ParameterRow<T: Copy>: Copy {
-    /// Numbers of a row.
+    /// Length of a row.
     const WIDTH: usize;
 
-    /// The row that the first numbers are.
+    /// Row from the first numbers of a slice.
     fn read(numbers: &[T]) -> Self;
 
-    /// Appends its numbers.
+    /// Appends the numbers of the row.
     fn write(self, numbers: &mut Vec<T>);
 }
 
@@ -38,7 +38,7 @@ impl<T: Copy, const N: usize> ParameterRow<T> for [T; N] {
     }
 }
 
-/// Declares rows with named parts: the structs, and what is read and written of them.
+/// Declares rows with named parts: their structs, and how they are read and written.
 macro_rules! parameter_rows {
     ($($(#[$doc:meta])* $name:ident { $($(#[$part_doc:meta])* $part:ident: $kind:ty,)* })*) => { $(
         $(#[$doc])*

@@ -1,10 +1,10 @@
-//! Parameters: the numbers of a compiled model that every environment may have for itself.
+//! Parameters: the numbers of a compiled model that can differ between environments.
 //!
-//! They are one flat list of tables, so that a place in it is all it takes to say which of them environments have of their own: a batch
-//! keeps (place, a number for every lane) of those alone, and a worker writes them over the shared ones before it steps a group. Stages
-//! read them through a [`LaneModel`](crate::compile::LaneModel), one number per lane, and need not know which is which.
+//! They are one flat list of tables, so that an index identifies each. A batch stores (index, a number for every lane) of the overridden
+//! ones alone. A worker writes these over the shared numbers before it steps a group. Stages read all through a
+//! [`LaneModel`](crate::compile::LaneModel), one number per lane.
 //!
-//! A row's type says how wide it is and how it is read and written; the list of the tables says what their rows are.
+//! The type of a row defines its width and how it is read and written. The list of the tables defines the types of their rows.
 
 use stepper_real::{Real, Scalar};
 
@@ -25,19 +25,19 @@ parameter_rows! {
 
     /// Mass, centre of mass and inertia of a link or of a part of one.
     Inertial {
-        /// kg
+        /// Mass, kg.
         mass: T,
-        /// In the link's frame, m.
+        /// Centre of mass in the link's frame, m.
         com: [T; 3],
-        /// About the centre of mass: xx, yy, zz, xy, xz, yz, kg m^2.
+        /// Inertia about the centre of mass: xx, yy, zz, xy, xz, yz, kg m^2.
         inertia: [T; 6],
     }
 
-    /// What a degree of freedom adds to the mass matrix.
+    /// Terms that a degree of freedom adds to the mass matrix.
     DofParams {
         /// Viscous damping.
         damping: T,
-        /// Stiffness of its joint's spring that is taken implicitly: 0 for one that pushes away.
+        /// Implicit stiffness of the joint's spring: 0 for a negative stiffness.
         stiffness: T,
         /// Added inertia.
         armature: T,
@@ -55,22 +55,23 @@ parameter_rows! {
     GeomParams {
         /// Origin in its frame, m.
         pos: [T; 3],
-        /// radius, half length (capsule, cylinder), half sizes (box) or half axes (ellipsoid), m.
+        /// Size: radius, half length (capsule, cylinder), half sizes (box) or half axes (ellipsoid), m.
         size: [T; 3],
-        /// Radius of a ball about the origin that holds the geom; infinite for a plane, m.
+        /// Radius of a ball about the origin that contains the geom; infinite for a plane, m.
         bounding_radius: T,
         /// Half the least width of the geom, m: infinite for a plane, 0 for a surface, a tenth of the bounding radius for a mesh.
         inscribed_radius: T,
-        /// Bounding radius less inscribed radius, 0 for a plane, m: the lever arm with which turning moves the geom's surface (0 for a
-        /// sphere, whose turning moves nothing).
+        /// Lever arm with which a rotation moves the geom's surface, m: bounding radius minus inscribed radius.
+        ///
+        /// 0 for a plane, and for a sphere, whose rotation moves nothing.
         rotation_reach: T,
     }
 
     /// Force against gravity on a body.
     CompensationParams {
-        /// Where it acts, in its link's frame, m.
+        /// Point of application in the link's frame, m.
         pos: [T; 3],
-        /// In world axes, N.
+        /// Force in world axes, N.
         force: [T; 3],
     }
 
@@ -85,7 +86,7 @@ parameter_rows! {
     }
 }
 
-/// Declares the tables: where each begins and ends, what its rows are made of, and how one is read.
+/// Declares the tables: their ranges, the types of their rows, and how one is read.
 macro_rules! parameter_tables {
     ($($(#[$doc:meta])* $table:ident: $row:ident($($index:ident)?) -> $kind:ty;)*) => {
         /// Beginning and end of each table.
@@ -122,17 +123,17 @@ macro_rules! parameter_tables {
 parameter_tables! {
     /// Gravitational acceleration, m/s^2.
     gravity: gravity() -> [T; 3];
-    /// Of link `i`, or of part `i - links` of those that sensors read.
+    /// Inertial parameters of link `i`, or of part `i - links` of those that sensors read.
     inertials: inertial(i) -> Inertial<T>;
     /// Mass of a subtree that sensors read, kg.
     totals: total(subtree) -> T;
-    /// Of a degree of freedom.
+    /// Parameters of a degree of freedom.
     dofs: dof(i) -> DofParams<T>;
     /// Stiffness of a joint's spring, N/m or N m/rad.
     springs: spring(joint) -> T;
     /// Lowest and highest position of a limit of the compiled model.
     limits: limit(i) -> [T; 2];
-    /// Greatest angle of the rotation of a ball joint with a limit, rad.
+    /// Largest angle of a ball joint with a limit, rad.
     ball_limits: ball_limit(i) -> T;
     /// Dry friction, N or N m.
     frictions: friction(i) -> T;
@@ -140,7 +141,7 @@ parameter_tables! {
     actuators: actuator(i) -> ActuatorParams<T>;
     /// Placement and sizes of a geom of the compiled model.
     geoms: geom(i) -> GeomParams<T>;
-    /// Contacts of a pair that is listed.
+    /// Contact parameters of a listed pair.
     pairs: listed_contact(pair) -> ContactParams<T>;
     /// Contact parameters of a geom of dynamic pairs, by its index in the model.
     members: member(geom) -> ContactParams<T>;
@@ -152,7 +153,7 @@ parameter_tables! {
     moments: body_inertia(body) -> [T; 6];
     /// Force against gravity on a body.
     compensations: compensation(i) -> CompensationParams<T>;
-    /// Drag of a body that the medium acts on.
+    /// Drag of a body in the medium.
     fluid: fluid(i) -> FluidParams<T>;
     /// Position in its frame of an object that sensors read, m.
     places: place(i) -> [T; 3];
@@ -160,7 +161,7 @@ parameter_tables! {
     sizes: size(i) -> [T; 3];
 }
 
-/// The numbers that environments may have of their own, for all environments (`T` a scalar) or for the lanes of a group.
+/// Numbers that can differ between environments, for all environments (`T` a scalar) or for the lanes of a group.
 #[derive(Clone, Debug, Default)]
 pub struct Params<T> {
     numbers: Vec<T>,
@@ -174,12 +175,12 @@ fn write_table<T: Copy, Row: ParameterRow<T>>(rows: Vec<Row>, numbers: &mut Vec<
 }
 
 impl<T: Copy> Params<T> {
-    /// Numbers that there are.
+    /// Total number of parameters.
     pub fn len(&self) -> usize {
         self.numbers.len()
     }
 
-    /// Whether there are none.
+    /// Whether there are no numbers.
     pub fn is_empty(&self) -> bool {
         self.numbers.is_empty()
     }
@@ -189,7 +190,7 @@ impl<T: Copy> Params<T> {
         &self.numbers
     }
 
-    /// The same in other numbers.
+    /// Converts the numbers to another type.
     pub fn map<U>(&self, f: impl FnMut(T) -> U) -> Params<U> {
         Params { numbers: self.numbers.iter().copied().map(f).collect(), tables: self.tables }
     }
@@ -200,7 +201,7 @@ impl<T: Copy> Params<T> {
         Row::read(&self.numbers[at..at + Row::WIDTH])
     }
 
-    /// Of all degrees of freedom, the numbers of a [`DofParams`] each: damping, stiffness, armature.
+    /// Numbers of all degrees of freedom, those of a [`DofParams`] each: damping, stiffness, armature.
     #[inline(always)]
     pub fn dofs(&self) -> &[[T; 3]] {
         let [start, end] = self.tables.dofs;
@@ -213,13 +214,13 @@ impl<T: Copy> Params<T> {
         self.geom(geom).pos
     }
 
-    /// radius, half length (capsule, cylinder), half sizes (box) or half axes (ellipsoid), m.
+    /// Size of a geom: radius, half length (capsule, cylinder), half sizes (box) or half axes (ellipsoid), m.
     #[inline(always)]
     pub fn geom_size(&self, geom: usize) -> [T; 3] {
         self.geom(geom).size
     }
 
-    /// Radius of a ball about a geom's origin that holds it; infinite for a plane, m.
+    /// Radius of a ball about a geom's origin that contains the geom; infinite for a plane, m.
     #[inline(always)]
     pub fn bounding_radius(&self, geom: usize) -> T {
         self.geom(geom).bounding_radius
@@ -231,7 +232,7 @@ impl<T: Copy> Params<T> {
         self.geom(geom).inscribed_radius
     }
 
-    /// Lever arm with which turning moves a geom's surface, m; see [`GeomParams`].
+    /// Lever arm with which a rotation moves a geom's surface, m; see [`GeomParams`].
     #[inline(always)]
     pub fn rotation_reach(&self, geom: usize) -> T {
         self.geom(geom).rotation_reach
@@ -246,7 +247,7 @@ impl Params<f64> {
 }
 
 impl<S: Scalar> Params<S> {
-    /// The same numbers in every lane.
+    /// Copies the numbers to every lane.
     pub fn in_lanes<R: Real<Scalar = S>>(&self) -> Params<R> {
         self.map(R::splat)
     }

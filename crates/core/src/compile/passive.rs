@@ -1,4 +1,4 @@
-//! Forces of the medium, gravity compensation, and surfaces that move.
+//! Forces of the medium, gravity compensation, and moving surfaces.
 
 use std::f64::consts::PI;
 
@@ -10,34 +10,34 @@ use crate::compile::merging::{Merged, matrix, quaternion};
 use crate::compile::tree::scalars;
 use crate::model::{Body, Ellipsoid, Medium, Model, Object};
 
-/// A body or geom that the medium acts on.
+/// Body or geom on which the medium acts.
 #[derive(Clone, Debug)]
 pub struct CompiledFluid<S> {
-    /// Its link.
+    /// Link of the body.
     pub link: usize,
-    /// The body or geom of the model.
+    /// Body or geom of the model.
     pub object: Object,
-    /// Its axes in the link's frame.
+    /// Axes of the body in the link's frame.
     pub mat: [S; 9],
-    /// What it is for the medium.
+    /// Shape of the body for the medium.
     pub shape: FluidShape<S>,
 }
 
-/// What a body is for the medium. Torques before forces.
+/// Shape of a body for the medium. Torques before forces.
 #[derive(Clone, Debug)]
 pub enum FluidShape<S> {
-    /// A box: force or torque -(viscous + drag |v|) v along every axis.
+    /// Box: force or torque -(viscous + drag |v|) v along every axis.
     Box,
-    /// An ellipsoid.
+    /// Ellipsoid with added mass, lift and drag.
     Ellipsoid(Box<CompiledEllipsoid<S>>),
 }
 
-/// An ellipsoid in a medium; the names are those of [`crate::dynamics::fluid`].
+/// Ellipsoid in a medium; the names are those of [`crate::dynamics::fluid`].
 #[derive(Clone, Debug)]
 pub struct CompiledEllipsoid<S> {
-    /// Scales all forces.
+    /// Factor of all forces.
     pub share: S,
-    /// kg/m^3
+    /// Density of the medium, kg/m^3.
     pub density: S,
     /// Added mass, kg.
     pub added_mass: [S; 3],
@@ -49,11 +49,11 @@ pub struct CompiledEllipsoid<S> {
     pub kutta: S,
     /// Products of two semi-axes b c, c a, a b over the largest of them.
     pub areas: [S; 3],
-    /// Sum of squares of `areas` along the velocity's direction below which there is no projected area.
+    /// Sum of squares of `areas` along the direction of the velocity, below which the projected area is zero.
     pub no_area: S,
     /// Largest projected area, m^2.
     pub widest: S,
-    /// Blunt and slender drag.
+    /// Coefficients of blunt and slender drag.
     pub drag: [S; 2],
     /// Viscous drag of rotation and translation in Stokes flow, N m s, N s/m.
     pub viscous: [S; 2],
@@ -61,27 +61,27 @@ pub struct CompiledEllipsoid<S> {
     pub moments: [S; 3],
 }
 
-/// A force against gravity.
+/// Force against gravity.
 #[derive(Clone, Debug)]
 pub struct GravityCompensation {
-    /// The link.
+    /// Link on which the force acts.
     pub link: usize,
-    /// The body of the model at whose centre of mass it acts.
+    /// Body of the model at whose centre of mass the force acts.
     pub body: usize,
 }
 
-/// A geom whose surface moves without its links: a conveyor, or part of a body that the user moves.
+/// Geom whose surface moves without its links: a conveyor, or part of a mocap body.
 #[derive(Clone, Debug)]
 pub struct CompiledSurface<S> {
-    /// Index into the compiled model's geoms.
+    /// Index of the geom in the compiled model.
     pub geom: usize,
-    /// The mocap body that carries it, by its place among the compiled model's.
+    /// Mocap body that carries it, by its place among the compiled model's.
     pub mocap: Option<usize>,
-    /// Velocity of the surface in the frame's axes (m/s at the geom's origin, rad/s), if it has one of its own.
+    /// Velocity of a moving surface in the frame's axes (m/s at the geom's origin, rad/s); `None` for one at rest.
     pub own: Option<[[S; 3]; 2]>,
 }
 
-/// Below this MuJoCo takes a number for zero.
+/// Magnitude below which MuJoCo treats a number as zero.
 const TINY: f64 = 1e-15;
 
 pub(super) fn fluid<S: Scalar>(model: &Model, merged: &Merged) -> Vec<CompiledFluid<S>> {

@@ -1,4 +1,4 @@
-//! Surfaces that rays meet: of meshes and height fields, each made once.
+//! Surfaces of meshes and height fields that rays hit, each created once.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -7,7 +7,7 @@ use stepper_geometry::{Grid, RaySurface};
 
 use crate::model::{HeightField, Model, Shape};
 
-/// Surfaces by the name of the mesh or height field that they are made of.
+/// Surfaces by the name of their mesh or height field.
 #[derive(Clone, Debug, Default)]
 pub struct RaySurfaces {
     meshes: BTreeMap<String, Arc<RaySurface>>,
@@ -15,9 +15,9 @@ pub struct RaySurfaces {
 }
 
 impl RaySurfaces {
-    /// The surface of a shape, looked up or made; `None` of a simple one, and of one whose form the model does not have.
+    /// Surface of a shape, cached or new; `None` for a simple shape, or one without a form in the model.
     ///
-    /// A mesh is its triangles, whatever contacts take it for, and its hull where it has none.
+    /// The surface of a mesh is its triangles, also if contacts use its hull. Without triangles it is the hull.
     pub(crate) fn get_or_make(&mut self, model: &Model, shape: &Shape) -> Option<Arc<RaySurface>> {
         let (known, name) = match shape {
             Shape::Mesh { asset, .. } => (&mut self.meshes, asset),

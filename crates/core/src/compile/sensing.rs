@@ -1,4 +1,4 @@
-//! What sensors read: objects become places in frames, bodies with all that hangs from them become parts.
+//! Compiled sensors: objects become places in frames, and bodies with their descendants become parts.
 
 use std::cell::RefCell;
 use std::sync::Arc;
@@ -15,12 +15,12 @@ use crate::model::{
     Shape, Transmission,
 };
 
-/// All sensors of a model, and what they need of a step.
+/// Sensors of a model, and the parts of a step that they need.
 #[derive(Clone, Debug)]
 pub struct CompiledSensing<S> {
     /// Sensors in the model's order.
     pub sensors: Vec<CompiledSensor<S>>,
-    /// Numbers of all readings.
+    /// Total length of all readings.
     pub width: usize,
     /// Magnetic field in the world, T.
     pub magnetic: [S; 3],
@@ -28,157 +28,157 @@ pub struct CompiledSensing<S> {
     pub quaternions: bool,
     /// Body of every geom of the model.
     pub geom_body: Vec<usize>,
-    /// What the sensors need.
+    /// Quantities that the sensors need.
     pub needs: Needs,
-    /// Bodies with all that hangs from them whose masses are read.
+    /// Bodies with their descendants whose masses are read.
     pub subtrees: Vec<Subtree>,
-    /// Where the force and torque of the parent on a subtree are read, and which subtree that is.
+    /// Frames at which sensors read the force and torque of the parent on a subtree, and the subtree.
     pub carried: Vec<(SensorFrame<S>, usize)>,
-    /// Geoms of the model, and where they are.
+    /// Frames of the model's geoms.
     pub geoms: Vec<SensorFrame<S>>,
-    /// Sites of the model, and where they are.
+    /// Frames of the model's sites.
     pub sites: Vec<SensorFrame<S>>,
-    /// Places that are read, those of all geoms and sites the last: rows of [`Params::place`](crate::compile::Params::place).
+    /// Places that sensors read, those of all geoms and sites last: rows of [`Params::place`](crate::compile::Params::place).
     pub places: Vec<Object>,
-    /// Simple shapes of the geoms, and their numbers among all shapes; `None` for a mesh or height field.
+    /// Simple shapes of the geoms, with their index among all shapes; `None` for a mesh or height field.
     pub forms: Vec<Option<(Form, usize)>>,
-    /// Geoms and sites whose shape is read, all geoms the last: rows of [`Params::size`](crate::compile::Params::size).
+    /// Geoms and sites whose shape sensors read, all geoms last: rows of [`Params::size`](crate::compile::Params::size).
     pub shapes: Vec<Object>,
 }
 
-/// What sensors need beyond q, v and the activations.
+/// Quantities that sensors need besides q, v and the activations.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Needs {
-    /// Poses.
+    /// Whether sensors need poses.
     pub poses: bool,
-    /// Velocities of links.
+    /// Whether sensors need the velocities of links.
     pub velocities: bool,
-    /// The acceleration of the last step.
+    /// Whether sensors need the acceleration of the last step.
     pub acceleration: bool,
-    /// Forces of actuators, and so the controls of the last step.
+    /// Whether sensors need actuator forces, and with them the controls of the last step.
     pub actuators: bool,
-    /// Wrenches that the user applied in the last step.
+    /// Whether sensors need the wrenches that the user applied in the last step.
     pub wrenches: bool,
-    /// Contacts of the last step.
+    /// Whether sensors need the contacts of the last step.
     pub contacts: bool,
-    /// Whether anything is read of the last step itself: its impulses or its acceleration.
+    /// Whether sensors need results of the last step: its impulses or its acceleration.
     pub step: bool,
 }
 
-/// One sensor.
+/// Compiled sensor.
 #[derive(Clone, Debug)]
 pub struct CompiledSensor<S> {
-    /// Address of its first reading.
+    /// Address of the first reading.
     pub at: usize,
-    /// Numbers of its reading.
+    /// Length of the reading.
     pub dim: usize,
-    /// How errors act on it.
+    /// Kind of quantity, which determines how errors act on it.
     pub quantity: Quantity,
-    /// What it reads.
+    /// Reading of the sensor.
     pub read: Read<S>,
 }
 
-/// A frame fixed to a link, the world or a mocap body.
+/// Frame fixed to a link, the world or a mocap body.
 #[derive(Clone, Copy, Debug)]
 pub struct SensorFrame<S> {
-    /// The compiled model's frame.
+    /// Frame of the compiled model.
     pub frame: usize,
-    /// Its number among all places, for its position in the frame.
+    /// Index among all places, for its position in the frame.
     pub index: usize,
-    /// Orientation in it.
+    /// Orientation in the frame.
     pub mat: [S; 9],
-    /// The same as a quaternion.
+    /// Orientation as a quaternion.
     pub quat: [S; 4],
 }
 
-/// A shape somewhere.
+/// Shape at a place.
 #[derive(Clone, Debug)]
 pub struct Solid<S> {
-    /// Where.
+    /// Place of the shape.
     pub place: SensorFrame<S>,
-    /// What.
+    /// Kind of shape.
     pub form: Form,
-    /// Its number among all shapes, for its size.
+    /// Index among all shapes, for its size.
     pub index: usize,
 }
 
-/// Two shapes whose distance is read.
+/// Pair of shapes whose distance is read.
 pub type Pair<S> = (Solid<S>, Solid<S>);
 
-/// Shapes that rays meet and that zones have.
+/// Shape that rays hit or that zones have.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Form {
-    /// The half space z <= 0.
+    /// Half space z <= 0.
     Plane,
-    /// radius
+    /// Sphere, by its radius.
     Sphere,
-    /// radius, half length along z
+    /// Capsule, by radius and half length along z.
     Capsule,
-    /// semi-axes
+    /// Ellipsoid, by its semi-axes.
     Ellipsoid,
-    /// radius, half length along z
+    /// Cylinder, by radius and half length along z.
     Cylinder,
-    /// half sizes
+    /// Box, by its half sizes.
     Box,
 }
 
-/// A geom that rays can meet.
+/// Geom that rays can hit.
 #[derive(Clone, Debug)]
 pub struct Target<S> {
-    /// Where.
+    /// Place of the target.
     pub place: SensorFrame<S>,
-    /// What.
+    /// Shape of the target.
     pub form: TargetForm,
 }
 
-/// What rays meet of a geom.
+/// Shape of a geom that rays hit.
 #[derive(Clone, Debug)]
 pub enum TargetForm {
-    /// A simple shape, and its number among all shapes, for its size.
+    /// Simple shape, with its index among all shapes, for its size.
     Simple(Form, usize),
-    /// A mesh or a height field.
+    /// Mesh or height field.
     Surface(Arc<RaySurface>),
 }
 
-/// What belongs to a body and all that hangs from it, by frame.
+/// Body with its descendants, by frame.
 #[derive(Clone, Debug)]
 pub struct Subtree {
-    /// Its number among all subtrees, for its mass.
+    /// Index among all subtrees, for its mass.
     pub index: usize,
-    /// Its masses.
+    /// Masses of the subtree.
     pub parts: Vec<Part>,
-    /// Which bodies of the model it has.
+    /// Whether the subtree contains each body of the model.
     pub bodies: Vec<bool>,
 }
 
-/// A mass fixed to a frame.
+/// Mass fixed to a frame.
 #[derive(Clone, Copy, Debug)]
 pub struct Part {
-    /// The compiled model's frame.
+    /// Frame of the compiled model.
     pub frame: usize,
-    /// Its row of [`Params::inertial`](crate::compile::Params::inertial).
+    /// Row of [`Params::inertial`](crate::compile::Params::inertial).
     pub index: usize,
 }
 
 /// One side of the contacts of a contact sensor.
 #[derive(Clone, Debug)]
 pub enum Side<S> {
-    /// Which geoms of the model.
+    /// Whether each geom of the model is in the set.
     Geoms(Vec<bool>),
-    /// Whatever touches in this volume.
+    /// Volume: all geoms that touch in it.
     Zone(Solid<S>),
 }
 
-/// What a sensor reads, in terms of the compiled model; subtrees by their number.
+/// Reading of a sensor, in terms of the compiled model; subtrees by their number.
 #[derive(Clone, Debug)]
 pub enum Read<S> {
-    /// So many entries of q.
+    /// Entries of q.
     Position(usize),
-    /// So many entries of v.
+    /// Entries of v.
     Velocity(usize),
-    /// sum of coefficient q
+    /// Sum of coefficients times q.
     Length(Vec<(usize, S)>),
-    /// sum of coefficient v
+    /// Sum of coefficients times v.
     Rate(Vec<(usize, S)>),
     /// Sum of the forces of actuators.
     ActuatorForce(Vec<usize>),
@@ -186,67 +186,67 @@ pub enum Read<S> {
     JointForce(usize),
     /// Length of an actuator on a site.
     ActuatorLength(usize),
-    /// Its rate.
+    /// Rate of the length of an actuator.
     ActuatorRate(usize),
     /// Overlap of a sum of coefficient q with the nearer end of its range.
     LimitPos(Vec<(usize, S)>, Bounds<S>),
-    /// Its rate: the same in v besides.
+    /// Rate of a limit: the same in v.
     LimitVel([Vec<(usize, S)>; 2], Bounds<S>),
     /// Impulse of a limit, by its index in the compiled model.
     LimitForce(usize),
-    /// A limit that is not there.
+    /// Zero, for a limit that does not exist.
     Nothing,
-    /// A frame, perhaps in another.
+    /// Motion or pose of a frame, possibly relative to another.
     Frame(FrameReading, SensorFrame<S>, Option<SensorFrame<S>>),
-    /// The magnetic field.
+    /// Magnetic field.
     Magnetometer(SensorFrame<S>),
-    /// Linear velocity in its own frame.
+    /// Linear velocity in the sensor's frame.
     Velocimeter(SensorFrame<S>),
-    /// Angular velocity in its own frame.
+    /// Angular velocity in the sensor's frame.
     Gyro(SensorFrame<S>),
-    /// Linear acceleration less gravity in its own frame.
+    /// Linear acceleration less gravity in the sensor's frame.
     Accelerometer(SensorFrame<S>),
     /// Force of the parent on a subtree, by its number among those that are read.
     Force(usize),
     /// Torque of the parent on a subtree.
     Torque(usize),
-    /// Normal forces on a body of the model whose line meets a volume.
+    /// Sum of the normal forces on a body of the model whose lines meet a volume.
     Touch(usize, Solid<S>),
-    /// Rays.
+    /// Distances along rays.
     Range(SensorFrame<S>, Vec<[S; 3]>, Vec<RayField>, Vec<Target<S>>),
     /// Whether a place is inside a volume.
     Inside(SensorFrame<S>, Solid<S>),
-    /// Closest points up to a cutoff.
+    /// Distance between closest points, up to a cutoff.
     Proximity(ProximityReading, Vec<Pair<S>>, S),
-    /// Contacts.
+    /// Contacts between two sides.
     Contact([Side<S>; 2], Vec<ContactField>, ContactReduction, usize),
     /// Centre of mass.
     Com(usize),
-    /// Its velocity.
+    /// Velocity of a centre of mass.
     ComVelocity(usize),
-    /// Angular momentum about it.
+    /// Angular momentum about a centre of mass.
     AngularMomentum(usize),
-    /// Energy of gravity and springs.
+    /// Potential energy of gravity and springs.
     Potential(usize),
-    /// Energy of motion.
+    /// Kinetic energy.
     Kinetic(usize),
-    /// Time.
+    /// Simulated time.
     Clock,
-    /// Coefficients times readings that begin at these addresses.
+    /// Sum of coefficients times readings, which begin at these addresses.
     Combination(Vec<(usize, S)>),
 }
 
-/// Ends of a range.
+/// Bounds of a range.
 #[derive(Clone, Copy, Debug)]
 pub enum Bounds<S> {
-    /// Those of a joint's limit, by its index in the compiled model.
+    /// Range of a joint's limit, by its index in the compiled model.
     Limit(usize),
-    /// Fixed ones.
+    /// Constant range.
     Range([S; 2]),
 }
 
 impl Form {
-    /// `None` of a mesh and a height field.
+    /// Form of a shape; `None` for a mesh and a height field.
     pub(crate) fn of(shape: &Shape) -> Option<Self> {
         match *shape {
             Shape::Plane => Some(Self::Plane),
@@ -261,7 +261,7 @@ impl Form {
 }
 
 impl<S: Scalar> CompiledSensing<S> {
-    /// `lossy` says whether part of what actuators do is known from the impulses of a step alone.
+    /// Compiles the sensors of a model. `lossy` marks models in which the impulses of a step determine part of the actuator forces.
     pub(super) fn new(model: &Model, merged: &Merged, tendons: &[CompiledTendon<S>], lossy: bool) -> Self {
         let owners = tendons.iter().map(|t| (t.index, t.owner)).collect();
         let compiler = Compiler { model, merged, addresses: model.joint_addresses(), owners, found: RefCell::default() };
@@ -338,12 +338,12 @@ struct Compiler<'a> {
     model: &'a Model,
     merged: &'a Merged,
     addresses: Vec<(usize, usize)>,
-    /// Tendons of the model that have rows, and where their impulses are.
+    /// Tendons of the model with rows, and the indices of their impulses.
     owners: Vec<(usize, usize)>,
     found: RefCell<Found>,
 }
 
-/// What the sensors so far read that has numbers of its own.
+/// Objects found so far that need separate numbers in the compiled model.
 #[derive(Default)]
 struct Found {
     subtrees: Vec<Subtree>,
@@ -413,13 +413,13 @@ impl Compiler<'_> {
         arms.iter().map(move |&(j, c)| (self.addresses[j].0, self.addresses[j].1, S::from_f64(c * gear)))
     }
 
-    /// Terms in q and in v.
+    /// Terms of a sum in q and in v.
     fn sums<S: Scalar>(&self, arms: &[(usize, f64)], gear: f64) -> [Vec<(usize, S)>; 2] {
         let arms = || self.arms(arms, gear);
         [arms().map(|(q, _, c)| (q, c)).collect(), arms().map(|(_, v, c)| (v, c)).collect()]
     }
 
-    /// The moment of an actuator, if it is the same in every configuration.
+    /// Moment of an actuator, if it is the same in every configuration.
     fn moment<S: Scalar>(&self, a: usize) -> Option<impl Iterator<Item = (usize, usize, S)>> {
         let actuator = &self.model.actuators[a];
         let arms = match actuator.transmission {
@@ -439,7 +439,7 @@ impl Compiler<'_> {
         self.model.tendons[t].range.map(|range| Bounds::Range(scalars(range)))
     }
 
-    /// The overlap of a joint or tendon with its limits, or the overlap's rate.
+    /// Overlap of a joint or tendon with its limits, or the rate of the overlap.
     fn overlap<S: Scalar>(&self, arms: &[(usize, f64)], bounds: Option<Bounds<S>>, rate: bool) -> Read<S> {
         let Some(bounds) = bounds else { return Read::Nothing };
         let sums = self.sums(arms, 1.0);
@@ -451,7 +451,7 @@ impl Compiler<'_> {
         self.frame_of(object, index)
     }
 
-    /// An object whose place has this number.
+    /// Frame of an object whose place has this index.
     fn frame_of<S: Scalar>(&self, object: Object, index: usize) -> SensorFrame<S> {
         let (body, quat) = match object {
             Object::XBody(b) => (b, [1.0, 0.0, 0.0, 0.0]),
@@ -469,7 +469,7 @@ impl Compiler<'_> {
         Some(Solid { place: self.place(object), form, index })
     }
 
-    /// `None` where the model does not have its form.
+    /// Ray target of a geom; `None` if the model does not have its form.
     fn target<S: Scalar>(&self, geom: usize) -> Option<Target<S>> {
         let shape = &self.model.geoms[geom].shape;
         let form = match Form::of(shape) {
@@ -514,7 +514,7 @@ impl Compiler<'_> {
         among
     }
 
-    /// The number of a body's subtree.
+    /// Index of a body's subtree.
     fn subtree(&self, root: usize) -> usize {
         let bodies = self.descendants(root);
         let mut found = self.found.borrow_mut();
@@ -534,7 +534,7 @@ impl Compiler<'_> {
     }
 }
 
-/// The number of something in a list, which takes it up if it is new.
+/// Index of a thing in a list, to which it is appended if it is new.
 fn number<T: Copy + PartialEq>(list: &mut Vec<T>, thing: T) -> usize {
     list.iter().position(|&t| t == thing).unwrap_or_else(|| {
         list.push(thing);

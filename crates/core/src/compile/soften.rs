@@ -1,4 +1,4 @@
-//! A compiled model takes up MuJoCo's contact law.
+//! Softening of a compiled model: the numbers of MuJoCo's contact law.
 
 use stepper_real::Scalar;
 use stepper_solve::soft::SlipEffort;
@@ -11,8 +11,9 @@ use crate::compile::tree::CompiledFriction;
 use crate::model::{Cone, Equality, EqualityKind, Filter, InverseWeights, Joint, JointKind, MIN_VALUE, Model, SoftSettings};
 
 impl<S: Scalar> CompiledModel<S> {
-    /// Adds what MuJoCo's contact law needs for steps of `timestep` seconds, `discrete` ones where constraints are taken at the end of the
-    /// step. Contacts are no patches then: their forces are determined.
+    /// Adds the numbers of MuJoCo's contact law for steps of `timestep` seconds.
+    ///
+    /// `discrete` steps evaluate constraints at the end of the step. Contact groups are removed, because the law determines all forces.
     pub(crate) fn soften(&mut self, model: &Model, weights: &InverseWeights, timestep: f64, discrete: bool) {
         let SoftSettings { cone, impratio, refsafe, noslip, .. } = model.soft;
         let effort = SlipEffort { sweeps: noslip.iterations, tolerance: S::from_f64(noslip.tolerance) };
@@ -66,8 +67,10 @@ impl<S: Scalar> CompiledModel<S> {
     }
 }
 
-/// Degrees of freedom of all trees, those of the largest trees first: what is large touches many, and to eliminate it before these would
-/// couple each of them with every other. It is the model's order, not that of a state's contacts, so that all environments share it.
+/// Degrees of freedom of all trees, those of the largest trees first.
+///
+/// A large tree touches many others. Eliminating it first would couple each of them with every other. The order follows the model and not
+/// the contacts, so that all environments share it.
 fn order_by_size<S: Scalar>(model: &Model, structure: &ModelStructure<S>) -> Vec<u32> {
     let mut sizes = vec![0.0; structure.ntree];
     for geom in &structure.geoms {

@@ -1,4 +1,4 @@
-//! Softness of constraints, compiled: what MuJoCo's contact law makes of solref, solimp and the inverse weights of a model.
+//! Compiled softness of constraints: the numbers of MuJoCo's contact law from solref, solimp and the inverse weights of a model.
 
 use stepper_real::{Real, Scalar};
 use stepper_solve::soft::{Cone, SlipEffort};
@@ -6,16 +6,17 @@ use stepper_solve::soft::{Cone, SlipEffort};
 use crate::compile::tree::scalars;
 use crate::model::{ContactSpring, GeomPair, MIN_VALUE, Softness};
 
-/// Least and greatest impedance (`mjMINIMP`, `mjMAXIMP`).
+/// Least and largest impedance (`mjMINIMP`, `mjMAXIMP`).
 const IMPEDANCE: [f64; 2] = [1e-4, 0.9999];
 
 /// Least coefficient of friction (`mjMINMU`).
 pub(crate) const MIN_FRICTION: f64 = 1e-5;
-/// Mobility below which a row moves nothing.
+/// Mobility below which a row is immovable.
 pub(crate) const MIN_MOBILITY: f64 = MIN_VALUE;
 
-/// Law of a soft row: reference acceleration -B v - K d(r) r and regularisation (1 - d(r)) / d(r) times its weight, with the error r, its
-/// rate v and the impedance d.
+/// Law of a soft row: reference acceleration -B v - K d(r) r and regularisation (1 - d(r)) / d(r) times its weight.
+///
+/// r is the error of the row, v its rate and d the impedance.
 #[derive(Clone, Copy, Debug)]
 pub struct SoftLaw<S> {
     /// Stiffness K, 1/s^2.
@@ -24,30 +25,30 @@ pub struct SoftLaw<S> {
     pub damping: S,
     /// Impedance without error, and its growth with the error.
     impedance: [S; 2],
-    /// Inverse of the error over which it grows.
+    /// Inverse of the width over which the impedance grows.
     inverse_width: S,
-    /// Midpoint, and factors of the curve before and after it.
+    /// Midpoint of the impedance curve, and factors of the curve before and after it.
     midpoint: S,
     factors: [S; 2],
     power: S,
     /// Approximate inverse inertia along the row.
     pub weight: S,
-    /// Whether a discrete step softens it where its spring is stiffer than the step resolves (`refsafe`).
+    /// Whether a discrete step softens the law if its spring is stiffer than the step resolves (`refsafe`).
     pub yields: bool,
 }
 
 /// Law of the contacts of a pair of geoms.
 #[derive(Clone, Copy, Debug)]
 pub struct SoftContactLaw<S> {
-    /// Law of its normal row.
+    /// Law of the normal row.
     pub normal: SoftLaw<S>,
-    /// Damping B of its friction rows, 1/s.
+    /// Damping B of the friction rows, 1/s.
     pub friction_damping: S,
-    /// Rows: 1, 3, 4 or 6.
+    /// Number of rows: 1, 3, 4 or 6.
     pub condim: u8,
-    /// See [`Pair::anisotropy`](crate::model::Pair::anisotropy).
+    /// Anisotropy of friction, see [`Pair::anisotropy`](crate::model::Pair::anisotropy).
     pub anisotropy: [S; 2],
-    /// Regularisation R of the normal force of a spring, 1/kg, which the edges of a pyramid share; 0 where the contact has the law of its
+    /// Regularisation R of the normal force of a spring, 1/kg, which the edges of a pyramid share. 0 where the contact has the law of its
     /// solref and solimp.
     pub spring: S,
 }
@@ -59,23 +60,23 @@ pub struct CompiledSoftness<S> {
     pub cone: Cone,
     /// Ratio of the impedance of friction to that of normal forces.
     pub impratio: S,
-    /// Sweeps that take the slip out of friction, if there are any.
+    /// Sweeps that remove slip, if any.
     pub noslip: Option<SlipEffort<S>>,
     /// Laws of the listed pairs.
     pub pairs: Vec<SoftContactLaw<S>>,
     /// Laws of limits, dry friction and limits of ball joints, as the compiled model lists them.
     pub limits: Vec<SoftLaw<S>>,
-    /// See `limits`.
+    /// Laws of dry friction, see `limits`.
     pub frictions: Vec<SoftLaw<S>>,
-    /// See `limits`.
+    /// Laws of the limits of ball joints, see `limits`.
     pub ball_limits: Vec<SoftLaw<S>>,
     /// Laws of limits and of dry friction of the compiled tendons.
     pub tendons: Vec<[SoftLaw<S>; 2]>,
     /// Laws of the model's equalities, of translation and of rotation.
     pub equalities: Vec<[SoftLaw<S>; 2]>,
-    /// Parameters from which the contact laws of dynamic pairs are made.
+    /// Parameters of the contact laws of dynamic pairs.
     pub(super) maker: LawMaker,
-    /// Inverse weight of every geom's body, of translation.
+    /// Translational inverse weight of every geom's body.
     pub(super) geom_weights: Vec<f64>,
     /// Body of every geom of the model.
     pub geom_bodies: Vec<u32>,
@@ -83,7 +84,7 @@ pub struct CompiledSoftness<S> {
     pub order: Vec<u32>,
 }
 
-/// What a law is made with, besides its softness.
+/// Inputs of a soft law besides its softness.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct LawMaker {
     /// Least time constant, s.
@@ -124,7 +125,7 @@ impl<S: Scalar> SoftLaw<S> {
         self.row_at(self.impedance(r), r, v, active)
     }
 
-    /// The same where the impedance is that of several errors together.
+    /// Reference acceleration and regularisation at a given impedance, for several errors that share one.
     #[inline(always)]
     pub fn row_at<R: Real<Scalar = S>>(&self, impedance: R, r: R, v: R, active: R::Mask) -> [R; 2] {
         let reference = -(R::splat(self.damping) * v) - R::splat(self.stiffness) * impedance * r;
@@ -133,19 +134,22 @@ impl<S: Scalar> SoftLaw<S> {
     }
 }
 
-/// Law of a row whose spring and damper are taken at the end of a discrete step: a_ref = -(K d r + (B + h K d) v) / f and R / f, with
-/// f = 1 + h B + h^2 K d (MuJoCo's documentation, "Integrators").
+/// Law of a row whose spring and damper are evaluated at the end of a discrete step.
+///
+/// a_ref = -(K d r + (B + h K d) v) / f and R / f, with f = 1 + h B + h^2 K d (MuJoCo's documentation, "Integrators").
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct EndLaw<R> {
     /// Coefficients of the error and of its rate in the reference acceleration, before the division by f.
     pub(crate) spring: [R; 2],
-    /// f
+    /// Factor f = 1 + h B + h^2 K d.
     pub(crate) factor: R,
 }
 
 impl<R: Real> EndLaw<R> {
-    /// That of a law at an impedance, for a step of `h` seconds. One that yields and is stiffer than a step resolves, h^2 K d > 1, becomes
-    /// the stiffest that does not bounce, with the damping ratio that it had, as far as the largest impedance lets it.
+    /// Effective law at an impedance, for a step of `h` seconds.
+    ///
+    /// A law that is stiffer than the step resolves, h^2 K d > 1, becomes the stiffest law that does not bounce. It keeps its damping ratio
+    /// as far as the largest impedance permits.
     #[inline(always)]
     pub(crate) fn new(law: &SoftLaw<R::Scalar>, impedance: R, h: R) -> Self {
         let (mut stiffness, mut damping) = (R::splat(law.stiffness) * impedance, R::splat(law.damping));
@@ -162,21 +166,21 @@ impl<R: Real> EndLaw<R> {
         Self { spring: [stiffness, damping + h * stiffness], factor: R::one() + h * damping + h * h * stiffness }
     }
 
-    /// Regularisation R at this impedance, for this weight: not below that of the largest impedance.
+    /// Regularisation R at this impedance, for this weight, at least that of the largest impedance.
     #[inline(always)]
     pub(crate) fn regularisation(&self, impedance: R, weight: R) -> R {
         let own = SoftLaw::<R::Scalar>::regularisation(impedance, weight) / self.factor;
         own.max((Self::least() * weight).max(R::of(MIN_VALUE)))
     }
 
-    /// Least regularisation over the weight.
+    /// Least regularisation divided by the weight.
     #[inline(always)]
     pub(crate) fn least() -> R {
         R::of((1.0 - IMPEDANCE[1]) / IMPEDANCE[1])
     }
 }
 
-/// x to the power p, for x in [0, 1].
+/// Power x^p, for x in [0, 1].
 #[inline(always)]
 fn power<R: Real>(x: R, p: R::Scalar) -> R {
     let exponent = p.to_f64();
@@ -190,7 +194,7 @@ fn power<R: Real>(x: R, p: R::Scalar) -> R {
     R::select(some, (R::splat(p) * R::select(some, x, R::one()).ln()).exp(), R::zero())
 }
 
-/// A solref whose numbers are of one format, or the default.
+/// Solref with both numbers in one format, or the default.
 fn in_one_format(solref: [f64; 2]) -> [f64; 2] {
     if (solref[0] > 0.0) == (solref[1] > 0.0) { solref } else { Softness::default().solref }
 }
@@ -228,12 +232,12 @@ impl LawMaker {
         }
     }
 
-    /// The law of an equality never yields.
+    /// Law of an equality, which never yields.
     pub(super) fn equality<S: Scalar>(self, softness: &Softness, weight: f64) -> SoftLaw<S> {
         SoftLaw { yields: false, ..self.law(softness, weight) }
     }
 
-    /// The law of dry friction has no stiffness.
+    /// Law of dry friction, which has no stiffness.
     pub(super) fn friction<S: Scalar>(self, softness: &Softness, weight: f64) -> SoftLaw<S> {
         SoftLaw { stiffness: S::default(), ..self.equality(softness, weight) }
     }
@@ -250,8 +254,10 @@ impl LawMaker {
         SoftContactLaw { normal, friction_damping, condim: pair.condim, anisotropy: scalars(pair.anisotropy), spring: S::default() }
     }
 
-    /// A spring and a damper along the normal, taken at the end of the step as Euler's implicit rule does: f = -K (r + h v+) - D v+ is
-    /// R f = a_ref - a with R = 1 / (h (h K + D)) and a_ref = -v/h - K r R. An impedance of 1/2 makes R the weight.
+    /// Spring and damper along the normal, evaluated at the end of the step by Euler's implicit rule.
+    ///
+    /// f = -K (r + h v+) - D v+ is R f = a_ref - a with R = 1 / (h (h K + D)) and a_ref = -v/h - K r R. An impedance of 1/2 makes R the
+    /// weight.
     fn spring_contact<S: Scalar>(self, pair: &GeomPair) -> SoftContactLaw<S> {
         let (ContactSpring { stiffness, damping }, h) = (pair.spring, self.timestep);
         let weight = 1.0 / (h * (h * stiffness + damping));
@@ -273,7 +279,7 @@ impl LawMaker {
 }
 
 impl<S: Scalar> CompiledSoftness<S> {
-    /// Law of a pair of the compiled model that is not listed.
+    /// Law of a pair of the compiled model outside the list.
     pub(crate) fn unlisted(&self, pair: &GeomPair) -> SoftContactLaw<S> {
         let [a, b] = pair.geoms;
         self.maker.contact(pair, self.geom_weights[a] + self.geom_weights[b])

@@ -1,34 +1,34 @@
-//! Parts of a compiled model: links, joints, degrees of freedom, and what belongs to single ones of them.
+//! Parts of a compiled model: links, joints, degrees of freedom, and their attributes.
 
 use stepper_real::Scalar;
 
 use crate::model::JointKind;
 
-/// A moving body with everything welded to it.
+/// Moving body with everything welded to it.
 #[derive(Clone, Debug)]
 pub struct Link<S> {
-    /// The frame that it hangs from.
+    /// Parent frame of the link.
     pub parent: usize,
-    /// Its kinematic tree.
+    /// Kinematic tree of the link.
     pub tree: usize,
-    /// Whether it is the root of its tree.
+    /// Whether the link is the root of its tree.
     pub is_root: bool,
-    /// Position in the parent frame before its joints, m.
+    /// Position in the parent frame before the link's joints, m.
     pub pos: [S; 3],
-    /// Orientation in the parent frame before its joints; `None` when aligned.
+    /// Orientation in the parent frame before the link's joints; `None` if it is aligned.
     pub mat: Option<[S; 9]>,
-    /// The same as a quaternion.
+    /// Orientation as a quaternion.
     pub quat: [S; 4],
-    /// Its joints.
+    /// Joints of the link.
     pub joints: std::ops::Range<usize>,
-    /// Its degrees of freedom.
+    /// Degrees of freedom of the link.
     pub dofs: std::ops::Range<usize>,
 }
 
-/// A joint.
+/// Joint of a link.
 #[derive(Clone, Debug)]
 pub struct CompiledJoint<S> {
-    /// How it moves.
+    /// Kind of the joint.
     pub kind: JointKind,
     /// Address in q.
     pub q: usize,
@@ -40,78 +40,78 @@ pub struct CompiledJoint<S> {
     pub centred: bool,
     /// Axis in the link's frame.
     pub axis: [S; 3],
-    /// Which axis of the frame it is, if any, with its sign.
+    /// Axis of the frame that the joint's axis coincides with, if any, and whether its sign is the same.
     pub principal: Option<(usize, bool)>,
-    /// Position at which the joint changes nothing.
+    /// Position at which the joint has no effect on the pose.
     pub reference: S,
-    /// Whether it has a spring.
+    /// Whether the joint has a spring.
     pub sprung: bool,
-    /// Where the spring rests: one coordinate, or a quaternion, or position and quaternion.
+    /// Rest position of the spring: one coordinate, or a quaternion, or position and quaternion.
     pub rest: [S; 7],
 }
 
-/// A degree of freedom.
+/// Degree of freedom of a joint.
 #[derive(Clone, Debug)]
 pub struct Dof {
-    /// The link that it moves.
+    /// Link that the degree of freedom moves.
     pub link: usize,
-    /// Its kinematic tree.
+    /// Kinematic tree of the degree of freedom.
     pub tree: usize,
-    /// Start of its chain, and of its row in the mass matrix.
+    /// Start of the dof's chain in the list of chains, and of its row among the entries of the mass matrix.
     pub chain: usize,
-    /// Length of its chain.
+    /// Length of the chain.
     pub depth: usize,
-    /// Whether its body is simple, so that MuJoCo's mass matrix is diagonal there.
+    /// Whether the body is simple, so that MuJoCo's mass matrix is diagonal there.
     pub is_simple: bool,
-    /// Where its descendants are listed.
+    /// Range of its descendants in their list.
     pub descendants: std::ops::Range<usize>,
 }
 
-/// A descendant of a dof.
+/// Descendant of a dof.
 #[derive(Clone, Copy, Debug)]
 pub struct Descendant {
-    /// Which.
+    /// Index of the degree of freedom.
     pub dof: u32,
-    /// Where its chain has the ancestor: its entry of the mass matrix with it. The ancestors of that follow, as in the ancestor's own row.
+    /// Entry of the mass matrix with the ancestor, as an index in the chain. The ancestor's ancestors follow, as in its row.
     pub entry: u32,
 }
 
-/// A link alone on a free or ball joint.
+/// Link alone on a free or ball joint.
 #[derive(Clone, Debug)]
 pub struct CompiledSpinner<S> {
-    /// The link.
+    /// Index of the link.
     pub link: usize,
     /// First degree of freedom.
     pub dof: usize,
-    /// Free or ball.
+    /// Kind of the joint: free or ball.
     pub kind: JointKind,
-    /// The joint in the link's frame, m.
+    /// Position of the joint in the link's frame, m.
     pub anchor: [S; 3],
 }
 
-/// A body that the user poses.
+/// Mocap body, whose pose the user sets.
 #[derive(Clone, Debug)]
 pub struct CompiledMocap<S> {
-    /// Its frame.
+    /// Frame of the body.
     pub frame: usize,
-    /// Pose at reset.
+    /// Position at reset, m.
     pub pos: [S; 3],
-    /// Pose at reset.
+    /// Orientation at reset.
     pub quat: [S; 4],
 }
 
-/// Where a body of the model is.
+/// Place of a body of the model.
 #[derive(Clone, Debug)]
 pub struct CompiledBody<S> {
-    /// Index of its parent; the world's is 0.
+    /// Index of the parent; the world's is 0.
     pub parent: usize,
-    /// The frame that it is fixed to.
+    /// Frame to which the body is fixed.
     pub frame: usize,
-    /// Its origin in that frame, m.
+    /// Origin of the body in that frame, m.
     pub pos: [S; 3],
-    /// Its orientation in that frame.
+    /// Orientation of the body in that frame.
     pub mat: [S; 9],
-    /// The same as a quaternion.
+    /// Orientation as a quaternion.
     pub quat: [S; 4],
 }
 
@@ -131,7 +131,7 @@ pub struct CompiledBallLimit {
     pub q: usize,
     /// First degree of freedom.
     pub dof: usize,
-    /// Index of its impulse.
+    /// Index of the limit's impulse.
     pub owner: usize,
 }
 
@@ -140,13 +140,13 @@ pub struct CompiledBallLimit {
 pub struct CompiledFriction {
     /// Degree of freedom.
     pub dof: usize,
-    /// The joint in the model.
+    /// Joint in the model.
     pub joint: usize,
-    /// Whether actuator dynamics add to it.
+    /// Whether actuator dynamics add to the friction.
     pub driven: bool,
 }
 
-/// The same numbers in the scalar type of the lanes.
+/// Converts numbers to the scalar type of the lanes.
 pub(crate) fn scalars<S: Scalar, const N: usize>(x: [f64; N]) -> [S; N] {
     x.map(S::from_f64)
 }

@@ -1,20 +1,20 @@
-//! Equalities that act: which of the model's, in which environments.
+//! Active equalities of the model in each environment.
 
 use stepper_real::{Mask, Real};
 
 use crate::compile::{CompiledEquality, ModelStructure};
 
-/// Lanes in which each equality acts.
+/// Lanes in which each equality is active.
 #[derive(Clone, Debug)]
 pub(crate) struct ActiveEqualities<R: Real> {
-    /// By equality of the model.
+    /// Lanes, by equality of the model.
     lanes: Vec<R::Mask>,
-    /// Whether any equality of a block acts in any lane, by block of the compiled model.
+    /// Whether any equality of a block is active in any lane, by block of the compiled model.
     blocks: Vec<bool>,
 }
 
 impl<R: Real> ActiveEqualities<R> {
-    /// The model's own in every lane.
+    /// Default activity of the model in every lane.
     pub(crate) fn new(compiled: &ModelStructure<R::Scalar>) -> Self {
         let equalities = compiled.equalities.iter().map(|block| block.equalities.len()).sum();
         let none = R::Mask::splat(false);
@@ -23,8 +23,8 @@ impl<R: Real> ActiveEqualities<R> {
         active
     }
 
-    /// Takes up what the user says of the environments `first..first + used`, (num_envs, neq) with 0 for an equality that does not act; an
-    /// empty array leaves it to the model.
+    /// Loads the user's `rows` of the environments `first..first + used`, (num_envs, neq); 0 disables an equality. An empty array selects
+    /// the defaults of the model.
     pub(crate) fn load(&mut self, compiled: &ModelStructure<R::Scalar>, rows: &[f64], first: usize, used: usize) {
         let count = self.lanes.len();
         for (block, any) in compiled.equalities.iter().zip(&mut self.blocks) {
@@ -41,13 +41,13 @@ impl<R: Real> ActiveEqualities<R> {
         }
     }
 
-    /// Lanes in which an equality acts.
+    /// Lanes in which an equality is active.
     #[inline(always)]
     pub(crate) fn lanes(&self, equality: &CompiledEquality<R::Scalar>) -> R::Mask {
         self.lanes[equality.index]
     }
 
-    /// Whether a block has rows, since an equality of it acts in some lane.
+    /// Whether a block has rows, because one of its equalities is active in some lane.
     #[inline(always)]
     pub(crate) fn has_rows(&self, block: usize) -> bool {
         self.blocks[block]

@@ -3,7 +3,7 @@
 //! A contact row keeps a gap open along one fixed normal. That is right for surfaces that collide and wrong for surfaces that pass each
 //! other. The nearest points of two bodies that fly past approach without touching. Stage 4 therefore assembles the rows of an approaching
 //! contact and defers them: the solver leaves them out. The solution without them gives the motion of the step. Stage 5 activates the rows
-//! of the pairs that collide in this motion and solves their lanes again ([`crate::integrators::struck_contacts`]).
+//! of the pairs that collide in this motion and solves their lanes again ([`crate::integrators::contact_activation`]).
 //!
 //! Contacts that rest, slide or roll are never deferred, nor are contacts with a half space, which has one normal everywhere.
 
@@ -119,16 +119,16 @@ impl<R: Real> ConstraintProblem<R> {
             || {
                 for i in 0..self.deferred.len() {
                     let deferred = &self.deferred[i];
-                    let mut struck = R::Mask::splat(false);
+                    let mut colliding = R::Mask::splat(false);
                     for (pair, same) in contacts.pairs(deferred.slot, deferred.lanes.and(lanes).bits()) {
-                        struck = struck.or(lanes_of(pair).and(R::Mask::from_bits(same)));
+                        colliding = colliding.or(lanes_of(pair).and(R::Mask::from_bits(same)));
                     }
-                    self.activate_contact(velocity, i, struck, self.deferred[i].impulse);
+                    self.activate_contact(velocity, i, colliding, self.deferred[i].impulse);
                 }
             },
         );
-        let new = velocity.patches.new_lanes(contacts, &self.slots, &self.rows, &velocity.impulses);
-        self.rows.hyperstatic = self.rows.hyperstatic.and_not(lanes).or(new.and(lanes));
+        let new = velocity.groups.new_lanes(contacts, &self.slots, &self.rows, &velocity.impulses);
+        self.rows.redundant = self.rows.redundant.and_not(lanes).or(new.and(lanes));
     }
 
     /// Activates, with zero impulse, the deferred contacts that the solution satisfies.

@@ -21,7 +21,7 @@ pub(crate) struct Assembler<'a, R: Real> {
 /// Input of the assembly of rows.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct AssemblyInput<'a, R: Real> {
-    /// Configuration at which the rows are taken.
+    /// Configuration at which the rows are evaluated.
     pub q: &'a [R],
     /// Velocity before the step.
     pub v: &'a [R],
@@ -29,25 +29,25 @@ pub(crate) struct AssemblyInput<'a, R: Real> {
     pub motion: &'a NewtonEuler<R>,
     /// Velocity after the step without constraints.
     pub v_free: &'a [R],
-    /// What actuator dynamics lose to friction (against motion forwards, against motion backwards), N or N m, for every row of dry
-    /// friction; empty without any.
+    /// Friction of actuator dynamics (against forward motion, against backward motion), N or N m, per row of dry friction; empty without
+    /// any.
     pub losses: &'a [[R; 2]],
     /// Time step, s.
     pub h: R,
-    /// From the configuration before the step to that at which the rows are taken, s.
+    /// Time from the configuration before the step to that of the rows, s.
     pub time_before: R,
-    /// Whether the step is taken in its middle, with impacts at their own time.
+    /// Whether the step is evaluated in its middle, with impacts at their times.
     pub in_the_middle: bool,
-    /// Part of a gap that may close in the step.
+    /// Fraction of a gap that may close in the step.
     pub closing_fraction: R,
-    /// Overlaps of the nominal step, if the step is differentiated: rows then follow them instead of their own.
+    /// Overlaps of the nominal step, if the step is differentiated: rows follow them instead of the present overlaps.
     pub solved_overlaps: Option<&'a SolvedOverlaps<R>>,
-    /// Environments that step.
+    /// Lanes that are environments and step.
     pub alive: R::Mask,
 }
 
 impl<R: Real> AssemblyInput<'_, R> {
-    /// Part of the distance `phi` that may close in the step, m. An overlap is returned unchanged.
+    /// Fraction of the distance `phi` that may close in the step, m. An overlap is returned unchanged.
     #[inline(always)]
     pub(crate) fn gap(&self, phi: R) -> R {
         R::select(phi.gt(R::zero()), phi * self.closing_fraction, phi)

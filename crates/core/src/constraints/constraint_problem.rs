@@ -1,4 +1,4 @@
-//! The constraint problem of a step. Stage 4 assembles it, and stages 5 and 8 solve it, for velocities and for positions.
+//! Constraint problem of a step. Stage 4 assembles it, and stages 5 and 8 solve it, for velocities and for positions.
 
 use stepper_real::{Mask, Real, Scalar};
 use stepper_solve::{Capacity, Problem};
@@ -27,13 +27,13 @@ pub struct ConstraintProblem<R: Real> {
     pub rolling_slots: Vec<(usize, R::Mask, V3<R>)>,
     /// Lanes with at least one row.
     pub constrained: R::Mask,
-    /// Lanes whose positions need a solve of their own in stage 8.
+    /// Lanes whose positions need a separate solve in stage 8.
     pub needs_position_solve: R::Mask,
     /// Lanes in which Baumgarte's bias is part of the velocities.
     pub biased: R::Mask,
     /// Lanes in which a contact bounces. Positions and velocities may differ there by any speed.
     pub rebounding: R::Mask,
-    /// Whether there may be rows along which nothing can move.
+    /// Whether the problem may have immovable rows.
     pub(crate) may_be_held: bool,
     /// Impacts of the contacts, in their order: contacts of three rows first. Empty if no contact is elastic.
     pub(crate) impacts: Vec<Impact<R>>,
@@ -43,22 +43,22 @@ pub struct ConstraintProblem<R: Real> {
     pub(crate) deferred: Vec<DeferredContact<R>>,
     /// Time within which a row lets its gap close, s.
     pub(crate) closing_time: R,
-    /// Lanes in which each equality of the model acts.
+    /// Lanes in which each equality of the model is active.
     pub(crate) active_equalities: ActiveEqualities<R>,
     /// Rows of MuJoCo's contact law. With that law `rows` is empty.
     pub(crate) soft: Option<Box<SoftSystem<R>>>,
 }
 
-/// A contact that bounces within the step.
+/// Contact that bounces within the step.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Impact<R: Real> {
-    /// Lanes in which it does.
+    /// Lanes in which the contact bounces.
     pub(crate) lanes: R::Mask,
-    /// Lanes in which it overlapped before.
+    /// Lanes in which the contact overlapped before.
     pub(crate) overlapping: R::Mask,
-    /// When, from the beginning of the step, as a part of it.
+    /// Time of the impact after the beginning of the step, as a fraction of the step.
     pub(crate) time_fraction: R,
-    /// 1 + e.
+    /// Factor 1 + e of the normal velocity.
     pub(crate) normal_factor: R,
 }
 
@@ -82,8 +82,8 @@ pub(crate) struct DeferredContact<R: Real> {
 impl<R: Real> ConstraintProblem<R> {
     /// Problem for a compiled model with at most `max_contacts` contacts per environment.
     pub fn new(compiled: &ModelStructure<R::Scalar>, max_contacts: usize) -> Self {
-        // With MuJoCo's law a slot is a contact for the lanes that touch the same trees: where there are several, at the most one for each
-        // lane, of that lane's own coordinates.
+        // With MuJoCo's law a slot is one contact for the lanes that touch the same trees. With several trees there is at most one contact
+        // per lane, with that lane's coordinates.
         let parts = if compiled.softness.is_some() && compiled.ntree > 1 { R::LANES } else { 1 };
         let (soft_contacts, soft_support) = (max_contacts * parts, capacity_of(compiled, 0, R::LANES / parts).contact_support);
         let capacity = capacity_of(compiled, max_contacts, R::LANES);
@@ -124,8 +124,9 @@ impl<R: Real> ConstraintProblem<R> {
     }
 }
 
-/// Capacity for all rows of a compiled model: a contact touches the ancestors of two frames in each of its lanes, and every row the degrees
-/// of freedom that equalities couple to it.
+/// Capacity for all rows of a compiled model.
+///
+/// A contact touches the ancestors of two frames in each of its lanes, and every row the degrees of freedom that equalities couple to it.
 pub(crate) fn capacity_of<S: Scalar>(compiled: &ModelStructure<S>, contacts: usize, lanes: usize) -> Capacity {
     let coupled = compiled.equalities.iter().filter(|b| b.eliminated).map(|b| b.support.len()).sum::<usize>();
     let with_coupled = |entries: usize| (entries + coupled).min(compiled.nv);

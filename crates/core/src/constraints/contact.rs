@@ -10,38 +10,40 @@ use crate::constraints::elimination::SquaredLengths;
 use crate::constraints::equality::RowInput;
 use crate::math::spatial::*;
 
-/// Least mobility along a contact's normal, as a fraction of that of all moving mass as one body. Below it the lever arm with which a hinge
-/// moves along the normal is rounding: less than 1e-7 of its length in 64 bits, 3e-5 in 32.
+/// Least mobility along a contact's normal, as a fraction of that of all moving mass as one body.
+///
+/// Below it the lever arm with which a hinge moves along the normal is rounding error: less than 1e-7 of its length in 64 bits, 3e-5 in 32.
 pub(crate) fn least_mobility<R: Real>() -> f64 {
     1e-14_f64.max((256.0 * <R::Scalar as Scalar>::EPSILON.to_f64()).powi(2))
 }
 
-/// Least lever arm of a degree of freedom along a contact's normal, as a part of the arms that it is the difference of. Holding a body by
-/// less takes 1e5 times the force that turns it, or rounding decides.
+/// Least lever arm of a degree of freedom along a contact's normal, as a fraction of the two arms whose difference it is.
+///
+/// With a smaller lever arm, holding a body takes 1e5 times the force that turns it, or the result is rounding error.
 fn least_lever<R: Real>() -> f64 {
     f64::max(1e-5, 1e3 * <R::Scalar as Scalar>::EPSILON.to_f64())
 }
 
 /// Rows of a slot along the normal and the tangents. Their entries are in the column of the row builder.
 pub(crate) struct SlidingRows<R: Real> {
-    /// What each row demands of velocities and of positions, m/s.
-    pub(crate) demands: [[R; 2]; 3],
-    /// Squared lengths of the rows, where equalities are taken out of them.
+    /// Target velocity of each row in the velocity solve and in the position solve, m/s.
+    pub(crate) targets: [[R; 2]; 3],
+    /// Squared lengths of the rows, if equalities are eliminated from them.
     pub(crate) lengths: Option<SquaredLengths<R, 3>>,
     /// Lanes in which the contact can push, now or once it is activated.
     pub(crate) active: R::Mask,
     /// Lanes in which the rows are deferred. The caller sets the contact, slot and impulse.
     pub(crate) deferred: DeferredContact<R>,
-    /// Compliance of the normal row, 1/kg, where surfaces of the model give way.
+    /// Compliance of the normal row, 1/kg, where the model has soft surfaces.
     pub(crate) compliance: Option<R>,
 }
 
 impl<R: Real> Assembler<'_, R> {
-    /// Adds slot `k` in the lanes `lanes`, in which it has sliding friction at the most; `support` is gathered.
+    /// Adds slot `k` in the lanes `lanes`, whose contacts have sliding friction or none. `support` is gathered before.
     #[inline(always)]
     pub(crate) fn add_contact(&mut self, input: RowInput<'_, R>, contacts: &Contacts<R>, k: usize, lanes: u32) {
         let (slot, mass) = (&contacts.data[k], input.mass);
-        let SlidingRows { demands: g, lengths, active, deferred, compliance } = self.sliding_rows(input, contacts, k, lanes);
+        let SlidingRows { targets: g, lengths, active, deferred, compliance } = self.sliding_rows(input, contacts, k, lanes);
         let (column, contact) = (&self.builder.column, self.problem.rows.contacts.len());
         self.problem.rows.push_contact(
             &self.builder.support,
@@ -62,7 +64,7 @@ impl<R: Real> Assembler<'_, R> {
         if let Some(compliance) = compliance {
             self.problem.rows.contacts.set_compliance(compliance);
         }
-        self.problem.rows.contacts.set_position_demand([g[0][1], g[1][1] - g[1][0], g[2][1] - g[2][0]]);
+        self.problem.rows.contacts.set_position_target([g[0][1], g[1][1] - g[1][0], g[2][1] - g[2][0]]);
         let solved = active.and_not(deferred.lanes);
         if deferred.lanes.any() {
             self.problem.rows.contacts.defer(deferred.lanes);
@@ -75,8 +77,11 @@ impl<R: Real> Assembler<'_, R> {
         self.problem.constrained = self.problem.constrained.or(solved);
     }
 
-    /// Lanes in which slot `k` can move along its normal though it moves far less than along its tangents, or than a body of all moving
-    /// mass would: some degree of freedom has a lever arm. With the rounding of its normal velocity, m/s. Uses `column` up.
+    /// Lanes in which slot `k` can move along its normal although its normal mobility is small, and the rounding error of its normal
+    /// velocity, m/s.
+    ///
+    /// The mobility counts as small compared with that of its tangents, or of a body with the whole moving mass. The contact can move if
+    /// some degree of freedom has a lever arm. Overwrites `column`.
     #[cold]
     #[inline(never)]
     pub(crate) fn reconsider(&mut self, input: RowInput<'_, R>, contacts: &Contacts<R>, k: usize, lanes: u32) -> (R::Mask, R) {
@@ -111,7 +116,7 @@ impl<R: Real> Assembler<'_, R> {
         )
     }
 
-    /// The rows of slot `k` in the lanes `lanes` along its normal and its tangents; `support` is gathered.
+    /// Builds the rows of slot `k` in the lanes `lanes` along its normal and its tangents. `support` is gathered before.
     #[inline(always)]
     pub(crate) fn sliding_rows(&mut self, input: RowInput<'_, R>, contacts: &Contacts<R>, k: usize, lanes: u32) -> SlidingRows<R> {
         let RowInput { compiled, options, mass, assembly, .. } = input;
@@ -125,23 +130,23 @@ impl<R: Real> Assembler<'_, R> {
         let solved = assembly.solved_overlaps.map(|solved| solved.distance(contacts, k));
         let (mut bias, mut position) = self.biases(options, assembly.gap(slot.point.distance), solved, assembly.h, rigid);
         if let Some(row) = &springs {
-            // Its position is the spring's, and nothing corrects it.
+            // The spring determines the position, and no correction is added.
             [bias, position] = [bias, position].map(|x| R::select(row.lanes, row.bias, x));
         }
         let (bias, mut active) = self.bounce(compiled, options, slot, assembly, active, [free[0], before[0]], bias);
-        let mut demands = [[free[0] + bias, free[0] + position], [free[1]; 2], [free[2]; 2]];
-        let lengths = self.builder.eliminate(&self.problem.rows, mass, &mut demands);
-        let held = [demands[0][0] - bias, demands[1][0], demands[2][0]];
+        let mut targets = [[free[0] + bias, free[0] + position], [free[1]; 2], [free[2]; 2]];
+        let lengths = self.builder.eliminate(&self.problem.rows, mass, &mut targets);
+        let held = [targets[0][0] - bias, targets[1][0], targets[2][0]];
         if self.problem.has_impacts {
-            active = self.bounce_within(input, slot, active, [free, change], bias, &mut demands);
+            active = self.bounce_within(input, slot, active, [free, change], bias, &mut targets);
         }
         let bounces = self.problem.impacts.last().map_or(R::Mask::splat(false), |impact| impact.lanes);
         let lanes = self.approaching_lanes(input, contacts, k, active.and(rigid), before[0], held);
         let impulse = [R::zero(); 6];
-        let deferred = DeferredContact { contact: 0, slot: k, lanes, bounces, bias: demands[0][0] - held[0], impulse };
+        let deferred = DeferredContact { contact: 0, slot: k, lanes, bounces, bias: targets[0][0] - held[0], impulse };
         if curves {
-            self.add_curve(input, contacts, k, active, [free, change], &mut demands);
+            self.add_curve(input, contacts, k, active, [free, change], &mut targets);
         }
-        SlidingRows { demands, lengths, active, deferred, compliance: springs.map(|row| row.compliance) }
+        SlidingRows { targets, lengths, active, deferred, compliance: springs.map(|row| row.compliance) }
     }
 }

@@ -1,8 +1,8 @@
-//! Contacts whose surfaces give way: a spring and a damper along the normal, implicit in the step as those of equalities are.
+//! Contacts with soft surfaces: a spring and a damper along the normal, implicit in the step as those of equalities are.
 //!
-//! The law stays one of complementarity: 0 <= lambda, complementary to v+ + R lambda + P R >= 0, with the compliance R and the demand P R
-//! of [`spring_law`], so that a spring pushes and never pulls. What is still apart closes as rigid surfaces do, and only what overlaps at
-//! the end of the step is pressed. Friction holds or slides by the force that the spring bears.
+//! The contact stays a complementarity problem: 0 <= lambda, complementary to v+ + R lambda + P R >= 0. R is the compliance and P R the
+//! target velocity of [`spring_law`], so that a spring pushes and never pulls. A gap closes as between rigid surfaces. Only an overlap at
+//! the end of the step loads the spring. The force of the spring bounds friction.
 
 use stepper_real::{Mask, Real};
 
@@ -10,19 +10,21 @@ use crate::collision::contact_set::Contacts;
 use crate::constraints::equality::{RowInput, RowLaw, SpringRow, spring_law};
 use crate::constraints::row_builder::RowBuilder;
 
-/// The normal row of a contact that gives way.
-pub(crate) struct GivingRow<R: Real> {
-    /// Lanes in which it does.
+/// Normal row of a contact with soft surfaces.
+pub(crate) struct CompliantRow<R: Real> {
+    /// Lanes in which the contact is soft.
     pub(crate) lanes: R::Mask,
-    /// What is added to the free velocity, m/s.
+    /// Bias that is added to the free velocity, m/s.
     pub(crate) bias: R,
     /// Compliance, 1/kg; 0 in the other lanes.
     pub(crate) compliance: R,
 }
 
 impl<R: Real> RowBuilder<R> {
-    /// The contacts in slot `k` that are springs, whose normal velocities without constraints and before the step are `free` and `before`;
-    /// the normal's row is the first of `column`, half solved.
+    /// Compliant normal row of slot `k`, in the lanes whose contact has a spring.
+    ///
+    /// `free` and `before` are the normal velocities without constraints and before the step. The first component of `column` has the
+    /// half-solved normal row.
     pub(crate) fn comply(
         &self,
         input: RowInput<'_, R>,
@@ -30,9 +32,9 @@ impl<R: Real> RowBuilder<R> {
         k: usize,
         lanes: u32,
         [free, before]: [R; 2],
-    ) -> GivingRow<R> {
+    ) -> CompliantRow<R> {
         let RowInput { compiled, assembly, .. } = input;
-        let mut row = GivingRow { lanes: R::Mask::splat(false), bias: R::zero(), compliance: R::zero() };
+        let mut row = CompliantRow { lanes: R::Mask::splat(false), bias: R::zero(), compliance: R::zero() };
         let error = contacts.data[k].point.distance;
         let (apart, gram) = (error.ge(R::zero()), self.gram(input.mass, 0));
         for (pair, lanes) in contacts.pairs(k, lanes) {

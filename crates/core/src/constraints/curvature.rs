@@ -1,17 +1,18 @@
-//! How the velocity of a contact changes as it moves on.
+//! Change of a contact's velocity as its place moves.
 //!
-//! Rows of the midpoint rule are taken in the middle of the step and ask for a velocity at its end, `time_after` seconds later. There
+//! The midpoint rule evaluates its rows in the middle of the step, but their target is a velocity at the end, `time_after` seconds later.
+//! There
 //!
 //! ```text
 //! J(end) v+ = J v+ + time_after kappa,    kappa = A_b - A_a + (omega_b - omega_a) x c'
 //! ```
 //!
-//! to second order: A are the accelerations of the two bodies' velocity fields at the contact's place while no joint accelerates, and c' is
-//! the velocity of that place. A ball that rolls on a table that turns is at a place of another velocity at the end of the step; without
-//! kappa it would have the velocity of half a step before, always, which is Euler's explicit rule for its circle, and gain energy.
+//! to second order. A are the accelerations of the two bodies' velocity fields at the contact while no joint accelerates. c' is the
+//! velocity of the contact's place. For example, a ball that rolls on a turntable is at a place of another velocity at the end of the step.
+//! Without kappa its velocity would always lag by half a step. Its circle would follow Euler's explicit rule and gain energy.
 //!
-//! The place moves with the centre of a sphere or of a capsule's end, turned back as the other surface turns the normal, and with the
-//! second body where a corner touches.
+//! The place moves with the centre of a sphere or of a capsule's end, turned back as the other surface turns the normal. Where a corner
+//! touches, it moves with the second body.
 
 use stepper_real::{Mask, Real};
 
@@ -22,23 +23,23 @@ use crate::constraints::equality::RowInput;
 use crate::math::spatial::*;
 use crate::tuning::MAX_CURVED_OVERLAP;
 
-/// A body's velocity field at a contact.
+/// Velocity field of a body at a contact.
 #[derive(Clone, Copy)]
 struct Field<R> {
-    /// rad/s
+    /// Angular velocity, rad/s.
     turn: V3<R>,
-    /// m/s
+    /// Velocity at the contact, m/s.
     velocity: V3<R>,
-    /// Its rate at a place that stays, m/s^2.
+    /// Rate of the velocity field at a fixed place, m/s^2.
     rate: V3<R>,
 }
 
 impl<R: Real> Assembler<'_, R> {
-    /// Adds it to what friction's rows of a contact demand, but for those that are taken at the time of their impact: from `free`, their
-    /// velocities without constraints, and the `change` of these by the free motion.
+    /// Adds the curvature term to the targets of a contact's friction rows, except at impacts.
     ///
-    /// The work of such a row's impulse is (t^2 - (J v)^2) / 2 G when it asks for J v+ = t: asking for no more than there was, nothing is
-    /// gained. A kernel of its own: few contacts need it, and inlined where it is called it would slow down all.
+    /// `free` are their velocities without constraints, `change` the change of these by the free motion. The work of such a row's impulse
+    /// is (t^2 - (J v)^2) / 2 G for the target J v+ = t. A target of at most the present speed therefore adds no energy. A separate kernel:
+    /// few contacts need it, and inlined it would slow down all.
     #[inline(never)]
     pub(crate) fn add_curve(
         &self,
@@ -47,7 +48,7 @@ impl<R: Real> Assembler<'_, R> {
         k: usize,
         active: R::Mask,
         [free, change]: [V3<R>; 2],
-        demands: &mut [[R; 2]; 3],
+        targets: &mut [[R; 2]; 3],
     ) {
         R::vectorize(
             #[inline(always)]
@@ -66,8 +67,8 @@ impl<R: Real> Assembler<'_, R> {
                 for i in 1..3 {
                     let most = (free[i] - change[i]).abs();
                     let curve = (dot(axes[i], rate) * (h - time_before)).clamp(-most, most);
-                    for demand in &mut demands[i] {
-                        *demand = R::select(lanes, *demand + curve, *demand);
+                    for target in &mut targets[i] {
+                        *target = R::select(lanes, *target + curve, *target);
                     }
                 }
             },
@@ -75,7 +76,7 @@ impl<R: Real> Assembler<'_, R> {
     }
 }
 
-/// kappa of slot `k` in the lanes `lanes`, m/s^2.
+/// Term kappa of slot `k` in the lanes `lanes`, m/s^2.
 #[inline(always)]
 fn rate<R: Real>(input: RowInput<'_, R>, contacts: &Contacts<R>, k: usize, lanes: u32) -> V3<R> {
     let RowInput { compiled, kinematics, .. } = input;
@@ -88,7 +89,7 @@ fn rate<R: Real>(input: RowInput<'_, R>, contacts: &Contacts<R>, k: usize, lanes
         let [first, second] = geoms;
         let (a, b) = (field(input, compiled.geoms[first].frame, point.pos), field(input, compiled.geoms[second].frame, point.pos));
         let (from_a, from_b) = (compiled.params.geom_size(first)[0] + half, compiled.params.geom_size(second)[0] + half);
-        // Centres, where there are any, move with their bodies.
+        // Centres of spheres and capsule ends move with their bodies.
         let centre_a = sub(a.velocity, scale(cross(a.turn, n), from_a));
         let centre_b = add_scaled(b.velocity, cross(b.turn, n), from_b);
         let place = match [compiled.geoms[first].is_round, compiled.geoms[second].is_round] {
@@ -109,7 +110,7 @@ fn rate<R: Real>(input: RowInput<'_, R>, contacts: &Contacts<R>, k: usize, lanes
     out
 }
 
-/// The velocity field of a frame at the point `p`.
+/// Velocity field of a frame at the point `p`.
 #[inline(always)]
 fn field<R: Real>(input: RowInput<'_, R>, frame: usize, p: V3<R>) -> Field<R> {
     let RowInput { compiled, kinematics, assembly, .. } = input;
@@ -123,7 +124,7 @@ fn field<R: Real>(input: RowInput<'_, R>, frame: usize, p: V3<R>) -> Field<R> {
         None => {
             let (velocity, change) = (&assembly.motion.velocity[frame - 1], &assembly.motion.acceleration[frame - 1]);
             let arm = sub(p, kinematics.origin[compiled.links[frame - 1].tree]);
-            // The recursion takes gravity as an upward acceleration of the world.
+            // The recursion includes gravity as an upward acceleration of the world.
             let rate = add(velocity_at(change, arm), compiled.params.gravity());
             Field { turn: angular(velocity), velocity: velocity_at(velocity, arm), rate }
         }

@@ -7,7 +7,7 @@ use crate::constraints::assembler::{Assembler, AssemblyInput};
 use crate::dynamics::inertia::MassMatrix;
 
 impl<R: Real> Assembler<'_, R> {
-    /// Dry friction: |lambda| <= h f, and what actuator dynamics lose, which depends on the direction.
+    /// Adds rows of dry friction: |lambda| <= h f, plus the losses of actuator dynamics, which depend on the direction.
     #[inline(always)]
     pub(crate) fn add_frictions(&mut self, compiled: &LaneModel<R>, mass: &MassMatrix<R>, assembly: &AssemblyInput<'_, R>) {
         for (i, friction) in compiled.frictions.iter().enumerate() {

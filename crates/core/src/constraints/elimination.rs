@@ -51,7 +51,7 @@ impl<R: Real> RowBuilder<R> {
         }
     }
 
-    /// Searches the blocks of eliminated equalities: most scenes have none, so that this code is not inlined.
+    /// Searches the blocks of eliminated equalities. Most scenes have none, so that this code is not inlined.
     #[inline(never)]
     fn search_blocks(&mut self, problem: &ConstraintProblem<R>, compiled: &LaneModel<R>) {
         let mut start = 0;
@@ -92,7 +92,7 @@ impl<R: Real> RowBuilder<R> {
         if self.coupled.is_empty() { None } else { Some(self.eliminate_coupled(rows, mass, targets)) }
     }
 
-    /// Elimination as a kernel of its own. Inlined it would dominate the row assembly, and few scenes need it.
+    /// Elimination as a separate kernel. Inlined it would dominate the row assembly, and few scenes need it.
     #[inline(never)]
     fn eliminate_coupled<const N: usize>(
         &mut self,
@@ -148,7 +148,7 @@ impl<R: Real> RowBuilder<R> {
 
     /// Projects the remaining rows a second time, in the lanes `short`.
     ///
-    /// They are then orthogonal to the equalities relative to their own length, and that length is summed from the entries, without
+    /// They are then orthogonal to the equalities relative to the length that remains, and the entries give that length without
     /// cancellation. A row becomes zero if none of its entries exceeds a thousandth of the terms that were summed in it. Its target
     /// velocity becomes zero if it is rounding error.
     #[cold]
@@ -198,7 +198,7 @@ impl<R: Real> RowBuilder<R> {
                         }
                     }
                 }
-                // Rounding error that the coefficient transfers to entries without terms of their own.
+                // Rounding error that the coefficient transfers to entries without other terms.
                 for k in coupled.iter().flat_map(Range::clone) {
                     let (row, coefficient) = (&rows.scalars[k], &mut projections[k]);
                     let (support, entries) = rows.scalars.entries(row);
@@ -246,7 +246,7 @@ impl<R: Real> RowBuilder<R> {
         )
     }
 
-    /// Adds to the scales of the first component of `column` the scales of what the last elimination subtracted.
+    /// Adds the scales of the last elimination's subtractions to those of the first component of `column`.
     #[inline(always)]
     pub(crate) fn add_removed_scales(&mut self, rows: &Problem<R>, mass: &MassMatrix<R>) {
         let Self { coupled, projections, scales, .. } = self;
@@ -354,8 +354,10 @@ impl<R: Real> RowBuilder<R> {
     }
 }
 
-/// Ratio of the squared length of a row after elimination to that before, below which the row is projected twice. In 32 bits one projection
-/// leaves an error of 1e-6 along the equalities there. That error moves a light body relative to the heavy one it is coupled to.
+/// Ratio of the squared length of a row after elimination to that before, below which the row is projected twice.
+///
+/// In 32 bits one projection leaves an error of 1e-6 along the equalities there. That error moves a light body relative to the heavy one to
+/// which it is coupled.
 fn reprojection_threshold<R: Real>() -> f64 {
     if <R::Scalar as Scalar>::IS_SINGLE { 1e-2 } else { MIN_REMAINING_LENGTH }
 }
@@ -363,9 +365,9 @@ fn reprojection_threshold<R: Real>() -> f64 {
 /// Squared lengths of rows in the metric of G, 1/kg.
 #[derive(Clone, Copy)]
 pub(crate) struct SquaredLengths<R, const N: usize> {
-    /// Before the elimination.
+    /// Squared lengths before the elimination.
     pub(crate) before: [R; N],
-    /// After the elimination.
+    /// Squared lengths after the elimination.
     pub(crate) after: [R; N],
 }
 

@@ -1,15 +1,15 @@
 //! Rows of equalities: J v = 0 along the whole step, so that closed loops stay closed.
 //!
-//! With the error e(q), its Jacobian J and kappa = J' v (J' the rate of J), what a step does to the error is, to third order in h,
+//! Let e(q) be the error, J its Jacobian and kappa = J' v (J' the rate of J). To third order in h, a step changes the error as follows:
 //!
 //! ```text
 //! Euler (q+ = q + h v+, rows at q):                             e+ = e + h J v+ + h^2/2 kappa
 //! midpoint (q+ = q_m + h/2 v+, rows at q_m = q + h/2 v):         e+ = (e_m - h^2/8 kappa) + h/2 (J v+ + h/2 kappa)
 //! ```
 //!
-//! so that each asks for `J v+ = -h/2 kappa - beta/h (e - c h^2 kappa)` with c = 0 or 1/8. The velocity before the step has
-//! J v = +h/2 kappa in both, so that the impulses' work, lambda J (v + v+) / 2, is zero but for what the correction does: a loop that moves
-//! keeps its energy. Without kappa every step would take the energy of the velocity that the curvature turns away, (h kappa)^2 / 2 G.
+//! The target velocity is therefore `J v+ = -h/2 kappa - beta/h (e - c h^2 kappa)` with c = 0 or 1/8. The velocity before the step has J v
+//! = +h/2 kappa in both. The work of the impulses, lambda J (v + v+) / 2, is then zero except for the correction. A moving loop keeps its
+//! energy. Without kappa every step would remove the energy of the velocity that the curvature turns away, (h kappa)^2 / 2 G.
 
 use stepper_real::{Mask, Real, Scalar};
 use stepper_solve::{EntryScales, RowScales, velocity_rounding};
@@ -24,18 +24,18 @@ use crate::math::spatial::*;
 use crate::options::{Stabilization, StepSettings};
 use crate::tuning::{CORRECTION_ARM, DAMPING, NEGLIGIBLE_ERROR};
 
-/// Three rows, or one in the first component.
+/// Jacobian of three rows, or of one in the first component.
 pub(crate) struct EqualityJacobian<R: Real> {
     pub(crate) error: V3<R>,
-    /// J' v
+    /// Velocity-dependent acceleration J' v of the rows.
     pub(crate) kappa: V3<R>,
-    /// Squared length of what each row's entries are differences of.
+    /// Squared length of the terms whose differences are the entries of each row.
     size: R,
-    /// Mobility of the bodies if nothing held them, for rows of points, 1/kg.
+    /// Mobility of the bodies without other constraints, for rows of points, 1/kg.
     bodies: R,
 }
 
-/// What the rows are made from.
+/// Inputs from which rows are assembled.
 #[derive(Clone, Copy)]
 pub(crate) struct RowInput<'a, R: Real> {
     pub(crate) compiled: &'a LaneModel<R>,
@@ -46,14 +46,14 @@ pub(crate) struct RowInput<'a, R: Real> {
 }
 
 impl<R: Real> RowBuilder<R> {
-    /// Makes `support` what an equality moves itself.
+    /// Sets `support` to the degrees of freedom that an equality moves.
     #[inline(always)]
     pub(crate) fn use_own_support(&mut self, equality: &CompiledEquality<R::Scalar>) {
         self.support.clear();
         self.support.extend_from_slice(&equality.support);
     }
 
-    /// Makes `support` that of all rows of a block, with zeros in `column` where an equality moves nothing itself.
+    /// Sets `support` to that of all rows of a block, with zeros in `column` where the equality has no entries.
     #[inline(always)]
     fn use_block_support(&mut self, block: &EqualityBlock<R::Scalar>, equality: &CompiledEquality<R::Scalar>) {
         let mut own = equality.support.iter().peekable();
@@ -67,7 +67,7 @@ impl<R: Real> RowBuilder<R> {
         self.support.extend_from_slice(&block.support);
     }
 
-    /// Two points meet: error p0 - p1 (MuJoCo's `mjEQ_CONNECT`). Leaves J in `column`.
+    /// Jacobian of two points that meet, with the error p0 - p1 (MuJoCo's `mjEQ_CONNECT`), written to `column`.
     #[inline(always)]
     pub(crate) fn connect_points(
         &mut self,
@@ -101,8 +101,10 @@ impl<R: Real> RowBuilder<R> {
         EqualityJacobian { error: sub(points[0], points[1]), kappa, size, bodies }
     }
 
-    /// Two orientations agree: error is the rotation vector from the second to the first in world axes, times the weight. (MuJoCo's
-    /// `mjEQ_WELD` takes the sine of half its length; the manifold is the same.) Leaves J in `column`.
+    /// Jacobian of two orientations that agree, written to `column`.
+    ///
+    /// The error is the rotation vector from the second to the first in world axes, times the weight. MuJoCo's `mjEQ_WELD` uses the sine of
+    /// half its length; the manifold is the same.
     #[inline(always)]
     fn align(&mut self, input: RowInput<'_, R>, frames: [usize; 2], mats: &[[R::Scalar; 9]; 2], weight: R) -> EqualityJacobian<R> {
         let RowInput { compiled, kinematics, .. } = input;
@@ -129,7 +131,7 @@ impl<R: Real> RowBuilder<R> {
         EqualityJacobian { error: scale(turn, weight), kappa: scale(kappa, weight), size: size * weight * weight, bodies: R::zero() }
     }
 
-    /// x - ref = polynomial(y - ref) (MuJoCo's `mjEQ_JOINT` and `mjEQ_TENDON`). Leaves J in `column`.
+    /// Jacobian of x - ref = polynomial(y - ref) (MuJoCo's `mjEQ_JOINT` and `mjEQ_TENDON`), written to `column`.
     #[inline(always)]
     pub(crate) fn couple_joints(
         &mut self,
@@ -159,7 +161,7 @@ impl<R: Real> RowBuilder<R> {
         EqualityJacobian { error: [error, R::zero(), R::zero()], kappa: [kappa, R::zero(), R::zero()], size, bodies: R::zero() }
     }
 
-    /// Adds a combination's Jacobian, times `factor`, to the first row; returns the squared length of what it adds.
+    /// Adds a combination's Jacobian, times `factor`, to the first row. Returns the squared length of the added terms.
     #[inline(always)]
     pub(crate) fn add_terms(&mut self, input: RowInput<'_, R>, combination: &Combination<R::Scalar>, factor: R) -> R {
         let mut size = R::zero();
@@ -179,7 +181,7 @@ impl<R: Real> RowBuilder<R> {
         }
     }
 
-    /// Adds the squares of what half a solve has subtracted from the first `N` components of `column` on `support` to the scales.
+    /// Adds the squares of the terms that the half solve subtracted from the first `N` components of `column` on `support` to the scales.
     #[inline(always)]
     pub(crate) fn add_fill_scales<const N: usize>(&mut self, compiled: &LaneModel<R>, mass: &MassMatrix<R>) {
         let Self { support, column, scales, .. } = self;
@@ -216,8 +218,8 @@ impl<R: Real> Assembler<'_, R> {
                         block.equalities.iter().for_each(|equality| self.velocity.scalar_impulse[equality.impulses()].fill(R::zero()));
                         continue;
                     }
-                    // Rows that nearly depend on one another need scales of their entries, which cost as much as the rows: a block
-                    // gets them from the first time on that it needs them. Its rows are the same with them and without.
+                    // Nearly dependent rows need scales of their entries, which cost as much as the rows. A block computes them from the
+                    // first step on in which it needs them. Its rows are the same with and without scales.
                     while !self.add_block(input, block, self.builder.needs_scales[k]) {
                         self.builder.needs_scales[k] = true;
                     }
@@ -226,13 +228,13 @@ impl<R: Real> Assembler<'_, R> {
         )
     }
 
-    /// Adds the rows of a block. Returns false, and adds none, if it cannot tell without scales of entries which of them are dependent.
+    /// Adds the rows of a block. Returns false, and adds none, if the test for dependent rows needs scales of entries.
     #[inline(always)]
     fn add_block(&mut self, input: RowInput<'_, R>, block: &EqualityBlock<R::Scalar>, with_scales: bool) -> bool {
         let start = self.problem.rows.scalars.len();
         self.builder.sizes.clear();
         self.builder.entry_scales.clear();
-        self.builder.demands.clear();
+        self.builder.targets.clear();
         let scales = self.builder.velocity_scales.len();
         for equality in &block.equalities {
             self.add_equality(input, block, equality, with_scales);
@@ -240,9 +242,9 @@ impl<R: Real> Assembler<'_, R> {
         if !block.hard {
             return true;
         }
-        // The largest correction of the block, as a distance, adds compliance to all its rows: so long a motion turns the other rows'
-        // directions, which a linearised solve does not know, and their demands would no longer be met at the end of the step.
-        let displacement = self.builder.demands.iter().fold(R::zero(), |most, demand| most.max(demand[2].abs())) * input.assembly.h;
+        // The largest correction of the block, as a distance, adds compliance to all its rows. A long correction turns the directions of
+        // the other rows. A linearised solve neglects that, and would miss their targets at the end of the step.
+        let displacement = self.builder.targets.iter().fold(R::zero(), |most, target| most.max(target[2].abs())) * input.assembly.h;
         let split = input.options.stabilization == Stabilization::Split;
         let damping = if split { R::of(DAMPING) + displacement * R::of(1.0 / CORRECTION_ARM) } else { R::zero() };
         let entries = EntryScales { squares: &mut self.builder.entry_scales, coefficients: &mut self.builder.coefficient_scales };
@@ -253,10 +255,10 @@ impl<R: Real> Assembler<'_, R> {
                 velocities: &mut self.builder.velocity_scales[scales..],
                 entries: with_scales.then_some(entries),
             },
-            &mut self.builder.demands,
+            &mut self.builder.targets,
             #[inline(always)]
             |row, [_, _, correction]| {
-                // Baumgarte's bias is what it is: see `limit_baumgarte` of stage 8.
+                // Baumgarte's bias stays undamped: see `limit_baumgarte` of stage 8.
                 *correction = row.damp_correction(damping, *correction);
             },
         );
@@ -271,15 +273,15 @@ impl<R: Real> Assembler<'_, R> {
         decided
     }
 
-    /// Gives the orthogonal rows from `start` on what they demand besides J v_free.
+    /// Adds the position targets and curvature terms to the orthogonal rows from `start` on, which have J v_free so far.
     ///
-    /// The work of such a row's impulse is (t^2 - (J v)^2) / 2 G when it asks for J v+ = t: asking for no more than there was, nothing is
-    /// gained, not even where a loop straightens and the curvature knows no bounds. A dependent row keeps what it demands beyond the
-    /// rounding of its velocity, for the residual: nothing meets it. `scales` is the index of the first row's scale of its velocity.
+    /// The work of such a row's impulse is (t^2 - (J v)^2) / 2 G for the target J v+ = t. A target of at most the present speed adds no
+    /// energy, even where a loop straightens and its curvature is unbounded. A dependent row keeps a target above the rounding error of its
+    /// velocity, so that the residual contains it. `scales` is the index of the first row's velocity scale.
     #[inline(always)]
     fn set_equality_targets(&mut self, options: &StepSettings, start: usize, scales: usize) {
         let rounding = R::of(velocity_rounding::<R>().powi(2));
-        for (k, &[curve, before, correction]) in self.builder.demands.iter().enumerate() {
+        for (k, &[curve, before, correction]) in self.builder.targets.iter().enumerate() {
             let row = &mut self.problem.rows.scalars[start + k];
             let most = before.abs();
             let kept = row.g + curve.clamp(-most, most);
@@ -324,7 +326,7 @@ impl<R: Real> Assembler<'_, R> {
         }
     }
 
-    /// Turns the first `N` components of `column` on `support` into rows of an equality on the support of its block.
+    /// Appends the first `N` components of `column` on `support` as rows of an equality on the support of its block.
     #[inline(always)]
     fn push_rows<const N: usize>(
         &mut self,
@@ -379,7 +381,7 @@ impl<R: Real> Assembler<'_, R> {
             }
             self.problem.rows.scalars.set_mobility(mobility);
             if equality.spring.is_some() {
-                self.problem.rows.scalars.set_position_demand(g[k][1]);
+                self.problem.rows.scalars.set_position_target(g[k][1]);
             }
             self.builder.sizes.push(rows.size);
             if block.hard {
@@ -392,15 +394,15 @@ impl<R: Real> Assembler<'_, R> {
                     |&d| scales[d as usize][k] * inv_d[d as usize],
                 ));
             }
-            let demand = [rows.kappa[k] * h * R::of(0.5), before[k], correction[k]];
-            self.builder.demands.push(demand.map(
+            let target = [rows.kappa[k] * h * R::of(0.5), before[k], correction[k]];
+            self.builder.targets.push(target.map(
                 #[inline(always)]
                 |x| R::select(acts, x, R::zero()),
             ));
         }
     }
 
-    /// The bias, minus the velocity that takes a part of the error away: +rate * error, with a bounded speed.
+    /// Bias of an equality, minus the velocity that removes a fraction of the error: +rate * error, with a bounded speed.
     #[inline(always)]
     fn correct(&mut self, input: RowInput<'_, R>, rows: &EqualityJacobian<R>, h: R, alive: R::Mask) -> V3<R> {
         let options = input.options;
@@ -427,10 +429,10 @@ impl<R: Real> Assembler<'_, R> {
         if let Some(lengths) = lengths {
             self.set_trace_ratio(law.compliance, lengths.before[0], lengths.after[0]);
         }
-        self.problem.rows.scalars.set_position_demand(g[0][1]);
+        self.problem.rows.scalars.set_position_target(g[0][1]);
     }
 
-    /// Says by what the residual of the row pushed last is measured: its squared length before and after equalities were taken out.
+    /// Sets the scale of the residual of the row pushed last, from its squared length before and after the elimination of equalities.
     #[inline(always)]
     fn set_trace_ratio(&mut self, compliance: R, whole: R, rest: R) {
         self.problem.rows.scalars.set_trace_ratio(trace_ratio(&[whole, compliance], &[rest, compliance]));
@@ -456,52 +458,54 @@ impl<R: Real> Assembler<'_, R> {
     }
 }
 
-/// Law of a scalar row: right-hand side, compliance, lanes, bounds of its impulse.
+/// Scalar row: right-hand side, compliance, lanes, and bounds of its impulse.
 #[derive(Clone, Copy)]
 pub(crate) struct RowLaw<R: Real> {
-    /// Its velocity before any impulse with its bias: of the step, and when positions are solved apart.
+    /// Velocity with its bias before any impulse, of the velocity solve and of the position solve.
     pub(crate) g: [R; 2],
     pub(crate) compliance: R,
     pub(crate) active: R::Mask,
-    /// Least and greatest impulse.
+    /// Least and largest impulse.
     pub(crate) bounds: [R; 2],
 }
 
-/// No bounds of an impulse.
+/// Infinite bounds of an impulse.
 #[inline(always)]
 fn free_bounds<R: Real>() -> [R; 2] {
     [R::of(f64::NEG_INFINITY), R::of(f64::INFINITY)]
 }
 
-/// The law of a limit that is left at the velocity `free`, with its biases in the velocities and when positions are solved apart.
+/// Scalar row of a limit with the free velocity `free`, and its biases in the velocity solve and in the position solve.
 #[inline(always)]
 pub(crate) fn limit_law<R: Real>(free: R, [velocity, position]: [R; 2], active: R::Mask) -> RowLaw<R> {
     RowLaw { g: [free + velocity, free + position], compliance: R::zero(), active, bounds: [R::zero(), R::of(f64::INFINITY)] }
 }
 
-/// What a spring's row is made from: its error, its velocities before the step and free, and its diagonal entry of G.
+/// Inputs of a spring's row: its error, its velocities before the step and without constraints, and its diagonal entry of G.
 #[derive(Clone, Copy)]
 pub(crate) struct SpringRow<R: Real> {
     pub(crate) error: R,
     pub(crate) before: R,
     pub(crate) free: R,
     pub(crate) gram: R,
-    /// Where the spring pulls; damper and inertia always do.
+    /// Lanes in which the spring is taut. Damper and inertia act in all lanes.
     pub(crate) taut: R::Mask,
 }
 
-/// A spring, damper and inertia along a row as a compliant row, implicit in the row's own velocity.
+/// Compliant row of a spring, damper and inertia, implicit in the velocity of the row.
 ///
-/// With the force -k e - d v - a v' taken as Euler's rule or the midpoint rule takes it, the impulse is lambda = -Q v+ - P:
+/// With the force -k e - d v - a v' of Euler's rule or the midpoint rule, the impulse is lambda = -Q v+ - P:
 ///
 /// ```text
 /// Euler      force at e + h v+, v+:                     Q = h^2 k + h d + a          P = h k e - a v
 /// midpoint   force at e_m + h/4 (v+ - v), (v + v+)/2:   Q = h^2 k/4 + h d/2 + a      P = h k e_m + (h d/2 - h^2 k/4 - a) v
 /// ```
 ///
-/// so v+ + lambda/Q + P/Q = 0: a row of compliance 1/Q. Both are stable for any stiffness, and the mass matrix keeps the sparsity of the
-/// tree: k J^T J in it would join all joints of a tendon with one another. The midpoint rule does not damp what is too stiff for the step,
-/// so it goes over to Euler's by s = z^2 / (1 + z^2), z = G (h^2 k/4 + h d/2), which keeps its second order.
+/// so v+ + lambda/Q + P/Q = 0: a row of compliance 1/Q. Both rules are stable for any stiffness. The mass matrix keeps the sparsity of the
+/// tree; k J^T J in it would couple all joints of a tendon.
+///
+/// The midpoint rule does not damp oscillations that are too fast for the step. Stiff springs therefore change over to Euler's rule by s =
+/// z^2 / (1 + z^2), z = G (h^2 k/4 + h d/2), which keeps the second order.
 #[inline(always)]
 pub(crate) fn spring_law<R: Real>(assembly: &AssemblyInput<'_, R>, spring: &Spring<R::Scalar>, row: SpringRow<R>) -> RowLaw<R> {
     let AssemblyInput { h, alive, in_the_middle, .. } = *assembly;
@@ -527,7 +531,7 @@ pub(crate) fn moves<S: Scalar>(compiled: &ModelStructure<S>, frame: usize, dof: 
     compiled.moved_dofs[frame][dof / 64] >> (dof % 64) & 1 == 1
 }
 
-/// Acceleration of the point `p` of a frame if no joint accelerates; zero for the world and what the user poses.
+/// Acceleration of the point `p` of a frame if no joint accelerates; zero for the world and for mocap bodies.
 #[inline(always)]
 fn acceleration<R: Real>(input: RowInput<'_, R>, frame: usize, p: V3<R>) -> V3<R> {
     let RowInput { compiled, kinematics, assembly, .. } = input;
@@ -537,7 +541,7 @@ fn acceleration<R: Real>(input: RowInput<'_, R>, frame: usize, p: V3<R>) -> V3<R
     let l = frame - 1;
     let (velocity, change) = (&assembly.motion.velocity[l], &assembly.motion.acceleration[l]);
     let arm = sub(p, kinematics.origin[compiled.links[l].tree]);
-    // The recursion takes gravity as an upward acceleration of the world.
+    // The recursion includes gravity as an upward acceleration of the world.
     let change = spatial(angular(change), add(linear(change), compiled.params.gravity()));
     add(velocity_at(&change, arm), cross(angular(velocity), velocity_at(velocity, arm)))
 }

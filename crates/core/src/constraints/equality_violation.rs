@@ -15,7 +15,7 @@ use crate::math::spatial::*;
 /// - joint or tendon coupling: error in the unit of the first joint or tendon.
 ///
 /// With hard contact an equality of finite stiffness is a spring, and its stretch is no violation. With MuJoCo's contact law every equality
-/// counts. An equality that does not act has no violation.
+/// counts. An inactive equality has no violation.
 ///
 /// `mocap` has the trajectories of mocap bodies, `elapsed` is the time since the beginning of the call, s.
 pub(crate) fn max_equality_violation<R: Real>(

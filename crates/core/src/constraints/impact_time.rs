@@ -1,52 +1,54 @@
-//! When an elastic contact strikes within a step, and whether it bounces.
+//! Impact time of an elastic contact within a step, and whether the contact bounces.
 //!
-//! Between impacts the gap of a contact goes as phi(t) = phi + v t + a t^2 / 2 with the velocity v before the step and the acceleration a
-//! of the free motion. It closes at
+//! Between impacts the gap of a contact follows phi(t) = phi + v t + a t^2 / 2. Here v is the velocity before the step and a the
+//! acceleration of the free motion. The gap closes at
 //!
 //! ```text
 //! t* = (-v - s) / a = 2 phi / (s - v),    s = sqrt(v^2 - 2 a phi),    where v(t*) = -s
 //! ```
 //!
-//! and Newton's law is taken there. With the impulses lambda_i of contacts that strike at t_i under forces that do not change within the
-//! step, the impulses' work is lambda^T G lambda (1/2 - 1/(1 + e)) whatever the t_i are: nothing is gained, and with e = 1 nothing is lost.
+//! Newton's law applies at this time. Let contacts collide at times t_i with impulses lambda_i, under forces that are constant within the
+//! step. The work of the impulses is then lambda^T G lambda (1/2 - 1/(1 + e)) for any t_i. Impacts add no energy, and with e = 1 they
+//! dissipate none.
 
 use stepper_real::{Mask, Real};
 
 use crate::options::StepSettings;
 use crate::tuning::END_TOLERANCE;
 
-/// The flight of a contact through a step.
+/// Flight of a contact through a step.
 #[derive(Clone, Copy, Debug)]
 pub struct Flight<R> {
-    /// Gap where the step is taken, m.
+    /// Gap at the evaluation point, m.
     pub gap: R,
     /// Normal velocity before the step, m/s; negative where the gap closes.
     pub before: R,
-    /// The same after the step without constraints, m/s.
+    /// Normal velocity after the step without constraints, m/s.
     pub free: R,
-    /// When the step is taken, from its beginning, s.
+    /// Time of the evaluation after the beginning of the step, s.
     pub time_before: R,
     /// Time step, s.
     pub h: R,
 }
 
-/// What an elastic contact does in a step.
+/// Behaviour of an elastic contact in a step.
 #[derive(Clone, Copy, Debug)]
 pub struct ImpactPrediction<R: Real> {
-    /// Lanes in which it strikes fast enough to bounce.
-    pub strikes: R::Mask,
-    /// Lanes in which it touches and parts: an impact elsewhere may drive it together, and is shared.
+    /// Lanes in which the contact collides fast enough to bounce.
+    pub collides: R::Mask,
+    /// Lanes in which the contact touches and separates. An impact elsewhere may close it, and is shared.
     pub parts: R::Mask,
-    /// Lanes in which it touches or is about to, and does not bounce.
+    /// Lanes in which the contact touches or is about to, and does not bounce.
     pub rests: R::Mask,
-    /// When it bounces, from the beginning of the step, s.
+    /// Time of the bounce after the beginning of the step, s.
     pub time: R,
 }
 
 impl<R: Real> Flight<R> {
-    /// What becomes of it in the lanes `lanes` with the coefficient of restitution `e`; `gravity` is the acceleration by it, m/s^2.
+    /// Predicts the behaviour of the contact in the lanes `lanes`, with the coefficient of restitution `e` and the acceleration `gravity`,
+    /// m/s^2.
     ///
-    /// A bounce whose flight is shorter than a step is none: it rests, which leaves out heights of (a h^2) / 8, of second order.
+    /// A contact whose flight would be shorter than a step rests. That neglects heights of (a h^2) / 8, which are of second order.
     #[inline(always)]
     pub fn predict(&self, options: &StepSettings, gravity: R, e: R, lanes: R::Mask) -> ImpactPrediction<R> {
         let Self { gap, before, free, time_before, h } = *self;
@@ -57,22 +59,22 @@ impl<R: Real> Flight<R> {
         let square = before * before - two * change * start;
         let speed = square.max(zero).sqrt();
         let (falls, sinks) = (before.lt(zero), change.lt(zero));
-        // Either form of the root where its denominator is no difference.
+        // Of the two forms of the root, the one whose denominator is not a difference.
         let late = R::select(falls, two * start / R::select(falls, speed - before, one), (before + speed) / R::select(sinks, -change, one));
         let overlaps = falls.and(start.le(zero));
-        // What strikes at the very end of the step is not to be lost by rounding when it is looked at again from there.
+        // A collision at the very end of the step must survive rounding when the contact is evaluated there again.
         let meets = falls.or(sinks).and(square.ge(zero)).and(late.le(h * R::of(1.0 + END_TOLERANCE))).or(overlaps);
         let time = late.max(zero).min(h);
         let speed = -(before + change * time);
         let flies = (e * speed).gt((-change).max(zero) * h * R::of(0.5));
-        let strikes = lanes.and(meets).and(speed.gt(threshold)).and(flies);
+        let collides = lanes.and(meets).and(speed.gt(threshold)).and(flies);
         let (touches, here) = (gap.le(slop), before + change * time_before);
         let parts = lanes.and(touches).and_not(meets).and(here.gt(threshold));
-        // What a slow contact and gravity close within the step. What is fast and not there yet strikes in the next one.
+        // Gaps that a slow contact and gravity close within the step. A fast contact with a gap left collides in the next step.
         let near = before.abs().le(threshold).and(gap.le(h * (threshold + h * gravity) + slop));
         let lies = touches.and(gap.lt(zero).or(here.abs().le(threshold)));
-        let rests = lanes.and(meets.or(lies).or(near)).and_not(strikes).and_not(parts);
-        ImpactPrediction { strikes, parts, rests, time: R::select(strikes, time, time_before) }
+        let rests = lanes.and(meets.or(lies).or(near)).and_not(collides).and_not(parts);
+        ImpactPrediction { collides, parts, rests, time: R::select(collides, time, time_before) }
     }
 }
 
@@ -88,44 +90,44 @@ mod tests {
     }
 
     #[test]
-    fn a_fall_strikes_when_it_has_come_down() {
-        // From the height H at the beginning of the step, at the speed v: H - v t - g t^2 / 2 = 0.
+    fn a_fall_collides_when_it_has_come_down() {
+        // A fall from the height H at the beginning of the step, at the speed v: H - v t - g t^2 / 2 = 0.
         let (v, t) = (1.0, 0.004);
         let height = v * t + 9.81 * t * t / 2.0;
         let found = predict(height - v * 0.005, -v, -v - 9.81 * 0.01, 0.5);
-        assert!(found.strikes.any() && (found.time - t).abs() < 1e-15);
+        assert!(found.collides.any() && (found.time - t).abs() < 1e-15);
     }
 
     #[test]
-    fn a_throw_strikes_when_it_has_come_back() {
-        // Up from the surface at v, it is back after 2 v / g; that it was there at the beginning is no impact.
+    fn a_throw_collides_when_it_has_come_back() {
+        // A throw from the surface at the speed v is back after 2 v / g. The contact at the beginning is no impact.
         let v = 9.81 * 0.008 / 2.0;
         let found = predict(v * 0.005, v, v - 9.81 * 0.01, 1.0);
         assert!(found.rests.any(), "its flight is shorter than a step");
         let found = predict(v * 0.005 + 2e-4, v, v - 9.81 * 0.01, 1.0);
-        assert!(found.strikes.none() && found.time == 0.005, "it comes down later");
+        assert!(found.collides.none() && found.time == 0.005, "it comes down later");
     }
 
     #[test]
-    fn what_overlaps_strikes_at_once_where_it_closes_and_never_where_it_parts() {
+    fn an_overlap_collides_at_once_where_it_closes_and_never_where_it_parts() {
         assert_eq!(predict(-0.02, -1.0, -1.1, 0.5).time, 0.0);
         let parting = predict(-0.02, 1.0, 0.9, 0.5);
-        assert!(parting.strikes.none() && parting.parts.any());
+        assert!(parting.collides.none() && parting.parts.any());
     }
 
     #[test]
-    fn what_strikes_at_the_end_of_a_step_does_so_there() {
+    fn a_collision_at_the_end_of_a_step_is_placed_there() {
         let options = Options::default().resolve(0.02, 9.81, None, Precision::F64).unwrap();
         for gap in [-1e-17, 0.0, 1e-17, 1e-12] {
             let flight = Flight { gap, before: -0.5, free: -0.5, time_before: 0.02, h: 0.02 };
             let found: ImpactPrediction<f64> = flight.predict(&options, 0.0, 1.0, <f64 as Real>::Mask::splat(true));
-            assert!(found.strikes.any() && found.time <= 0.02, "{gap}");
+            assert!(found.collides.any() && found.time <= 0.02, "{gap}");
         }
     }
 
     #[test]
     fn what_lies_rests() {
         let found = predict(-1e-6, 0.0, -9.81 * 0.01, 1.0);
-        assert!(found.rests.any() && found.strikes.none());
+        assert!(found.rests.any() && found.collides.none());
     }
 }

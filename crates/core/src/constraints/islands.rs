@@ -5,7 +5,7 @@ use stepper_solve::System;
 
 use crate::compile::ModelStructure;
 
-/// Sets of trees (union-find with path halving; Tarjan & van Leeuwen 1984), with the largest of a number and two sums over each set.
+/// Sets of trees (union-find with path halving; Tarjan & van Leeuwen 1984), with a maximum and two sums over each set.
 #[derive(Clone, Debug)]
 pub(crate) struct Islands {
     above: Vec<u32>,
@@ -15,7 +15,7 @@ pub(crate) struct Islands {
 }
 
 impl Islands {
-    /// Workspace for a number of trees.
+    /// Workspace for `trees` trees.
     pub(crate) fn new(trees: usize) -> Self {
         Self { above: vec![0; trees], most: vec![0.0; trees], penalties: vec![[0.0; 2]; trees], exempt: vec![false; trees] }
     }
@@ -44,7 +44,7 @@ impl Islands {
         });
     }
 
-    /// Takes a number of a tree into account; NaN counts as infinite.
+    /// Includes a number of a tree in the maximum of its island; NaN counts as infinite.
     pub(crate) fn note(&mut self, tree: usize, x: f64) {
         let root = self.root(tree);
         self.most[root] = if x <= self.most[root] {
@@ -56,13 +56,13 @@ impl Islands {
         };
     }
 
-    /// The largest number of the tree's island.
+    /// Maximum of the tree's island.
     pub(crate) fn most(&mut self, tree: usize) -> f64 {
         let root = self.root(tree);
         self.most[root]
     }
 
-    /// Adds a penalty to the sum `which` of the islands of two trees, once where they are one island.
+    /// Adds a penalty to the sum `which` of the islands of two trees, and only once if they are one island.
     pub(crate) fn add_penalty(&mut self, trees: [Option<usize>; 2], which: usize, penalty: f64) {
         let [a, b] = trees.map(|tree| tree.map(|tree| self.root(tree)));
         for root in [a, if a == b { None } else { b }].into_iter().flatten() {
@@ -70,7 +70,7 @@ impl Islands {
         }
     }
 
-    /// Leaves the tree's island out of [`Islands::penalties`].
+    /// Excludes the tree's island from [`Islands::penalties`].
     pub(crate) fn exempt(&mut self, tree: usize) {
         let root = self.root(tree);
         self.exempt[root] = true;

@@ -1,4 +1,4 @@
-//! Columns: J^T of a row on the dofs that it touches, its support, and half a solve of it.
+//! Columns: J^T of a row on its support (the dofs that it touches), and the half solve L^-T of it.
 
 use stepper_real::{Mask, Real};
 
@@ -12,7 +12,7 @@ use crate::dynamics::inertia::{MassMatrix, is_above};
 use crate::math::spatial::*;
 
 impl<R: Real> RowBuilder<R> {
-    /// L^-T times a unit vector, left in the first component of `column` on `support`, the chain of `dof`.
+    /// Writes L^-T times a unit vector to the first component of `column` on `support`, the chain of `dof`.
     #[inline(always)]
     pub(crate) fn unit_column(&mut self, compiled: &LaneModel<R>, mass: &MassMatrix<R>, dof: usize) {
         let chain = compiled.chain_of(dof);
@@ -22,7 +22,7 @@ impl<R: Real> RowBuilder<R> {
         path.fill(R::zero());
         path[0] = R::one();
         let mut rest = &mut path[..];
-        // Row k of the chain has the entries of all that follow it, so that those of two rows meet one after the other without an index.
+        // Row k of the chain has the entries of all later rows. Two rows at a time therefore need no index.
         for pair in chain.chunks(2) {
             let [x, y, tail @ ..] = rest else { break };
             let ((row, _), (above, _)) = (mass.row(compiled, pair[0] as usize), mass.row(compiled, pair[1] as usize));
@@ -37,7 +37,7 @@ impl<R: Real> RowBuilder<R> {
         }
     }
 
-    /// `column` <- L^-T `column`, on `support` with all its ancestors, in the first `N` components.
+    /// Half solve `column` <- L^-T `column`, on `support` with all its ancestors, in the first `N` components.
     #[inline(always)]
     pub(crate) fn half_solve<const N: usize>(&mut self, compiled: &LaneModel<R>, mass: &MassMatrix<R>) {
         let (mut rest, column) = (&self.support[..], &mut self.column);
@@ -54,7 +54,7 @@ impl<R: Real> RowBuilder<R> {
                 }
                 continue;
             }
-            // The parent is the dof before and has the same ancestors: both at once.
+            // The parent is the previous dof and has the same ancestors, so that both are computed at once.
             rest = &before[..before.len() - 1];
             let ((above, chain), mut parent) = (mass.row(compiled, d - 1), column[d - 1]);
             for k in 0..N {
@@ -70,8 +70,9 @@ impl<R: Real> RowBuilder<R> {
         }
     }
 
-    /// The dofs that move slot k in any of its lanes, or that are tied to them, ascending, and in which lanes each moves the second and the
-    /// first geom.
+    /// Gathers the dofs that move slot k in any of its lanes, or that are coupled to them, in ascending order.
+    ///
+    /// For each it gives the lanes in which it moves the second geom and those in which it moves the first.
     #[inline(always)]
     pub(crate) fn gather_support(
         &mut self,
@@ -96,7 +97,7 @@ impl<R: Real> RowBuilder<R> {
                 while bits != 0 {
                     let i = bits.trailing_zeros();
                     bits &= bits - 1;
-                    // All ones where the dof is in the set.
+                    // All ones if the dof is in the set.
                     let lanes_of = |set: u64| ((set >> i & 1) as u32).wrapping_neg();
                     let sign = &mut self.signs[64 * w + i as usize];
                     let [plus, minus] = sign.map(|bits| bits & lanes_of(old));
@@ -124,16 +125,18 @@ impl<R: Real> RowBuilder<R> {
         }
     }
 
-    /// 1 in the lanes in which a dof moves the second geom of the gathered slot, -1 where it moves the first.
+    /// Sign of a dof: 1 in the lanes in which it moves the second geom of the gathered slot, -1 where it moves the first.
     #[inline(always)]
     pub(crate) fn sign_of(&self, d: usize) -> R {
         let [plus, minus] = self.signs[d];
         R::select(R::Mask::from_bits(plus), R::one(), R::zero()) - R::select(R::Mask::from_bits(minus), R::one(), R::zero())
     }
 
-    /// Leaves J of a contact's rows (n, t1, t2) in `column`. Returns the relative velocity of its surfaces along the three axes with the
-    /// free velocity, and with the velocity before the step along the normal alone (zeros for the others). Both include the surfaces' own
-    /// motion (conveyor belts), the second's relative to the first's.
+    /// Computes J of a contact's rows (n, t1, t2) into `column`.
+    ///
+    /// Returns the relative velocity of the surfaces along the three axes with the free velocity. The second result is the velocity before
+    /// the step along the normal, with zeros for the tangents. Both include the surfaces' motion (conveyor belts), that of the second
+    /// surface relative to the first.
     #[inline(always)]
     pub(crate) fn contact_columns(&mut self, input: RowInput<'_, R>, contacts: &Contacts<R>, k: usize, lanes: u32) -> [V3<R>; 2] {
         let RowInput { compiled, kinematics, assembly, .. } = input;
@@ -141,7 +144,7 @@ impl<R: Real> RowBuilder<R> {
         let n = slot.point.normal;
         let axes = [n, slot.tangent, cross(n, slot.tangent)];
         let carried = linear(&surface_velocity::motion(compiled, kinematics, contacts, k, lanes));
-        // Not `map`: what the library's function inlines, it inlines with baseline instructions.
+        // No call of `map`: the library's function would inline it with baseline instructions.
         let mut free = [dot(axes[0], carried), dot(axes[1], carried), dot(axes[2], carried)];
         let mut before = free[0];
         let (mut arm, mut tree) = (zero(), usize::MAX);
@@ -153,7 +156,7 @@ impl<R: Real> RowBuilder<R> {
             }
             let sign = self.sign_of(d);
             let motion = velocity_at(&kinematics.axes[d], arm);
-            // Adding zero turns -0 into 0, so that a lane's bits do not depend on what its neighbours touch.
+            // Adding zero turns -0 into 0, so that the bits of a lane do not depend on the contacts of its neighbours.
             let j =
                 [dot(axes[0], motion) * sign + R::zero(), dot(axes[1], motion) * sign + R::zero(), dot(axes[2], motion) * sign + R::zero()];
             free = add_scaled(free, j, assembly.v_free[d]);

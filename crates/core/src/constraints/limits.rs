@@ -9,7 +9,7 @@ use crate::options::StepSettings;
 use crate::tuning::LIMIT_LOOK_AHEAD;
 
 impl<R: Real> Assembler<'_, R> {
-    /// Limits: the nearer end of each range, where it can be reached within the step.
+    /// Adds rows of limits: the nearer end of each range, if it can be reached within the step.
     #[inline(always)]
     pub(crate) fn add_limits(
         &mut self,

@@ -1,4 +1,5 @@
-//! The rows of the constraint problem: contacts, joint limits, dry friction, equalities and tendons, with their Jacobians and demands.
+//! Rows of the constraint problem: contacts, joint limits, dry friction, equalities and tendons, with their Jacobians and target
+//! velocities.
 
 pub(crate) mod active_equalities;
 pub(crate) mod approaching;
@@ -7,22 +8,22 @@ pub mod constraint_problem;
 pub mod contact;
 pub mod contact_spring;
 pub mod curvature;
-pub mod demands;
 pub mod dry_friction;
 pub mod elimination;
 pub mod equality;
 pub mod equality_violation;
-pub mod hyperstatic;
 pub mod impact_time;
 pub mod islands;
 pub mod jacobian;
 pub mod limits;
 pub mod position_solution;
+pub mod redundant_supports;
 pub mod restitution;
 pub(crate) mod row_builder;
 pub mod rows;
 pub mod soft;
 pub(crate) mod solved_overlaps;
+pub mod target_velocities;
 pub mod tendon;
 pub mod torsional_rolling;
 pub mod velocity_solution;

@@ -18,11 +18,11 @@ pub struct PositionSolution<R: Real> {
     pub act: Vec<R>,
     /// Rows of the position solve.
     pub(crate) rows: PositionRows<R>,
-    /// Mobility of the bodies of every contact if nothing held them, 1/kg; 0 for scalar rows.
+    /// Mobility of the bodies of every contact without other constraints, 1/kg; 0 for scalar rows.
     pub(crate) floors: Vec<R>,
-    /// Impulses of the velocity solution, from which a correction is counted.
+    /// Reference solution: the impulses of the velocity solution, from which a correction is counted.
     pub(crate) reference: Reference<R>,
-    /// Sets of kinematic trees that rows connect.
+    /// Islands: sets of kinematic trees that rows connect.
     pub(crate) islands: Islands,
     /// Free velocity of the position solve, nv.
     pub(crate) v_free: Vec<R>,

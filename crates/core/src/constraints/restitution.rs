@@ -1,16 +1,16 @@
-//! Contacts that bounce.
+//! Contacts that bounce: restitution by Newton's law.
 //!
-//! Euler's rule takes Newton's law on the free velocity, which is the textbook's recursion. The midpoint rule takes it at the time t of the
-//! impact (see [`crate::constraints::impact_time`]): with the velocities v- that the free motion has then, the rows demand
+//! Euler's rule applies Newton's law to the free velocity, which is the recursion of textbooks. The midpoint rule applies it at the time t
+//! of the impact (see [`crate::constraints::impact_time`]). With the velocities v- of the free motion at that time, the rows are
 //!
 //! ```text
 //! 0 <= lambda_n, complementary to v_n+ + e v_n- >= 0     so g_n = (1 + e) v_n-(t)
 //! friction against v_t+                                  so g_t = v_t-(t)
 //! ```
 //!
-//! The impulse acts for what is left of the step, and the positions go on from where the step is taken with the velocity after it, which
-//! gives every impulse the time `time_after`: what is missing, (h - t - time_after) M^-1 J^T lambda, is added where the positions are
-//! solved apart, so that other contacts see it.
+//! The impulse acts for the rest of the step. Positions advance from the evaluation point with the velocity after the step, which gives
+//! every impulse the time `time_after`. The difference, (h - t - time_after) M^-1 J^T lambda, is added in the position solve, so that other
+//! contacts take it into account.
 
 use stepper_real::{Mask, Real};
 use stepper_solve::Iterate;
@@ -27,8 +27,8 @@ use crate::dynamics::inertia::MassMatrix;
 use crate::math::spatial::*;
 use crate::options::StepSettings;
 
-/// Velocities of a contact's rows: g of the step, and when positions are solved apart.
-type Demands<R> = [[R; 2]; 3];
+/// Targets of a contact's rows: g of the velocity solve and of the position solve, m/s.
+type Targets<R> = [[R; 2]; 3];
 
 impl<R: Real> RowBuilder<R> {
     /// Change of the velocities of the rows in `column` by the free motion.
@@ -44,10 +44,10 @@ impl<R: Real> RowBuilder<R> {
 }
 
 impl<R: Real> Assembler<'_, R> {
-    /// What Euler's rule adds to the free velocity of a normal row, and the lanes that have the row.
+    /// Velocity that Euler's rule adds to the free velocity of a normal row, m/s, and the lanes that have the row.
     ///
-    /// All closed contacts share an impact: 0 <= lambda, complementary to v+ + e v- >= 0, also where v- parts. A contact slower than the
-    /// threshold before the step rests: it does not bounce from the velocity that gravity gives it within the step.
+    /// All closed contacts share an impact: 0 <= lambda, complementary to v+ + e v- >= 0, also where v- separates. A contact slower than
+    /// the threshold before the step rests. The velocity that gravity adds within the step does not make it bounce.
     #[inline(always)]
     #[expect(clippy::too_many_arguments, reason = "one contact, every part of it named at the call")]
     pub(crate) fn bounce(
@@ -66,7 +66,7 @@ impl<R: Real> Assembler<'_, R> {
             return (bias, active);
         }
         let (h, phi, threshold) = (assembly.h, slot.point.distance, R::of(options.restitution_threshold));
-        // What a slow contact and gravity close within the step.
+        // Gaps that a slow contact and gravity close within the step.
         let near = phi.le(h * (threshold + h * norm(compiled.params.gravity())) + R::of(options.slop));
         let rests = before.abs().le(threshold).and(near);
         let closed = phi.le(R::of(options.slop)).or((phi + h * free).lt(R::zero()));
@@ -77,9 +77,10 @@ impl<R: Real> Assembler<'_, R> {
         (R::select(bounces, e * free, bias), stays)
     }
 
-    /// The law of the midpoint rule, in place of the `demands` of a contact that does not bounce. `free` are the rows' velocities without
-    /// constraints before the elimination of equalities, `change` what the free motion changed of them in the step; after the
-    /// elimination the free velocity is `demands` less the normal's `bias`. Returns the lanes that have the rows. A kernel of its own, as
+    /// Replaces the `targets` of a bouncing contact with those of the midpoint rule. Returns the lanes that have the rows.
+    ///
+    /// `free` are the velocities of the rows without constraints, before equalities are eliminated. `change` is their change by the free
+    /// motion in the step. After the elimination the free velocity is `targets` minus the normal's `bias`. A separate kernel, as
     /// [`Assembler::add_curve`].
     #[inline(never)]
     pub(crate) fn bounce_within(
@@ -89,7 +90,7 @@ impl<R: Real> Assembler<'_, R> {
         active: R::Mask,
         [free, change]: [V3<R>; 2],
         bias: R,
-        demands: &mut Demands<R>,
+        targets: &mut Targets<R>,
     ) -> R::Mask {
         R::vectorize(
             #[inline(always)]
@@ -107,16 +108,16 @@ impl<R: Real> Assembler<'_, R> {
                     return active;
                 }
                 let before = sub(free, change);
-                let held = [demands[0][0] - bias, demands[1][0], demands[2][0]];
+                let held = [targets[0][0] - bias, targets[1][0], targets[2][0]];
                 let flight =
                     Flight { gap: slot.point.distance, before: before[0], free: held[0], time_before: assembly.time_before, h: assembly.h };
                 let meeting = flight.predict(options, norm(compiled.params.gravity()), e, elastic);
-                let bounces = meeting.strikes.or(meeting.parts);
+                let bounces = meeting.collides.or(meeting.parts);
                 let (time_fraction, normal_factor) = (meeting.time / assembly.h, e + R::one());
                 let at = add_scaled(before, sub(held, before), time_fraction);
-                for (k, demand) in demands.iter_mut().enumerate() {
-                    let law = if k == 0 { at[0] * normal_factor } else { at[k] };
-                    demand[0] = R::select(bounces, law, demand[0]);
+                for (k, target) in targets.iter_mut().enumerate() {
+                    let at_impact = if k == 0 { at[0] * normal_factor } else { at[k] };
+                    target[0] = R::select(bounces, at_impact, target[0]);
                 }
                 let overlapping = slot.point.distance.lt(-R::of(options.slop));
                 self.problem.impacts.push(Impact { lanes: bounces, overlapping, time_fraction, normal_factor });
@@ -125,10 +126,10 @@ impl<R: Real> Assembler<'_, R> {
         )
     }
 
-    /// The velocity of rows of turning at the time of the impact that was added last, where it bounces: from that without constraints and
-    /// its `change` by the free motion, as the demands are.
+    /// Changes the targets `turns` of torsional and rolling rows to the time of the impact that was added last, where it bounces. `change`
+    /// is the change of their velocities by the free motion.
     #[inline(always)]
-    pub(crate) fn turn_at_impact(&self, change: V3<R>, turns: &mut Demands<R>) {
+    pub(crate) fn turn_at_impact(&self, change: V3<R>, turns: &mut Targets<R>) {
         if let Some(impact) = self.problem.impacts.last() {
             for (turn, change) in turns.iter_mut().zip(change) {
                 turn[0] = R::select(impact.lanes, turn[0] - change * (R::one() - impact.time_fraction), turn[0]);
@@ -138,7 +139,7 @@ impl<R: Real> Assembler<'_, R> {
 }
 
 impl<R: Real> ConstraintProblem<R> {
-    /// Takes back, of a `change` (scaled) of the velocity after the step, what came after the impacts.
+    /// Subtracts the part after the impacts from a scaled `change` of the velocity after the step.
     #[inline(always)]
     pub(crate) fn undo_change_after_impacts(&mut self, change: &[R], lanes: R::Mask) {
         let Self { rows, impacts, .. } = self;
@@ -151,8 +152,9 @@ impl<R: Real> ConstraintProblem<R> {
         );
     }
 
-    /// Adds a change of the velocity before the impacts, given as that of the velocity after the step if they were not; `change` is used
-    /// up.
+    /// Adds a change of the velocity before the impacts to the targets.
+    ///
+    /// `change` is the change of the velocity after the step that it would cause without impacts. Overwrites `change`.
     pub fn shift_before_impacts(&mut self, compiled: &LaneModel<R>, mass: &MassMatrix<R>, change: &mut [R], lanes: R::Mask) {
         if self.impacts.is_empty() {
             return;
@@ -187,8 +189,8 @@ impl<R: Real> ConstraintProblem<R> {
 impl<R: Real> PositionSolution<R> {
     /// Removes impacts from the position solve in the lanes `lanes`: their impulses, and the contacts that did not overlap before.
     ///
-    /// A contact that overlapped is pushed out if it does not separate fast enough. `impulses` are those of the velocity solution. Writes
-    /// to `carried` the velocity that moves the positions within a step as far as the impulses do beyond the velocity after the step.
+    /// A contact that overlapped is pushed out if it does not separate fast enough. `impulses` are those of the velocity solution.
+    /// `carried` receives a velocity: over a step it gives the displacement by the impulses beyond that of the velocity after the step.
     /// `time_before` is the evaluation time of the step of `h` seconds.
     pub(crate) fn remove_impacts(
         &mut self,
@@ -254,20 +256,21 @@ impl<R: Real> PositionSolution<R> {
     }
 }
 
-/// Weight of a change of the velocity after the step that the rows of an impact take back: what came after it. Of 1 + e (or 1 for friction)
-/// and the fraction of the step before the impact.
+/// Weight of the part of a velocity change that acts after an impact, which the rows of the impact subtract.
+///
+/// `normal_factor` is 1 + e (or 1 for friction), and `time_fraction` the fraction of the step before the impact.
 #[inline(always)]
 fn after_impact<R: Real>(normal_factor: R, time_fraction: R) -> R {
     normal_factor * time_fraction - R::one()
 }
 
-/// Weight of a change before the impact, given as that of the velocity after the step.
+/// Weight of a velocity change before the impact, given as the change of the velocity after the step.
 #[inline(always)]
 fn before_impact<R: Real>(normal_factor: R, time_fraction: R) -> R {
     normal_factor * time_fraction
 }
 
-/// Calls `shift` with the contacts that bounce in the lanes `lanes`, those lanes, and the weights of the normal row and of friction.
+/// Calls `shift` for the contacts that bounce in the lanes `lanes`, with these lanes and the weights of the normal row and of friction.
 #[inline(always)]
 fn shift_impacts<R: Real>(
     impacts: &[Impact<R>],

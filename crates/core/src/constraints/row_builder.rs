@@ -1,4 +1,4 @@
-//! Workspace in which stage 4 builds one row after the other: its Jacobian, half a solve of it, and the elimination of equalities.
+//! Workspace in which stage 4 builds one row after the other: its Jacobian, its half solve, and the elimination of equalities.
 
 use std::ops::Range;
 
@@ -34,7 +34,7 @@ pub(crate) struct RowBuilder<R: Real> {
     pub(crate) projections: Vec<V3<R>>,
     /// Squared scales of the entries of a column.
     pub(crate) scales: Vec<V3<R>>,
-    /// Squared scales of what the elimination of equalities removes from each entry of a column.
+    /// Squared scales of the terms that the elimination of equalities removes from each entry of a column.
     pub(crate) removed_scales: Vec<V3<R>>,
     /// Squared scales of the target velocities of hard equality rows, (m/s)^2, in the order of these rows.
     pub(crate) velocity_scales: Vec<R>,
@@ -47,7 +47,7 @@ pub(crate) struct RowBuilder<R: Real> {
     /// Squared scales of the projection coefficients of the rows of a block.
     pub(crate) coefficient_scales: Vec<R>,
     /// Velocity terms of the rows of a block: h/2 J' v, J v before the step, and the bias that corrects the position error.
-    pub(crate) demands: Vec<[R; 3]>,
+    pub(crate) targets: Vec<[R; 3]>,
 }
 
 impl<R: Real> RowBuilder<R> {
@@ -75,7 +75,7 @@ impl<R: Real> RowBuilder<R> {
             needs_scales: vec![false; compiled.equalities.len()],
             entry_scales: Vec::with_capacity(entries().max().unwrap_or(0)),
             coefficient_scales: vec![R::zero(); block],
-            demands: Vec::with_capacity(block),
+            targets: Vec::with_capacity(block),
         }
     }
 }

@@ -1,4 +1,4 @@
-//! Scalar rows: their entries, their demands and the impulses that they start from.
+//! Scalar rows: their entries, their target velocities and the impulses from which the solve starts.
 
 use stepper_real::{Mask, Real};
 
@@ -9,8 +9,7 @@ use crate::dynamics::inertia::MassMatrix;
 use crate::math::spatial::*;
 
 impl<R: Real> Assembler<'_, R> {
-    /// Pushes the impulse that a scalar row of the lanes `active` starts from. The others forget theirs, whether the row is made again or
-    /// not.
+    /// Pushes the initial impulse of a scalar row in the lanes `active`. The other lanes discard their warm start.
     #[inline(always)]
     pub(crate) fn warm_start(&mut self, owner: usize, active: R::Mask) {
         let kept = R::select(active, self.velocity.scalar_impulse[owner], R::zero());
@@ -52,7 +51,7 @@ impl<R: Real> Assembler<'_, R> {
         if let Some(ratio) = trace_ratio {
             self.problem.rows.scalars.set_trace_ratio(ratio);
         }
-        self.problem.rows.scalars.set_position_demand(g[1]);
+        self.problem.rows.scalars.set_position_target(g[1]);
         self.warm_start(owner, active);
         self.problem.owners.push(owner);
         self.problem.constrained = self.problem.constrained.or(active);

@@ -1,8 +1,8 @@
-//! Overlaps of the solution that a derivative is taken at.
+//! Overlaps of the solution at which a derivative is computed.
 //!
 //! The target velocity of a contact or limit has a corner, or with MuJoCo's law a jump, where its gap closes. A robot at rest has gaps of
-//! 1e-17 m of either sign, so that no displacement is small enough to stay on one side of all corners. At displaced states contacts and
-//! limits therefore stay on the side on which the solution has them.
+//! 1e-17 m of either sign. No displacement is small enough to stay on one side of all corners. At displaced states contacts and limits
+//! therefore stay on the side on which the solution has them.
 
 use stepper_real::{Real, Scalar};
 
@@ -10,7 +10,7 @@ use crate::collision::contact_set::Contacts;
 use crate::compile::LaneModel;
 use crate::math::lanes::each_of;
 
-/// Contacts and limits of a solution.
+/// Contacts and limits of a solution, with their distances.
 #[derive(Clone, Debug)]
 pub(crate) struct SolvedOverlaps<R: Real> {
     contacts: Contacts<R>,
@@ -18,14 +18,14 @@ pub(crate) struct SolvedOverlaps<R: Real> {
     limits: Vec<R>,
 }
 
-/// A gap that closes or opens between a solution and a displaced state.
+/// Gap that closes or opens between a solution and a displaced state.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Crossing {
-    /// The lane.
+    /// Lane of the gap.
     pub(crate) lane: usize,
-    /// Whether it is a limit's gap.
+    /// Whether it is the gap of a limit.
     pub(crate) is_limit: bool,
-    /// Place of the crossing, as a part of the displacement.
+    /// Place of the crossing, as a fraction of the displacement.
     pub(crate) distance: f64,
 }
 
@@ -38,7 +38,7 @@ impl<R: Real> SolvedOverlaps<R> {
         }
     }
 
-    /// Keeps the contacts of a solution, and the limits at its configuration `q`.
+    /// Stores the contacts of a solution, and the limits at its configuration `q`.
     pub(crate) fn keep(&mut self, compiled: &LaneModel<R>, contacts: &Contacts<R>, q: &[R]) {
         self.contacts.clone_from(contacts);
         for (i, gap) in self.limits.iter_mut().enumerate() {
@@ -46,7 +46,7 @@ impl<R: Real> SolvedOverlaps<R> {
         }
     }
 
-    /// Distances that the contacts in slot `k` of a displaced state have in the solution; infinite where it has them not.
+    /// Distances in the solution of the contacts in slot `k` of a displaced state; infinite where the solution does not have them.
     #[inline(never)]
     pub(crate) fn distance(&self, contacts: &Contacts<R>, k: usize) -> R {
         let mut distance = R::of(f64::INFINITY);
@@ -64,7 +64,7 @@ impl<R: Real> SolvedOverlaps<R> {
         self.limits[i]
     }
 
-    /// Those of the lanes `lanes` (bits) in which a displaced state has all contacts that overlap in the solution.
+    /// Lanes of `lanes` (bits) in which a displaced state has all contacts that overlap in the solution.
     pub(crate) fn found(&self, contacts: &Contacts<R>, lanes: u32) -> u32 {
         let overlaps = |lane: usize, k: usize| self.contacts.data[k].point.distance.lane(lane).to_f64() < 0.0;
         let has = |lane: usize, k: usize| contacts.find(lane, k, self.contacts.ids[k][lane]).is_some();
@@ -73,7 +73,8 @@ impl<R: Real> SolvedOverlaps<R> {
             .fold(0, |found, lane| found | 1 << lane)
     }
 
-    /// Calls `see` with every gap of the lanes `lanes` (bits) that is on another side at a displaced state with the configuration `q`.
+    /// Calls `see` for every gap of the lanes `lanes` (bits) that changes its sign between the solution and a displaced state with the
+    /// configuration `q`.
     pub(crate) fn find_crossings(
         &self,
         compiled: &LaneModel<R>,
@@ -100,7 +101,7 @@ impl<R: Real> SolvedOverlaps<R> {
     }
 }
 
-/// Distance to the nearer end of a limited joint's range.
+/// Distance to the nearer end of a limited joint's range, m or rad.
 pub(crate) fn limit_gap<R: Real>(compiled: &LaneModel<R>, i: usize, q: &[R]) -> R {
     R::vectorize(
         #[inline(always)]

@@ -12,7 +12,7 @@ use crate::math::spatial::*;
 use crate::tuning::LIMIT_LOOK_AHEAD;
 
 impl<R: Real> RowBuilder<R> {
-    /// Half-solved row of a tendon's length, times `sign`, left in the first component of `column`.
+    /// Computes the half-solved row of a tendon's length, times `sign`, into the first component of `column`.
     #[inline(always)]
     fn tendon_columns(&mut self, problem: &ConstraintProblem<R>, input: RowInput<'_, R>, tendon: &CompiledTendon<R::Scalar>, sign: R) {
         self.support.clear();
@@ -27,7 +27,7 @@ impl<R: Real> RowBuilder<R> {
 }
 
 impl<R: Real> Assembler<'_, R> {
-    /// Adds the rows of all tendons that have some.
+    /// Adds the rows of all tendons.
     pub(crate) fn add_tendons(&mut self, input: RowInput<'_, R>) {
         R::vectorize(
             #[inline(always)]
@@ -60,7 +60,7 @@ impl<R: Real> Assembler<'_, R> {
         )
     }
 
-    /// The nearer end of a tendon's range, where it can be reached within the step.
+    /// Adds the limit at the nearer end of a tendon's range, if it can be reached within the step.
     #[inline(always)]
     fn limit_tendon(&mut self, input: RowInput<'_, R>, tendon: &CompiledTendon<R::Scalar>, [below, above]: [R; 2], rate: R) {
         let low = below.le(above);
@@ -75,8 +75,9 @@ impl<R: Real> Assembler<'_, R> {
         self.add_row(input.mass, tendon.owner, limit_law(free, [velocity, position], active));
     }
 
-    /// Where a limit at distance `phi`, left at the free velocity `free`, can be reached within the step, and its biases: in the
-    /// velocities, and when positions are solved apart.
+    /// Lanes in which a limit at distance `phi` can be reached within the step at the free velocity `free`.
+    ///
+    /// Also returns its biases in the velocity solve and in the position solve.
     #[inline(always)]
     fn reach(&mut self, input: RowInput<'_, R>, phi: R, free: R) -> Option<(R::Mask, R, R)> {
         let h = input.assembly.h;
@@ -89,7 +90,7 @@ impl<R: Real> Assembler<'_, R> {
         Some((active, velocity, position))
     }
 
-    /// Limits of ball joints: the rotation vector's length stays below the range (MuJoCo's `mj_instantiateLimit`).
+    /// Adds limits of ball joints: the rotation vector's length stays below the range (MuJoCo's `mj_instantiateLimit`).
     pub(crate) fn add_ball_limits(&mut self, input: RowInput<'_, R>) {
         R::vectorize(
             #[inline(always)]
@@ -97,7 +98,7 @@ impl<R: Real> Assembler<'_, R> {
                 for (i, limit) in input.compiled.ball_limits.iter().enumerate() {
                     let turn = quat_log(quat_at(input.assembly.q, limit.q));
                     let angle = norm(turn);
-                    // Without a turn there is no direction to turn back to.
+                    // At the rest orientation the limit has no direction.
                     let turned = angle.gt(R::zero());
                     let axis = scale(turn, -(R::one() / R::select(turned, angle, R::one())));
                     let phi = input.compiled.params.ball_limit(i) - angle;

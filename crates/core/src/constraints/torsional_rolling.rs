@@ -1,4 +1,4 @@
-//! Contacts with torsional and rolling friction: three more rows, of the turning about the contact's axes.
+//! Contacts with torsional and rolling friction: three more rows, for the rotation about the contact's axes.
 
 use stepper_real::{Mask, Real};
 
@@ -14,7 +14,7 @@ use crate::constraints::row_builder::RowBuilder;
 use crate::math::spatial::*;
 
 impl<R: Real> RowBuilder<R> {
-    /// J of the relative turning about the contact's axes, times `weight`, left in `column`; returns its free velocity.
+    /// Computes J of the relative rotation about the contact's axes, times `weight`, into `column`. Returns its free velocity.
     #[inline(always)]
     fn turn_columns(&mut self, input: RowInput<'_, R>, contacts: &Contacts<R>, k: usize, lanes: u32, weight: V3<R>) -> V3<R> {
         let slot = &contacts.data[k];
@@ -31,7 +31,7 @@ impl<R: Real> RowBuilder<R> {
             let axis = angular(&input.kinematics.axes[d]);
             let mut j = zero();
             for i in 0..3 {
-                // Adding zero turns -0 into 0, so that a lane's bits do not depend on what its neighbours touch.
+                // Adding zero turns -0 into 0, so that the bits of a lane do not depend on the contacts of its neighbours.
                 j[i] = dot(axes[i], axis) * sign * weight[i] + R::zero();
             }
             free = add_scaled(free, j, input.assembly.v_free[d]);
@@ -42,7 +42,7 @@ impl<R: Real> RowBuilder<R> {
 }
 
 impl<R: Real> Assembler<'_, R> {
-    /// Adds slot `k` in the lanes `lanes`, in which it has torsional or rolling friction.
+    /// Adds slot `k` in the lanes `lanes`, whose contacts have torsional or rolling friction.
     pub(crate) fn add_rolling_contact(&mut self, input: RowInput<'_, R>, contacts: &Contacts<R>, k: usize, lanes: u32) {
         R::vectorize(
             #[inline(always)]
@@ -59,7 +59,7 @@ impl<R: Real> Assembler<'_, R> {
         let slot = &contacts.data[k];
         let mut friction = Friction::of(compiled, contacts, k, lanes);
         friction.scale_to(slot.mu);
-        let SlidingRows { demands: mut slides, lengths: sliding, active, deferred, compliance } =
+        let SlidingRows { targets: mut slides, lengths: sliding, active, deferred, compliance } =
             self.sliding_rows(input, contacts, k, lanes);
         for &d in &self.builder.support {
             self.builder.linear[d as usize] = self.builder.column[d as usize];
@@ -101,7 +101,7 @@ impl<R: Real> Assembler<'_, R> {
         }
         let change = |[velocity, position]: [R; 2]| position - velocity;
         let [spin, roll, other] = turns.map(change);
-        self.problem.rows.rolling_contacts.set_position_demand([slides[0][1], change(slides[1]), change(slides[2]), spin, roll, other]);
+        self.problem.rows.rolling_contacts.set_position_target([slides[0][1], change(slides[1]), change(slides[2]), spin, roll, other]);
         let (push, torque) = (slot.impulse, friction.unscale(contacts.torque[k]));
         let warm = [push[0], push[1] * rub, push[2] * rub, torque[0], torque[1], torque[2]];
         let solved = active.and_not(deferred.lanes);
@@ -117,13 +117,13 @@ impl<R: Real> Assembler<'_, R> {
 
 /// Friction of the contacts in one slot.
 struct Friction<R: Real> {
-    /// Torsional and rolling, m.
+    /// Coefficients of torsional and rolling friction, m.
     more: [R; 2],
-    /// Of the scaled rows: sliding friction, or 1 for contacts that slide freely.
+    /// Friction coefficient of the scaled rows: that of sliding, or 1 for contacts that slide freely.
     mu: R,
     /// 1 for contacts with sliding friction, else 0.
     slides: R,
-    /// What the rows of turning are multiplied by, m.
+    /// Factors of the torsional and rolling rows, m.
     scale: V3<R>,
 }
 
@@ -147,7 +147,7 @@ impl<R: Real> Friction<R> {
         self.scale = [spin / self.mu, roll / self.mu, roll / self.mu];
     }
 
-    /// Scaled impulses of torques.
+    /// Converts torques to scaled impulses.
     #[inline(always)]
     fn unscale(&self, torque: V3<R>) -> V3<R> {
         let mut out = torque;
@@ -170,7 +170,7 @@ pub(crate) fn rolling_lanes<R: Real>(compiled: &LaneModel<R>, contacts: &Contact
     rolling
 }
 
-/// What belongs to the tangents, in the units of their scaled rows.
+/// Scales the tangential entries to the units of their rows.
 #[inline(always)]
 fn scale_tangents<R: Real>([n, a, b]: V3<R>, rub: R) -> V3<R> {
     [n, a * rub, b * rub]

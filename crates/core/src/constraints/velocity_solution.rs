@@ -6,7 +6,7 @@ use stepper_solve::{Iterate, Snapshot};
 
 use crate::compile::{LaneModel, ModelStructure};
 use crate::constraints::constraint_problem::capacity_of;
-use crate::constraints::hyperstatic::Patches;
+use crate::constraints::redundant_supports::ContactGroups;
 use crate::constraints::worst_row::WorstRows;
 use crate::dynamics::inertia::MassMatrix;
 
@@ -19,8 +19,8 @@ pub struct VelocitySolution<R: Real> {
     pub v: Vec<R>,
     /// Impulses of all scalar constraints: limits, dry friction, then equalities and tendons. They start the next step's solve.
     pub scalar_impulse: Vec<R>,
-    /// Contact groups whose loads statics does not determine. Their contacts share the load evenly.
-    pub(crate) patches: Patches<R>,
+    /// Contact groups with redundant supports. Their contacts share the load evenly.
+    pub(crate) groups: ContactGroups<R>,
     /// Saved impulses, for lanes that may restore them.
     pub(crate) shared: Snapshot<R>,
     /// Newton's method with its workspace, which stage 8 uses too.
@@ -48,12 +48,21 @@ impl<R: Real> VelocitySolution<R> {
             impulses: Iterate::new(&capacity),
             v: vec![R::zero(); compiled.nv],
             scalar_impulse: vec![R::zero(); compiled.scalar_impulses],
-            patches: Patches::new(max_contacts),
+            groups: ContactGroups::new(max_contacts),
             shared: Snapshot::new(&capacity),
             newton: Newton::default(),
             worst: WorstRows::new(),
             capture: Capture::default(),
         }
+    }
+
+    /// Fills the impulses with NaN, once stage 8 has overwritten them.
+    pub(crate) fn poison_impulses(&mut self) {
+        let nan = R::of(f64::NAN);
+        let Iterate { w, scalars, contacts, rolling_contacts, .. } = &mut self.impulses;
+        w.iter_mut().chain(scalars).for_each(|x| *x = nan);
+        contacts.fill([nan; 3]);
+        rolling_contacts.fill([nan; 6]);
     }
 
     /// Computes the velocity change of the present impulses into `out`, nv.

@@ -1,4 +1,4 @@
-//! The worst row of an unsolved step: the constraint with the largest residual.
+//! Worst row of an unsolved step: the constraint with the largest residual.
 
 use stepper_real::{Mask, Real};
 use stepper_solve::{Iterate, System, worst_constraint};
@@ -7,19 +7,19 @@ use crate::collision::contact_set::Contacts;
 use crate::constraints::constraint_problem::ConstraintProblem;
 use crate::math::lanes::{MAX_LANES, each_of};
 
-/// Constraint as a number that a state keeps: 0 is none, then scalar rows by the index of their impulse, then contacts by their pair.
+/// Code of a constraint, as a state stores it: 0 is none, then scalar rows by the index of their impulse, then contacts by their pair.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct ConstraintCode(pub u64);
 
-/// First number of contacts.
+/// First code of a contact.
 const CONTACTS: u64 = 1 << 32;
 
-/// What a code names.
+/// Constraint that a code names.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum CodedConstraint {
     /// Scalar row, by the index of its impulse in [`crate::constraints::VelocitySolution::scalar_impulse`].
     Scalar(usize),
-    /// A contact, by its pair of geoms.
+    /// Contact, by its pair of geoms.
     Contact(usize),
 }
 
@@ -31,7 +31,7 @@ impl ConstraintCode {
         }
     }
 
-    /// The constraint, if there is any.
+    /// Constraint of the code, if any.
     pub fn constraint(self) -> Option<CodedConstraint> {
         match self.0 {
             0 => None,
@@ -41,28 +41,28 @@ impl ConstraintCode {
     }
 }
 
-/// Worst rows of the lanes that a solve has left unsolved.
+/// Worst rows of the lanes that a solve left unsolved.
 #[derive(Clone, Debug)]
 pub struct WorstRows<R: Real> {
-    /// Lanes that have one.
+    /// Lanes with a worst row.
     pub lanes: R::Mask,
     codes: [ConstraintCode; MAX_LANES],
 }
 
 impl<R: Real> WorstRows<R> {
-    /// No lane has one.
+    /// Empty set, without worst rows.
     pub(crate) fn new() -> Self {
         Self { lanes: R::Mask::splat(false), codes: [ConstraintCode::default(); MAX_LANES] }
     }
 
-    /// Worst row of a lane, if it has one.
+    /// Worst row of a lane, if any.
     pub fn of_lane(&self, lane: usize) -> ConstraintCode {
         if self.lanes.bits() >> lane & 1 == 1 { self.codes[lane] } else { ConstraintCode::default() }
     }
 
-    /// Renews those of the lanes `solved`, of which `unsolved` have some.
+    /// Updates the worst rows of the lanes `solved`; those in `unsolved` have one.
     #[inline(always)]
-    pub(crate) fn renew(
+    pub(crate) fn update(
         &mut self,
         problem: &ConstraintProblem<R>,
         system: System<'_, R>,

@@ -1,12 +1,12 @@
 //! Forces of the medium on moving bodies: MuJoCo's two models (its documentation, "Fluid forces"; `engine_passive.c`).
 //!
-//! Box: along every principal axis the force -(a + b |v|) v and the torque -(c + d |w|) w, with a, c Stokes' drag of a ball and b, d the
-//! drag of the faces of the box that has the body's inertia. Ellipsoid: added mass (p x w; p x v + L x w with p = m_a v, L = I_a w),
-//! Magnus' lift w x v, Kutta's lift, and drag.
+//! The box model has, along every principal axis, the force -(a + b |v|) v and the torque -(c + d |w|) w. Here a, c are Stokes' drag of a
+//! ball, and b, d the drag of the faces of the box with the body's inertia. The ellipsoid model has added mass (p x w; p x v + L x w with p
+//! = m_a v, L = I_a w), Magnus' lift w x v, Kutta's lift, and drag.
 //!
-//! Drag takes energy out however large it is, but taken explicitly it turns the motion around and feeds it as soon as h b |v| > 2 m. So its
-//! secant B = a + b |v| at the velocity before the step goes into the mass matrix, as damping does: with f the force, v* the velocity at
-//! which forces are taken and u that before the step, the step takes f(v*) + B (v* - u), and the matrix the rest.
+//! Drag dissipates energy, but explicit drag reverses the motion and adds energy once h b |v| > 2 m. Its secant B = a + b |v| at the
+//! velocity before the step therefore goes into the mass matrix, as damping does. Let f be the force, v* the velocity at which forces are
+//! evaluated and u the velocity before the step. The step applies f(v*) + B (v* - u), and the matrix the rest.
 
 use stepper_real::Real;
 
@@ -17,11 +17,11 @@ use crate::math::spatial::*;
 /// Forces of the medium, and their workspace; empty for scenes without one.
 #[derive(Clone, Debug)]
 pub struct Fluid<R: Real> {
-    /// Velocity of every body before the step in its own axes, against the medium.
+    /// Velocity of every body before the step in body axes, relative to the medium.
     before: Vec<V6<R>>,
     /// Secants of drag at that velocity.
     drag: Vec<V6<R>>,
-    /// Drag of every link with what hangs from it: moment of rotation, moment of velocity, force of velocity.
+    /// Drag of every link with its descendants: moment of rotation, moment of velocity, force of velocity.
     composite: Vec<[M3<R>; 3]>,
     velocity: Vec<V6<R>>,
 }
@@ -33,7 +33,7 @@ impl<R: Real> Fluid<R> {
         Self { before: vec![zero(); n], drag: vec![zero(); n], composite: vec![[zero(); 3]; links], velocity: vec![zero(); links] }
     }
 
-    /// Takes drag explicitly.
+    /// Makes drag explicit.
     #[inline(always)]
     pub fn forget(&mut self) {
         self.before.fill(zero());
@@ -77,7 +77,7 @@ impl<R: Real> Fluid<R> {
         }
     }
 
-    /// Takes the medium's forces, at the links' velocities `motion`, off the forces that the links need.
+    /// Subtracts the medium's forces, at the links' velocities `motion`, from the forces that the links need.
     #[inline(always)]
     pub fn subtract(&self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, motion: &[V6<R>], force: &mut [V6<R>]) {
         for (i, body) in compiled.fluid.iter().enumerate() {
@@ -103,7 +103,7 @@ impl<R: Real> Fluid<R> {
     }
 }
 
-/// Axes of a body, and its centre from its tree's reference point.
+/// Axes of a body, and its centre relative to its tree's reference point.
 #[inline(always)]
 fn place<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, i: usize) -> (M3<R>, V3<R>) {
     let body = &compiled.fluid[i];
@@ -112,7 +112,7 @@ fn place<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, i: usize)
     (mat, sub(kinematics.point(frame, compiled.params.fluid(i).pos), kinematics.origin[compiled.links[body.link].tree]))
 }
 
-/// Velocity against the medium, in the body's own axes.
+/// Velocity relative to the medium, in body axes.
 #[inline(always)]
 fn local<R: Real>(compiled: &LaneModel<R>, motion: &V6<R>, mat: &M3<R>, arm: V3<R>) -> V6<R> {
     let velocity = sub(velocity_at(motion, arm), splat(compiled.wind));
@@ -137,7 +137,7 @@ fn secant<R: Real>(compiled: &LaneModel<R>, i: usize, v: &V6<R>) -> V6<R> {
     }
 }
 
-/// A diagonal drag in the axes `mat` at `arm`, as one about the reference point.
+/// Diagonal drag in the axes `mat` at `arm`, converted to the reference point.
 #[inline(always)]
 fn at_origin<R: Real>(drag: &V6<R>, mat: &M3<R>, arm: V3<R>) -> [M3<R>; 3] {
     let (spin, slide) = (turned(angular(drag), mat), turned(linear(drag), mat));
@@ -149,7 +149,7 @@ fn at_origin<R: Real>(drag: &V6<R>, mat: &M3<R>, arm: V3<R>) -> [M3<R>; 3] {
     [sub(spin, mat_mul(&levered, &lever)), levered, slide]
 }
 
-/// X diag(d) X^T
+/// Product X diag(d) X^T.
 #[inline(always)]
 fn turned<R: Real>(d: V3<R>, x: &M3<R>) -> M3<R> {
     array_of(
@@ -161,30 +161,29 @@ fn turned<R: Real>(d: V3<R>, x: &M3<R>) -> M3<R> {
     )
 }
 
-/// The wrench against a motion.
+/// Wrench against a motion.
 #[inline(always)]
 fn apply<R: Real>([spin, lever, slide]: &[M3<R>; 3], motion: &V6<R>) -> V6<R> {
     let (w, v) = (angular(motion), linear(motion));
     spatial(add(rotate(spin, w), rotate(lever, v)), add(rotate_back(lever, w), rotate(slide, v)))
 }
 
-/// The ellipsoid's projection along its velocity.
+/// Projection of the ellipsoid along its velocity.
 #[derive(Clone, Copy, Debug)]
 struct Projection<R> {
     speed: R,
     /// Unit vector of the velocity.
     along: V3<R>,
-    /// Its area, m^2.
+    /// Projected area, m^2.
     area: R,
-    /// Its normal over the cosine of the angle between it and the velocity, times the area of it.
+    /// Normal of the projected area times the area, over the cosine of the angle between normal and velocity.
     normal: V3<R>,
 }
 
-/// The projected area pi sqrt(sum b_k^4 v_k^2 / sum b_k^2 v_k^2), b_k the product of the two other semi-axes; its normal is along b_k^2
-/// v_k.
+/// Projected area pi sqrt(sum b_k^4 v_k^2 / sum b_k^2 v_k^2), b_k the product of the two other semi-axes; its normal is along b_k^2 v_k.
 ///
-/// It is made of directions and of shares of the largest area, so that neither small bodies nor slow ones nor single precision meet a bound
-/// that has a unit. Needles that fly along themselves, b / a^2 < 3e-8 with the longest semi-axis a, have no area, in MuJoCo (4.0) too.
+/// It is computed from directions and relative areas. Small bodies, slow bodies and single precision therefore meet no bound with a unit.
+/// Needles that fly along their axis, b / a^2 < 3e-8 with the longest semi-axis a, have no area, as in MuJoCo (4.0).
 #[inline(always)]
 fn projection<R: Real>(e: &CompiledEllipsoid<R::Scalar>, v: V3<R>) -> Projection<R> {
     let areas: V3<R> = splat(e.areas);
@@ -198,7 +197,7 @@ fn projection<R: Real>(e: &CompiledEllipsoid<R::Scalar>, v: V3<R>) -> Projection
     let there = numerator.gt(R::splat(e.no_area));
     let (numerator, denominator) = (R::select(there, numerator, R::one()), R::select(there, denominator, R::zero()));
     let area = R::splat(e.widest) * (denominator / numerator).sqrt();
-    // With the area this is widest sqrt(numerator / denominator): where a body has an area, its denominator is not zero.
+    // With the area this is widest sqrt(numerator / denominator). Where a body has an area, its denominator is not zero.
     let inverse = R::splat(e.widest) * (numerator / R::select(there, denominator, numerator)).sqrt();
     let share = R::select(there, inverse, R::zero());
     Projection {

@@ -8,9 +8,10 @@ use crate::dynamics::mocap::MocapTrajectory;
 use crate::math::spatial::*;
 use crate::model::JointKind;
 
-/// Pose of the frame at the end of a path, relative to the frame that the path begins at: what
-/// [`Kinematics::update`](crate::dynamics::kinematics::Kinematics::update) finds, without the rest of the model. `mocap` has the poses of
-/// mocap bodies, `elapsed` seconds after the beginning of the call.
+/// Pose of the frame at the end of a path, relative to the frame at its beginning.
+///
+/// It equals the pose of [`Kinematics::update`](crate::dynamics::kinematics::Kinematics::update), without the rest of the model. `mocap`
+/// has the trajectories of mocap bodies, `elapsed` is the time since the beginning of the call, s.
 #[inline(always)]
 pub fn follow_path<R: Real>(
     compiled: &LaneModel<R>,

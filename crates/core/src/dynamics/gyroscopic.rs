@@ -1,19 +1,19 @@
 //! Gyroscopic motion of single bodies, free or on a ball joint, by a discrete midpoint rule that keeps their angular momentum.
 //!
-//! With everything taken at the orientation R in the middle of the step, the body comes from R exp(-h/2 w) and goes to R exp(h/2 w+). Its
-//! angular momentum before and after, in the axes of R, are p-(w) = exp(-h/2 w) I w and p+(w+) = exp(h/2 w+) I w+. (Where the step is taken
-//! `time_before` seconds after its beginning and `time_after` seconds before its end, these stand for the two halves.) The step
+//! Let R be the orientation in the middle of the step. The body moves from R exp(-h/2 w) to R exp(h/2 w+). Its angular momentum before and
+//! after, in the axes of R, is p-(w) = exp(-h/2 w) I w and p+(w+) = exp(h/2 w+) I w+. If the evaluation point is not the middle,
+//! `time_before` and `time_after` replace the two halves. The step
 //!
 //! ```text
 //! p+(w+) = p-(w) + h (torque)
 //! ```
 //!
-//! is a map composed with its adjoint: symmetric, so of second order, with an energy that has no drift (Hairer, Lubich & Wanner 2006,
-//! sections II.3 and XI.3), and the momentum in world axes is that before plus the impulse, exactly. Centres of mass that are not at the
-//! joint are taken along: linear momentum and spin of a free body, angular momentum about the anchor of a ball joint.
+//! is a map composed with its adjoint. It is therefore symmetric and of second order, and its energy does not drift (Hairer, Lubich &
+//! Wanner 2006, sections II.3 and XI.3). The momentum in world axes changes by exactly the impulse. Centres of mass away from the joint are
+//! included: linear momentum and spin of a free body, angular momentum about the anchor of a ball joint.
 //!
-//! It is solved by fixed-point iteration of M (w+ - w) = h (torque) - N, N = p+(w+) - p-(w) - M (w+ - w), which gains a factor of about
-//! h |w| / 2 each time.
+//! Fixed-point iteration solves M (w+ - w) = h (torque) - N with N = p+(w+) - p-(w) - M (w+ - w). Each iteration reduces the error by a
+//! factor of about h |w| / 2.
 
 use stepper_real::{Mask, Real};
 
@@ -23,23 +23,26 @@ use crate::dynamics::kinematics::Kinematics;
 use crate::math::spatial::*;
 use crate::model::JointKind;
 
-/// Iterations; at a turn of 0.1 rad in half a step the last changes w by 1e-8 of what the corrector left, some 1e-4 of w.
+/// Number of iterations.
+///
+/// At a turn of 0.1 rad in half a step the last iteration changes w by 1e-8 of the corrector's remaining error, which is some 1e-4 of w.
 const ITERATIONS: usize = 8;
 
-/// Corrects the free velocities `v_free` of single bodies, which were found with the gyroscopic force at the velocity `v_eval`. The step
-/// was taken `ways` = (time_before, time_after) seconds after its beginning and before its end.
+/// Corrects the free velocities `v_free` of single bodies, which were computed with the gyroscopic force at the velocity `v_eval`.
+///
+/// The step was evaluated `times` = (time_before, time_after) seconds after its beginning and before its end.
 pub fn correct<R: Real>(
     compiled: &LaneModel<R>,
     kinematics: &Kinematics<R>,
     mass: &MassMatrix<R>,
-    ways: [R; 2],
+    times: [R; 2],
     [v, v_eval]: [&[R]; 2],
     v_free: &mut [R],
 ) {
     R::vectorize(
         #[inline(always)]
         || {
-            let [time_before, time_after] = ways;
+            let [time_before, time_after] = times;
             let h = time_before + time_after;
             for spinner in &compiled.spinners {
                 let Some((body, tumbles)) = Body::tumbling(compiled, kinematics, spinner) else { continue };
@@ -61,21 +64,22 @@ pub fn correct<R: Real>(
     )
 }
 
-/// Puts right the free velocities `v_free` of single bodies, which were found with the gyroscopic force at the velocity before the step for
-/// the first of `times` seconds and with that at the velocity after it for the second: with the impulses of contacts, the momentum then
-/// changes by exactly theirs.
+/// Corrects the free velocities `v_free` of single bodies so that contact impulses change their momentum exactly.
+///
+/// `v_free` was computed with the gyroscopic force at the velocity before the step for the first of `times` seconds. For the second of
+/// `times` seconds it was computed with that at the velocity after the step.
 pub fn correct_spin<R: Real>(
     compiled: &LaneModel<R>,
     kinematics: &Kinematics<R>,
     mass: &MassMatrix<R>,
-    [ways, times]: [[R; 2]; 2],
+    [halves, times]: [[R; 2]; 2],
     [v, after]: [&[R]; 2],
     v_free: &mut [R],
 ) {
     R::vectorize(
         #[inline(always)]
         || {
-            let [time_before, time_after] = ways;
+            let [time_before, time_after] = halves;
             for spinner in &compiled.spinners {
                 let Some((body, tumbles)) = Body::tumbling(compiled, kinematics, spinner) else { continue };
                 let at = spinner.dof;
@@ -101,7 +105,7 @@ fn take<R: Real>(v: &[R], at: usize, kind: JointKind) -> V6<R> {
     out
 }
 
-/// x <- A^-1 x on the dofs of one body alone.
+/// Solves x <- A^-1 x on the dofs of one single body.
 #[inline(always)]
 fn solve<R: Real>(compiled: &LaneModel<R>, mass: &MassMatrix<R>, spinner: &CompiledSpinner<R::Scalar>, x: &mut V6<R>) {
     let (n, at) = (spinner.kind.nv(), spinner.dof);
@@ -109,7 +113,7 @@ fn solve<R: Real>(compiled: &LaneModel<R>, mass: &MassMatrix<R>, spinner: &Compi
     if skip > 0 {
         x[..skip].fill(R::zero());
     }
-    // Rows hold a dof and its ancestors towards the root, which are the dofs before it.
+    // Rows have a dof and its ancestors towards the root, which are the previous dofs.
     for i in (0..n).rev() {
         let row = &mass.entries[compiled.dofs[at + i].chain..];
         for k in 1..=i {
@@ -127,20 +131,20 @@ fn solve<R: Real>(compiled: &LaneModel<R>, mass: &MassMatrix<R>, spinner: &Compi
     }
 }
 
-/// A body at the middle of the step.
+/// Single body in the middle of the step.
 struct Body<R: Real> {
     mat: M3<R>,
     mass: R,
-    /// Central inertia in its own axes: xx, yy, zz, xy, xz, yz.
+    /// Central inertia in body axes: xx, yy, zz, xy, xz, yz.
     inertia: [R; 6],
-    /// Centre of mass from the joint, own axes, m.
+    /// Centre of mass relative to the joint, body axes, m.
     arm: V3<R>,
-    /// 1 where the joint itself moves, 0 for a ball joint.
+    /// Whether the joint moves (free joint) or not (ball joint).
     free: bool,
 }
 
 impl<R: Real> Body<R> {
-    /// With the lanes in which it has a gyroscopic force; `None` where it turns as a ball about its centre does in all of them.
+    /// Single body with the lanes in which it has a gyroscopic force; `None` if it has none in any lane, as a round body.
     #[inline(always)]
     fn tumbling(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, spinner: &CompiledSpinner<R::Scalar>) -> Option<(Self, R::Mask)> {
         let Inertial { mass, com, inertia } = compiled.params.inertial(spinner.link);
@@ -155,7 +159,7 @@ impl<R: Real> Body<R> {
         tumbles.any().then_some((body, tumbles))
     }
 
-    /// Lanes in which it turns as a ball about its centre does.
+    /// Lanes in which the body is round, so that it has no gyroscopic force.
     #[inline(always)]
     fn is_round(&self) -> R::Mask {
         let [xx, yy, zz, rest @ ..] = self.inertia;
@@ -163,32 +167,32 @@ impl<R: Real> Body<R> {
         zeros.fold(xx.eq(yy).and(yy.eq(zz)), R::Mask::and)
     }
 
-    /// I w in own axes.
+    /// Angular momentum I w in body axes.
     #[inline(always)]
     fn spin(&self, w: V3<R>) -> V3<R> {
         let [xx, yy, zz, xy, xz, yz] = self.inertia;
         [xx * w[0] + xy * w[1] + xz * w[2], xy * w[0] + yy * w[1] + yz * w[2], xz * w[0] + yz * w[1] + zz * w[2]]
     }
 
-    /// Momentum (linear in world axes, angular in the middle's axes about the joint), `way` seconds after the middle at the velocity v.
+    /// Momentum `time` seconds after the middle at the velocity v: linear in world axes, angular about the joint in the middle's axes.
     #[inline(always)]
     fn momentum(&self, v: &V6<R>, time: R) -> V6<R> {
         let (u, w) = ([v[0], v[1], v[2]], [v[3], v[4], v[5]]);
         let turn = quat_to_mat(quat_exp(scale(w, time)));
         let own = rotate(&turn, self.spin(w));
-        // Everything in the middle's axes.
+        // All quantities are in the middle's axes.
         let u = rotate_back(&self.mat, u);
         let arm = rotate(&turn, self.arm);
         let speed = add(u, rotate(&turn, cross(w, self.arm)));
         let p = scale(speed, self.mass);
-        // A free body's spin changes by torques about its centre of mass alone, wherever the step has carried that.
+        // Only torques about its centre of mass change the spin of a free body, wherever the step has moved that centre.
         let place = if self.free { self.arm } else { arm };
         let l = add(own, cross(place, p));
         let p = rotate(&self.mat, p);
         [p[0], p[1], p[2], l[0], l[1], l[2]]
     }
 
-    /// M v with the mass matrix of the middle.
+    /// Momentum M v with the mass matrix of the middle.
     #[inline(always)]
     fn inertial(&self, v: &V6<R>) -> V6<R> {
         let (u, w) = (rotate_back(&self.mat, [v[0], v[1], v[2]]), [v[3], v[4], v[5]]);
@@ -198,13 +202,13 @@ impl<R: Real> Body<R> {
         [p[0], p[1], p[2], l[0], l[1], l[2]]
     }
 
-    /// N: what the momentum `before` changes by from the velocity `old` to `new`, beyond M (new - old).
+    /// Term N: change of the momentum `before` from the velocity `old` to `new`, beyond M (new - old).
     #[inline(always)]
     fn transport(&self, [old, new]: [&V6<R>; 2], before: V6<R>, time_after: R) -> V6<R> {
         sub(sub(self.momentum(new, time_after), before), self.inertial(&sub(*new, *old)))
     }
 
-    /// The velocity-dependent part of the bias force.
+    /// Velocity-dependent part of the bias force.
     #[inline(always)]
     fn gyroscopic(&self, v: &V6<R>) -> V6<R> {
         let w = [v[3], v[4], v[5]];

@@ -8,18 +8,18 @@ use crate::dynamics::kinematics::Kinematics;
 use crate::math::spatial::*;
 use crate::model::JointKind;
 
-/// The mass matrix of a tree of joints and its factors M = L^T D L (Featherstone 2008, section 6.5).
+/// Mass matrix of a tree of joints, and its factors M = L^T D L (Featherstone 2008, section 6.5).
 ///
-/// Row i holds the entries with dof i and its ancestors, towards the root; that is all there is.
+/// Row i has the entries with dof i and its ancestors, towards the root. All other entries are zero.
 #[derive(Clone, Debug)]
 pub struct MassMatrix<R: Real> {
-    /// Before [`MassMatrix::factor`] the entries of M, after it those of L, with D on the diagonal.
+    /// Entries of M before [`MassMatrix::factor`], those of L after it, with D on the diagonal.
     pub entries: Vec<R>,
-    /// 1 / D.
+    /// Inverse 1 / D.
     pub inv_d: Vec<R>,
-    /// sqrt(1 / D).
+    /// Root sqrt(1 / D).
     pub sqrt_inv_d: Vec<R>,
-    /// sqrt(D).
+    /// Root sqrt(D).
     pub sqrt_d: Vec<R>,
 }
 
@@ -34,7 +34,7 @@ impl<R: Real> MassMatrix<R> {
         }
     }
 
-    /// M by composite rigid bodies, plus armature.
+    /// Assembles M by composite rigid bodies, plus armature.
     #[inline(always)]
     pub fn assemble(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, composite: &mut [Inertia<R>]) {
         composite.copy_from_slice(&kinematics.inertia);
@@ -55,14 +55,16 @@ impl<R: Real> MassMatrix<R> {
         }
     }
 
-    /// Adds the shares `theta` of the joints' damping and stiffness to the diagonal of M. What stiff springs get of damping that they have
-    /// not themselves, see [`crate::actuation::forces`], goes to `drag`, which may be empty where no joint has a spring.
+    /// Adds the shares `weights` of joint damping and stiffness to the diagonal of M.
+    ///
+    /// The damping that stiff springs receive (see [`crate::actuation::forces`]) goes to `drag`, which may be empty if no joint has a
+    /// spring.
     #[inline(always)]
     pub fn add_joints(&mut self, compiled: &LaneModel<R>, implicit: ImplicitWeights<R>, drag: &mut [R]) {
         for (d, dof) in compiled.dofs.iter().enumerate() {
             let DofParams { damping, stiffness, .. } = compiled.params.dof(d);
             let entry = &mut self.entries[dof.chain];
-            // What nothing damps has a share of zero; most dofs of most robots are without.
+            // Undamped dofs, most of those of robots, have a share of zero.
             let share = match implicit.fits(damping) {
                 true => implicit.share(damping / *entry),
                 false => R::zero(),
@@ -75,7 +77,7 @@ impl<R: Real> MassMatrix<R> {
         }
     }
 
-    /// Adds the weights of servos along their moments; for a moment across branches a diagonal matrix that is not smaller.
+    /// Adds the added inertia of servos along their moments. For a moment across branches it adds a diagonal matrix that is not smaller.
     #[inline(always)]
     pub fn add_servos(&mut self, compiled: &LaneModel<R>, weights: &[R], arms: &[R]) {
         for (servo, &weight) in compiled.servos.iter().zip(weights) {
@@ -100,7 +102,7 @@ impl<R: Real> MassMatrix<R> {
         }
     }
 
-    /// Adds the weights of servos along their moments, between dofs on one branch alone.
+    /// Adds the added inertia of servos along their moments, between dofs on one branch alone.
     #[inline(always)]
     pub fn add_servos_within_branches(&mut self, compiled: &LaneModel<R>, weights: &[R], arms: &[R]) {
         for (servo, &weight) in compiled.servos.iter().zip(weights) {
@@ -115,8 +117,8 @@ impl<R: Real> MassMatrix<R> {
 
     /// Replaces M by its factors.
     ///
-    /// From the leaves, a row at a time and up to eight columns of it: what all rows below it subtract from them is summed where it stays
-    /// in registers.
+    /// It proceeds from the leaves, a row at a time and up to eight columns of it. The subtractions of all rows below are summed in
+    /// registers.
     #[inline(always)]
     pub fn factor(&mut self, compiled: &LaneModel<R>) {
         let Self { entries, inv_d, .. } = self;
@@ -141,7 +143,7 @@ impl<R: Real> MassMatrix<R> {
         (&self.entries[dof.chain..dof.chain + dof.depth], compiled.chain_of(i))
     }
 
-    /// x <- L^-T x
+    /// Solves x <- L^-T x.
     #[inline(always)]
     pub fn solve_lower_transposed(&self, compiled: &LaneModel<R>, x: &mut [R]) {
         let mut i = compiled.nv;
@@ -154,7 +156,7 @@ impl<R: Real> MassMatrix<R> {
                 }
                 continue;
             }
-            // The parent is the row before and has the same ancestors: both at once.
+            // The parent is the previous row and has the same ancestors, so that both are computed at once.
             i -= 1;
             let ((above, chain), parent) = (self.row(compiled, i), x[i] - row[1] * xi);
             x[i] = parent;
@@ -164,12 +166,12 @@ impl<R: Real> MassMatrix<R> {
         }
     }
 
-    /// x <- L^-1 x
+    /// Solves x <- L^-1 x.
     #[inline(always)]
     pub fn solve_lower(&self, compiled: &LaneModel<R>, x: &mut [R]) {
         let mut i = 0;
         while i < compiled.nv {
-            // Towards the leaves, so that the newest value, the parent's, comes last and the rest can be in flight.
+            // Entries go towards the leaves: the newest value, the parent's, comes last, so that the other terms do not wait for it.
             let ((row, chain), mut sum) = (self.row(compiled, i), x[i]);
             if i + 1 == compiled.nv || !is_above(i + 1, compiled.chain_of(i + 1)) {
                 for (&l, &a) in row[1..].iter().zip(&chain[1..]).rev() {
@@ -179,7 +181,7 @@ impl<R: Real> MassMatrix<R> {
                 i += 1;
                 continue;
             }
-            // The next row is a child and has the same ancestors: both at once.
+            // The next row is a child and has the same ancestors, so that both are computed at once.
             let ((below, _), mut child) = (self.row(compiled, i + 1), x[i + 1]);
             for ((&l, &m), &a) in row[1..].iter().zip(&below[2..]).zip(&chain[1..]).rev() {
                 sum -= l * x[a as usize];
@@ -191,7 +193,7 @@ impl<R: Real> MassMatrix<R> {
         }
     }
 
-    /// The velocity change of a scaled one: w <- L^-1 D^-1/2 w.
+    /// Converts a scaled velocity change: w <- L^-1 D^-1/2 w.
     #[inline(always)]
     pub fn unscale(&self, compiled: &LaneModel<R>, w: &mut [R]) {
         for (w, &scale) in w.iter_mut().zip(&self.sqrt_inv_d) {
@@ -200,10 +202,10 @@ impl<R: Real> MassMatrix<R> {
         self.solve_lower(compiled, w);
     }
 
-    /// The scaled velocity change, in which the mass matrix is the identity: x <- D^1/2 L x.
+    /// Scales a velocity change to coordinates in which the mass matrix is the identity: x <- D^1/2 L x.
     #[inline(always)]
     pub fn scale(&self, compiled: &LaneModel<R>, x: &mut [R]) {
-        // From the leaves, so that ancestors are still what they were.
+        // From the leaves, so that ancestors are still unscaled.
         for i in (0..compiled.nv).rev() {
             let (row, chain) = self.row(compiled, i);
             let mut sum = x[i];
@@ -214,10 +216,10 @@ impl<R: Real> MassMatrix<R> {
         }
     }
 
-    /// The momentum of a scaled velocity change: w <- L^T D^1/2 w.
+    /// Converts a scaled velocity change to momentum: w <- L^T D^1/2 w.
     #[inline(always)]
     pub fn momentum(&self, compiled: &LaneModel<R>, w: &mut [R]) {
-        // From the root, so that descendants add to what is already scaled.
+        // From the root, so that descendants add to scaled entries.
         for i in 0..compiled.nv {
             let (row, chain) = self.row(compiled, i);
             let xi = w[i] * self.sqrt_d[i];
@@ -228,7 +230,9 @@ impl<R: Real> MassMatrix<R> {
         }
     }
 
-    /// Kinetic energy, J, of all degrees of freedom that move with `speed` one at a time, what they carry being free to follow.
+    /// Sum over the degrees of freedom of the kinetic energy if that one alone moves with `speed`, J.
+    ///
+    /// Its descendants are free to follow, so that its inertia is the entry of D.
     #[inline(always)]
     pub fn energy_at(&self, speed: R) -> R {
         let mut inertia = R::zero();
@@ -238,7 +242,7 @@ impl<R: Real> MassMatrix<R> {
         inertia * (speed * speed * R::of(0.5))
     }
 
-    /// x <- M^-1 x
+    /// Solves x <- M^-1 x.
     #[inline(always)]
     pub fn solve(&self, compiled: &LaneModel<R>, x: &mut [R]) {
         self.solve_lower_transposed(compiled, x);
@@ -249,13 +253,13 @@ impl<R: Real> MassMatrix<R> {
     }
 }
 
-/// Whether the dof before the `i`-th, whose chain is given, is its parent.
+/// Whether the dof before the `i`-th, with the given chain, is its parent.
 #[inline(always)]
 pub(crate) fn is_above(i: usize, chain: &[u32]) -> bool {
     chain.len() > 1 && chain[1] as usize + 1 == i
 }
 
-/// Subtracts from up to eight columns of a row, from the `k`-th on, what the rows below it have there.
+/// Subtracts the terms of the rows below from up to eight columns of a row, from the `k`-th on.
 #[inline(always)]
 fn subtract_columns<R: Real>(entries: &mut [R], inv_d: &[R], dof: &Dof, k: usize, below: &[Descendant]) {
     match dof.depth - k {
@@ -270,8 +274,9 @@ fn subtract_columns<R: Real>(entries: &mut [R], inv_d: &[R], dof: &Dof, k: usize
     }
 }
 
-/// Subtracts from entries `k..k + N` of the row that starts at `row` their shares of the same columns of the rows below. The share of a
-/// row, its entry of L, is found with the first columns and kept in the place of its entry of M.
+/// Subtracts the terms of the rows below from entries `k..k + N` of the row that starts at `row`.
+///
+/// The factor of a row below, its entry of L, is computed with the first columns and replaces its entry of M.
 #[inline(always)]
 fn subtract<R: Real, const N: usize>(entries: &mut [R], inv_d: &[R], row: usize, k: usize, below: &[Descendant]) {
     let (mut sum, mut other) = ([R::zero(); N], [R::zero(); N]);
@@ -297,7 +302,7 @@ pub fn bias_force<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, 
     project_forces(compiled, kinematics, &mut work.force, out);
 }
 
-/// The first half of [`bias_force`]: the force that every link needs if its joints do not accelerate, and its velocity.
+/// Forward half of [`bias_force`]: the force on every link if its joints do not accelerate, and its velocity.
 #[inline(always)]
 pub fn link_forces<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, v: &[R], work: &mut NewtonEuler<R>) {
     // Gravity as an upward acceleration of the world.
@@ -308,7 +313,7 @@ pub fn link_forces<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>,
         for joint in &compiled.joints[link.joints.clone()] {
             let mut rotations = joint.v..joint.v + joint.kind.nv();
             if joint.kind == JointKind::Free {
-                // The world's axes do not turn with the body.
+                // The axes of the world do not turn with the body.
                 for d in joint.v..joint.v + 3 {
                     motion = add_scaled(motion, kinematics.axes[d], v[d]);
                 }
@@ -329,7 +334,7 @@ pub fn link_forces<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>,
     }
 }
 
-/// Forces on the links, carried to the joints: out = sum over links of J^T f. `force` is used up.
+/// Projects forces on the links to the joints: out = sum over links of J^T f. Overwrites `force`.
 #[inline(always)]
 pub fn project_forces<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, force: &mut [V6<R>], out: &mut [R]) {
     for l in (0..compiled.links.len()).rev() {

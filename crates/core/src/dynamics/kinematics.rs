@@ -1,4 +1,4 @@
-//! Poses, axes and velocities of everything that moves.
+//! Poses, axes and velocities of all frames and joints.
 
 use stepper_real::{Real, Scalar};
 
@@ -26,7 +26,7 @@ pub struct Kinematics<R: Real> {
 }
 
 impl<R: Real> Kinematics<R> {
-    /// Workspace for a compiled model; the world and the mocap frames are placed.
+    /// Workspace for a compiled model, with the world and the mocap frames placed.
     pub fn new(compiled: &ModelStructure<R::Scalar>) -> Self {
         let identity = std::array::from_fn(|k| if k % 4 == 0 { R::one() } else { R::zero() });
         let mut kinematics = Self {
@@ -45,7 +45,7 @@ impl<R: Real> Kinematics<R> {
         kinematics
     }
 
-    /// Places everything at the configuration `q`.
+    /// Updates all poses to the configuration `q`.
     pub fn update(&mut self, compiled: &LaneModel<R>, q: &[R]) {
         R::vectorize(
             #[inline(always)]
@@ -69,7 +69,7 @@ impl<R: Real> Kinematics<R> {
         )
     }
 
-    /// Sines and cosines of all hinges, in a loop of their own: even those of one environment are computed side by side then.
+    /// Sines and cosines of all hinges, in a separate loop, so that SIMD lanes compute those of one environment too.
     #[inline(always)]
     fn turn_all(&mut self, compiled: &LaneModel<R>, q: &[R]) {
         let [angles, sines, cosines] = &mut self.turns;
@@ -81,8 +81,9 @@ impl<R: Real> Kinematics<R> {
         }
     }
 
-    /// Pose of a link, whose first hinge is number `hinge`; leaves (axis, anchor) of its rotations and (0, axis) of its translations in
-    /// `axes`.
+    /// Computes the pose of a link, whose first hinge is number `hinge`.
+    ///
+    /// Writes (axis, anchor) of its rotations and (0, axis) of its translations to `axes`.
     #[inline(always)]
     fn place(&mut self, compiled: &LaneModel<R>, link: &Link<R::Scalar>, q: &[R], hinge: &mut usize) -> (V3<R>, M3<R>) {
         let (base, frame) = (self.pos[link.parent], self.mat[link.parent]);
@@ -135,7 +136,7 @@ impl<R: Real> Kinematics<R> {
         (pos, mat)
     }
 
-    /// Turns (axis, anchor) of the rotations of a link into motions about the reference point.
+    /// Converts (axis, anchor) of the rotations of a link to motions about the reference point.
     #[inline(always)]
     fn refer_axes_to(&mut self, compiled: &LaneModel<R>, link: &Link<R::Scalar>, origin: V3<R>) {
         for joint in &compiled.joints[link.joints.clone()] {
@@ -164,7 +165,7 @@ impl<R: Real> Kinematics<R> {
         }
     }
 
-    /// Position in the world of a point given in a frame.
+    /// World position of a point given in a frame.
     #[inline(always)]
     pub fn point(&self, frame: usize, local: V3<R>) -> V3<R> {
         add(self.pos[frame], rotate(&self.mat[frame], local))
@@ -177,7 +178,7 @@ fn hinges<S: Scalar>(compiled: &ModelStructure<S>) -> impl Iterator<Item = &Comp
     compiled.joints.iter().filter(|joint| joint.kind == JointKind::Hinge)
 }
 
-/// The joint's axis in the world, and the frame turned about it.
+/// Axis of a joint in the world, and the frame turned about it.
 #[inline(always)]
 pub(super) fn turn<R: Real>(mat: &M3<R>, joint: &CompiledJoint<R::Scalar>, sin: R, cos: R) -> (V3<R>, M3<R>) {
     let Some((k, backwards)) = joint.principal else {
@@ -193,8 +194,9 @@ pub(super) fn turn<R: Real>(mat: &M3<R>, joint: &CompiledJoint<R::Scalar>, sin: 
     (if backwards { scale(axis, -R::one()) } else { axis }, out)
 }
 
-/// Axis `K` of a frame, and the frame turned about it: only the other two columns change. `K` is constant, since what a variable indexes
-/// stays in memory.
+/// Axis `K` of a frame, and the frame turned about it: only the other two columns change.
+///
+/// `K` is constant, because a variable index would keep the frame in memory.
 #[inline(always)]
 fn turn_about<R: Real, const K: usize>(mat: &M3<R>, sin: R, cos: R) -> (V3<R>, M3<R>) {
     let (i, j) = ((K + 1) % 3, (K + 2) % 3);
@@ -207,14 +209,15 @@ fn turn_about<R: Real, const K: usize>(mat: &M3<R>, sin: R, cos: R) -> (V3<R>, M
     (column(mat, K), out)
 }
 
-/// The quaternion stored at `q[at..]`.
+/// Quaternion at `q[at..]`.
 #[inline(always)]
 pub fn quat_at<R: Real>(q: &[R], at: usize) -> [R; 4] {
     [q[at], q[at + 1], q[at + 2], q[at + 3]]
 }
 
-/// q (+) d: the configuration after the displacement `d` (length nv) along the velocities' own coordinates. Rotations by the exponential
-/// map, quaternions renormalised.
+/// Computes q (+) d: the configuration after the displacement `d` (nv) in the coordinates of velocities.
+///
+/// Rotations use the exponential map; quaternions are renormalised.
 pub fn displace<R: Real>(compiled: &LaneModel<R>, q: &[R], d: &[R], factor: R, out: &mut [R]) {
     R::vectorize(
         #[inline(always)]
@@ -251,7 +254,7 @@ pub fn kinetic_energy<R: Real>(kinematics: &Kinematics<R>, velocities: &[V6<R>])
 /// Lanes in which every entry is finite.
 #[inline(always)]
 pub fn all_finite<R: Real>(x: &[R]) -> R::Mask {
-    // A sum of zeros is zero exactly when every term is finite: one test for the whole array.
+    // A sum of zeros is zero exactly if every term is finite: one test for the whole array.
     let zero = R::zero();
     let mut sum = zero;
     for &x in x {
@@ -260,7 +263,7 @@ pub fn all_finite<R: Real>(x: &[R]) -> R::Mask {
     sum.is_finite()
 }
 
-/// out = x + rate * time, entry by entry.
+/// Computes out = x + rate * time, entry by entry.
 pub fn advance<R: Real>(x: &[R], rate: &[R], time: R, out: &mut [R]) {
     R::vectorize(
         #[inline(always)]
@@ -272,7 +275,7 @@ pub fn advance<R: Real>(x: &[R], rate: &[R], time: R, out: &mut [R]) {
     )
 }
 
-/// x + share (end - x), entry by entry.
+/// Computes x + share (end - x), entry by entry.
 pub fn blend<R: Real>(x: &[R], end: &[R], share: R, out: &mut [R]) {
     R::vectorize(
         #[inline(always)]

@@ -1,8 +1,8 @@
 //! Trajectories of mocap bodies from one pose to the next.
 //!
-//! A body that is put somewhere else before a call goes there in a straight line and at a constant rate of rotation during the call's
-//! steps, so that contacts meet a moving surface: what it pushes is not overlapped first, and friction sees its speed. At the first call
-//! after a reset there is no pose before, and it is simply where it was put.
+//! During the steps of a call a mocap body moves to its new pose in a straight line and at a constant rate of rotation. Contacts therefore
+//! meet a moving surface: it pushes bodies before it overlaps them, and friction depends on its speed. At the first call after a reset
+//! there is no previous pose, and the body is at its new pose at once.
 
 use stepper_real::{Mask, Real};
 
@@ -10,26 +10,26 @@ use crate::compile::LaneModel;
 use crate::dynamics::kinematics::{Kinematics, all_finite};
 use crate::math::spatial::*;
 
-/// The trajectory of one mocap body during a call.
+/// Trajectory of one mocap body during a call.
 #[derive(Clone, Copy, Debug)]
 pub struct MocapTrajectory<R> {
-    /// Where it begins, m.
+    /// Position at the beginning of the call, m.
     pos: V3<R>,
     quat: [R; 4],
-    /// Where it ends: the pose that the next call begins with.
+    /// Pose at the end of the call, with which the next call begins.
     end: [R; 7],
-    /// Its velocity (angular, linear), world axes.
+    /// Velocity of the body (angular, linear), world axes.
     motion: V6<R>,
 }
 
 impl<R: Real> MocapTrajectory<R> {
-    /// A body that rests at a pose.
+    /// Trajectory of a body at rest.
     pub fn at(pos: V3<R>, quat: [R; 4]) -> Self {
         let quat = quat_normalize(quat);
         Self { pos, quat, end: [pos[0], pos[1], pos[2], quat[0], quat[1], quat[2], quat[3]], motion: zero() }
     }
 
-    /// From `last` (zeros where it is unknown) to a pose in so many seconds.
+    /// Trajectory from `last` (zeros where it is unknown) to a pose in `seconds` seconds.
     #[inline(always)]
     pub fn new(last: [R; 7], pos: V3<R>, quat: [R; 4], seconds: R) -> Self {
         let rest = Self::at(pos, quat);
@@ -41,14 +41,14 @@ impl<R: Real> MocapTrajectory<R> {
         Self { pos: select(known, before, pos), quat: select(known, turn, rest.quat), end: rest.end, motion: select(known, motion, zero()) }
     }
 
-    /// Its orientation so many seconds after the beginning of the call.
+    /// Orientation `time` seconds after the beginning of the call.
     #[inline(always)]
     pub fn quat_at(&self, time: R) -> [R; 4] {
         let turn = quat_exp(scale(angular(&self.motion), time));
         quat_normalize(quat_mul(turn, self.quat))
     }
 
-    /// Its pose so many seconds after the beginning of the call, to be kept.
+    /// Pose `time` seconds after the beginning of the call, as it is stored.
     #[inline(always)]
     pub fn pose_at(&self, time: R) -> [R; 7] {
         let (pos, quat) = (add_scaled(self.pos, linear(&self.motion), time), self.quat_at(time));
@@ -62,7 +62,7 @@ impl<R: Real> MocapTrajectory<R> {
     }
 }
 
-/// Places the mocap bodies where they are so many seconds after the beginning of the call.
+/// Places the mocap bodies at their poses `time` seconds after the beginning of the call.
 pub fn pose_bodies<R: Real>(compiled: &LaneModel<R>, mocap_trajectories: &[MocapTrajectory<R>], time: R, kinematics: &mut Kinematics<R>) {
     if mocap_trajectories.is_empty() {
         return;

@@ -1,5 +1,4 @@
-//! Smooth dynamics of trees of bodies: kinematics, the mass matrix, Newton-Euler, gyroscopic motion, the medium, bodies that the user
-//! moves.
+//! Smooth dynamics of trees of bodies: kinematics, the mass matrix, Newton-Euler, gyroscopic motion, the medium, mocap bodies.
 
 pub mod fluid;
 pub mod frame_path;

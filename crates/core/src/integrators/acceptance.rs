@@ -17,8 +17,8 @@ use crate::tuning::{MAX_TRUSTED_RESIDUAL, TARGET_RATIO};
 
 /// Lanes whose impulses do not determine the kinetic energy.
 ///
-/// The residual is above [`MAX_TRUSTED_RESIDUAL`], or small against the velocities but not against their energy, because enormous impulses
-/// cancel.
+/// Either the residual is above [`MAX_TRUSTED_RESIDUAL`]. Or it is small compared with the velocities but not with their energy, because
+/// enormous impulses cancel.
 pub(crate) fn ambiguous<R: Real>(
     place: Place<'_, R>,
     free: &FreeMotion<R>,
@@ -99,9 +99,9 @@ pub(crate) fn store_joint_impulse<R: Real>(
     )
 }
 
-/// Makes the next state the state, in the lanes where it is finite, `h` seconds later. Returns these lanes.
+/// Makes the next state the present state, in the lanes where it is finite, `h` seconds later. Returns these lanes.
 ///
-/// The other lanes keep their state and lose their warm start. Afterwards `velocity.v`, `position.q` and `position.act` hold the state
+/// The other lanes keep their state and discard their warm start. Afterwards `velocity.v`, `position.q` and `position.act` hold the state
 /// before the step.
 #[inline(always)]
 pub(crate) fn accept<R: Real>(
@@ -143,7 +143,7 @@ pub(crate) fn accept<R: Real>(
     finite
 }
 
-/// Keeps the state of lanes whose next state is not finite, and of lanes that are no environment. The former lose their warm start.
+/// Keeps the state of lanes whose next state is not finite, and of unused lanes. The former discard their warm start.
 #[cold]
 fn keep_state<R: Real>(
     state: &mut State<R>,

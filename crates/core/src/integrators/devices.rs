@@ -1,4 +1,4 @@
-//! Device models around a step, with what they remember: actuator pipelines before its forces, error models of sensors after its state.
+//! Device models around a step, with their memory: actuator pipelines before its forces, error models of sensors after its state.
 
 use stepper_real::Scalar;
 
@@ -11,9 +11,9 @@ use crate::sensing::memory::Memory;
 pub struct Devices<'a, S> {
     /// Number of the group among those of the batch.
     pub(crate) group: usize,
-    /// Actuator dynamics between controls and forces, where there are any.
+    /// Actuator dynamics between controls and forces; none if the model has none.
     pub(crate) actuators: Option<ActuatorDevices<'a, S>>,
-    /// Sensors; none where a step is only made to be read.
+    /// Sensors; none in a trial step, whose result is discarded.
     pub(crate) sensors: Option<SensorDevices<'a, S>>,
 }
 
@@ -27,7 +27,7 @@ pub(crate) struct ActuatorDevices<'a, S> {
 /// Error models of the sensors and their memory.
 #[derive(Debug)]
 pub(crate) struct SensorDevices<'a, S> {
-    /// What sensors that are not ideal make of the truth; none where all are ideal.
+    /// Error models of the sensors; none where all sensors are ideal.
     pub(crate) errors: Option<&'a Errors<S>>,
     pub(crate) memory: &'a mut Memory<S>,
     /// Whether ideal sensors are read too: error models read every step.
@@ -35,7 +35,7 @@ pub(crate) struct SensorDevices<'a, S> {
 }
 
 impl<S: Scalar> Devices<'_, S> {
-    /// No device: for a step that is only made to be read.
+    /// No devices, for a trial step whose result is discarded.
     pub(crate) fn none() -> Self {
         Self { group: 0, actuators: None, sensors: None }
     }

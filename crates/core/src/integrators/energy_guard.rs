@@ -23,7 +23,7 @@ pub(crate) fn find_energy_gain<R: Real>(
     if !scheme.corrects || !scheme.in_the_middle {
         return;
     }
-    // A step that is evaluated off its middle has an energy error of first order in its rotation.
+    // A step that is not evaluated in its middle has an energy error of first order in its rotation.
     let lanes = free.may_gain.and_not(free.unresolved).and_not(excluded).and(scheme.time_before.eq(scheme.time_after));
     if lanes.any() {
         displace(compiled, q, &velocity.v, scheme.time_after, &mut guard.q_end);

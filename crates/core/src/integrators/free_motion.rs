@@ -36,7 +36,7 @@ pub(crate) fn compute_free_motion<R: Real>(place: Place<'_, R>, free: &mut FreeM
     probe.span(Span::Acceleration, || advance(&state.v, &free.smooth.acc, scheme.h, &mut free.v));
 }
 
-/// Stages 1 and 2 again where only velocities, activations or controls have changed, and the mass matrix depends on none of them.
+/// Recomputes stages 1 and 2 after velocities, activations or controls have changed, with the same mass matrix.
 pub(crate) fn recompute_free_motion<R: Real>(input: StepInput<'_, R>, evaluation: &mut Evaluation<R>, free: &mut FreeMotion<R>) {
     let StepInput { compiled, state, .. } = input;
     advance_evaluation(input, evaluation);
@@ -47,7 +47,7 @@ pub(crate) fn recompute_free_motion<R: Real>(input: StepInput<'_, R>, evaluation
     advance(&state.v, &free.smooth.acc, scheme.h, &mut free.v);
 }
 
-/// Activations at which forces are evaluated.
+/// Advances the activations to the evaluation point.
 #[inline(always)]
 pub(crate) fn advance_evaluation<R: Real>(input: StepInput<'_, R>, evaluation: &mut Evaluation<R>) {
     let StepInput { compiled, state, inputs, .. } = input;
@@ -72,7 +72,7 @@ fn actuate_freely<R: Real>(place: Place<'_, R>, free: &mut FreeMotion<R>) {
     actuate(compiled, &place.forces_at(&state.v), scheme.servos(), &mut free.actuator_forces);
 }
 
-/// Implicit parts of the mass matrix.
+/// Implicit terms of the mass matrix.
 pub(crate) fn implicit<'a, R: Real>(
     compiled: &LaneModel<R>,
     scheme: &Scheme<R>,

@@ -1,7 +1,7 @@
 //! Impacts: velocities that jump within the step.
 //!
-//! What bounces is taken at the time at which it strikes: normals and arms are those of the impact, and so is the velocity that Newton's
-//! law is taken on (see [`crate::constraints::impact_time`] and stage 4).
+//! The step evaluates a bouncing contact at the time of its impact: its normal, its arms and the velocity to which Newton's law applies
+//! (see [`crate::constraints::impact_time`] and stage 4).
 
 use stepper_real::{Mask, Real};
 use stepper_solve::Iterate;
@@ -16,13 +16,14 @@ use crate::dynamics::kinematics::{Kinematics, advance};
 use crate::integrators::impact_set::Impacts;
 use crate::integrators::step_values::{Evaluation, FreeMotion, Place, Scratch, StepInput};
 use crate::math::spatial::*;
-use crate::stages::s04_assemble::assemble_demands;
+use crate::stages::s04_assemble::shift_targets;
 use crate::tuning::{MAX_RESOLVED_ROTATION, MIN_IMPACT_RATIO, MIN_VELOCITY_ERROR, PLACEMENT_TOLERANCE};
 
 /// Moves the evaluation point of each lane to the time of its first impact. Returns the lanes that moved and must be evaluated again.
 ///
-/// A point within PLACEMENT_TOLERANCE of the impact stays. `v_free` is the free velocity. On the first pass, a contact that overlaps beyond
-/// the slop while its surfaces separate must have passed through its surface before: its lane moves to the beginning of the step.
+/// An evaluation point within PLACEMENT_TOLERANCE of the impact stays. `v_free` is the free velocity. A contact that overlaps beyond the
+/// slop while its surfaces separate must have passed through its surface before. On the first pass its lane moves to the beginning of the
+/// step.
 pub(crate) fn first_impacts<R: Real>(input: StepInput<'_, R>, evaluation: &mut Evaluation<R>, v_free: &[R], first: bool) -> R::Mask {
     let StepInput { compiled, options, state, alive, .. } = input;
     let Evaluation { scheme, kinematics, contacts, impacts: Impacts { lanes, velocities }, .. } = evaluation;
@@ -33,7 +34,7 @@ pub(crate) fn first_impacts<R: Real>(input: StepInput<'_, R>, evaluation: &mut E
             kinematics.velocities(compiled, &state.v, before);
             kinematics.velocities(compiled, v_free, free);
             let gravity = norm(compiled.params.gravity());
-            let (mut strikes, mut time) = (R::Mask::splat(false), scheme.h);
+            let (mut collides, mut time) = (R::Mask::splat(false), scheme.h);
             for k in 0..contacts.slots() {
                 let elastic = contacts.elastic(k).and(alive);
                 if elastic.none() {
@@ -42,17 +43,17 @@ pub(crate) fn first_impacts<R: Real>(input: StepInput<'_, R>, evaluation: &mut E
                 let slot = &contacts.data[k];
                 let (gap, time_before, h) = (slot.point.distance, scheme.time_before, scheme.h);
                 let [before, free] = normal_velocities(compiled, kinematics, contacts, k, elastic.bits(), [before, free]);
-                let ImpactPrediction { strikes: here, time: at, .. } =
+                let ImpactPrediction { collides: here, time: at, .. } =
                     Flight { gap, before, free, time_before, h }.predict(options, gravity, slot.restitution, elastic);
                 let passed = elastic.and(gap.lt(-R::of(options.slop))).and(before.gt(R::zero())).and(time_before.gt(R::zero()));
                 let passed = if first { passed } else { R::Mask::splat(false) };
                 time = R::select(here, time.min(at), time);
                 time = R::select(passed, R::zero(), time);
-                strikes = strikes.or(here).or(passed);
+                collides = collides.or(here).or(passed);
             }
-            let moved = strikes.and((time - scheme.time_before).abs().gt(scheme.h * R::of(PLACEMENT_TOLERANCE)));
+            let moved = collides.and((time - scheme.time_before).abs().gt(scheme.h * R::of(PLACEMENT_TOLERANCE)));
             scheme.move_to(time, moved);
-            *lanes = lanes.or(strikes).or(moved);
+            *lanes = lanes.or(collides).or(moved);
             moved
         },
     )
@@ -90,9 +91,10 @@ fn normal_velocities<R: Real>(
 
 /// Prepares the position solve if any lane needs it: its rows and its free velocity. Returns the lanes with impacts, which need it.
 ///
-/// Positions advance from `time_before` with the velocity after the step. The free velocity of the position solve therefore also contains
-/// what they lack: (time_before - t) / h of the velocity change by each impulse, and (time_before / h - 1/2) of that by smooth forces,
-/// because the step was not evaluated in its middle. `impulses` are those of the velocity solution, without impacts afterwards.
+/// Positions advance from `time_before` with the velocity after the step. The free velocity of the position solve therefore contains two
+/// more terms. The first is (time_before - t) / h times the velocity change by each impulse. The second is (time_before / h - 1/2) times
+/// the change by smooth forces, because the step was not evaluated in its middle. `impulses` are those of the velocity solution. Impacts
+/// are removed from them.
 #[inline(always)]
 pub(crate) fn prepare_position_solve<R: Real>(
     place: Place<'_, R>,
@@ -129,9 +131,9 @@ pub(crate) fn prepare_position_solve<R: Real>(
 
 /// Recomputes the free velocity in lanes in which an impact has changed the velocity. Returns these lanes, which must be solved again.
 ///
-/// The midpoint rule moves half of the step with the velocity before it and half with that after it, so inertial forces are the mean of
-/// those at both. The first solution evaluates them at the mean of the velocities. At an impact that is an error of first order in momentum
-/// and energy. `first` marks the first call in a step.
+/// The midpoint rule moves half of the step with the velocity before it and half with the velocity after it. Inertial forces are therefore
+/// the mean of those at both velocities. The first solution evaluates them at the mean of the velocities. At an impact that is an error of
+/// first order in momentum and energy. `first` marks the first call in a step.
 pub(crate) fn correct_impact_forces<R: Real>(
     place: Place<'_, R>,
     free: &mut FreeMotion<R>,
@@ -173,7 +175,7 @@ fn lanes_with_impacts<R: Real>(
             let change = jump.max(pushed);
             let impact = change.gt(smooth * R::of(MIN_IMPACT_RATIO)).and((scheme.h * change).lt(R::of(MAX_RESOLVED_ROTATION)));
             let matters = impact.and((scheme.h * (jump * fastest).max(apart)).gt(R::of(MIN_VELOCITY_ERROR)));
-            // Equalities near singular positions change as suddenly, but nothing strikes there.
+            // Equalities near singular positions change as suddenly, but without an impact.
             let slots = problem.slots.iter().map(|slot| slot.1).chain(problem.rolling_slots.iter().map(|slot| slot.1));
             let touching = slots.fold(R::Mask::splat(false), |all, lanes| all.or(lanes));
             touching.and(alive).and_not(free.unresolved).and(matters)
@@ -181,8 +183,10 @@ fn lanes_with_impacts<R: Real>(
     )
 }
 
-/// Computes the free velocity with inertial forces at the velocity before the step and at `v_next`: half each, or until the impact and
-/// after it. The forces of stage 1 stay, because what depends on the velocity in them is implicit.
+/// Computes the free velocity with inertial forces at the velocity before the step and at `v_next`.
+///
+/// Each acts for half of the step, or until the impact and after it. The forces of stage 1 do not change, because their velocity-dependent
+/// terms are implicit.
 fn compute_inertial_forces<R: Real>(place: Place<'_, R>, free: &mut FreeMotion<R>, problem: &ConstraintProblem<R>, v_next: &[R]) {
     let Place { input: StepInput { compiled, state, .. }, evaluation: Evaluation { scheme, kinematics, impacts, .. } } = place;
     let half = scheme.h * R::of(0.5);
@@ -207,10 +211,10 @@ fn compute_inertial_forces<R: Real>(place: Place<'_, R>, free: &mut FreeMotion<R
     }
 }
 
-/// Replaces the free velocity of the lanes `lanes`, and changes the target velocities with it.
+/// Replaces the free velocity of the lanes `lanes`, and shifts the target velocities by the change.
 ///
-/// The rows of impacts depend on the velocity before the impact. On the `first` call it becomes that with inertial forces at the velocity
-/// before the step; later calls leave it as it is.
+/// The rows of impacts depend on the velocity before the impact. The `first` call computes it with inertial forces at the velocity before
+/// the step. Later calls keep it.
 fn update_free_velocity<R: Real>(
     place: Place<'_, R>,
     free: &mut FreeMotion<R>,
@@ -235,5 +239,5 @@ fn update_free_velocity<R: Real>(
         },
     );
     let before_impacts = problem.has_impacts.then_some(&mut before_impact[..]);
-    assemble_demands(compiled, &smooth.mass, problem, free_change, before_impacts, lanes);
+    shift_targets(compiled, &smooth.mass, problem, free_change, before_impacts, lanes);
 }

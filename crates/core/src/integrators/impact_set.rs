@@ -1,14 +1,14 @@
-//! What is known of the impacts of a step.
+//! Lanes with impacts within the step, and the link velocities that predict them.
 
 use stepper_real::{Mask, Real};
 
 use crate::compile::ModelStructure;
 use crate::math::spatial::*;
 
-/// What is known of the impacts of a step.
+/// Lanes with impacts within the step, and the link velocities that predict them.
 #[derive(Clone, Debug)]
 pub(crate) struct Impacts<R: Real> {
-    /// Lanes that are taken at the time of an impact, or were taken away from the middle of the step in search of it.
+    /// Lanes that are evaluated at the time of an impact, or were moved away from the middle of the step by the search for it.
     pub(crate) lanes: R::Mask,
     /// Velocities of the links before the step, and after it without constraints.
     pub(super) velocities: [Vec<V6<R>>; 2],

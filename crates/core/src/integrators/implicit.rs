@@ -1,14 +1,13 @@
-//! Euler's rule with springs, dampers and servos at the end of the step, and velocity-dependent forces at the velocity to be expected
-//! there.
+//! Euler's rule with springs, dampers and servos at the end of the step, and velocity-dependent forces at the expected velocity there.
 //!
-//! First order, and L-stable in springs and dampers (backward Euler): it takes energy out of what it cannot resolve.
+//! First order, and L-stable in springs and dampers (backward Euler): it dissipates the energy of motions that it cannot resolve.
 
 use stepper_real::Real;
 
 use crate::dynamics::implicit_weights::ImplicitWeights;
 use crate::integrators::scheme::Scheme;
 
-/// Steps of `h` seconds.
+/// Scheme of the implicit rule for a time step of `h` seconds.
 pub(crate) fn scheme<R: Real>(h: R) -> Scheme<R> {
     let none = R::zero();
     let weights = ImplicitWeights { damping: h, stiffness: h * h, step: none };

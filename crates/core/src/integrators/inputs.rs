@@ -8,7 +8,7 @@ use crate::dynamics::mocap::MocapTrajectory;
 /// Controls, applied forces and mocap trajectories of a step.
 #[derive(Clone, Debug)]
 pub struct Inputs<R: Real> {
-    /// Controls, nu, as actuator pipelines hand them on.
+    /// Controls after the actuator pipelines, nu.
     pub ctrl: Vec<R>,
     /// Actuator dynamics that act within a step.
     pub actuator_dynamics: Vec<ActuatorDynamics<R>>,

@@ -14,9 +14,9 @@ use crate::tuning::MAX_PLACEMENTS;
 
 /// Stages 1 to 3 at the evaluation point: forces, the free velocity and the contacts.
 ///
-/// Euler's rule evaluates a step at its beginning, the midpoint rule in its middle. The loop moves the point of some lanes: to the
-/// beginning of the step where bodies are so fast that they could pass through a thin geom before, and to the time of the first elastic
-/// impact.
+/// Euler's rule evaluates a step at its beginning, the midpoint rule in its middle. The loop moves the evaluation point of some lanes. Very
+/// fast bodies could pass a thin geom before the middle, so their lanes move to the beginning of the step. Lanes with an elastic impact
+/// move to the time of the first one.
 #[inline(always)]
 pub(crate) fn locate<R: Real>(input: StepInput<'_, R>, evaluation: &mut Evaluation<R>, free: &mut FreeMotion<R>, probe: impl Probe) {
     evaluation.scheme = scheme(input.options);
@@ -45,7 +45,8 @@ pub(crate) fn locate<R: Real>(input: StepInput<'_, R>, evaluation: &mut Evaluati
     }
 }
 
-/// Stages 1 to 3 at the present evaluation point. Returns the lanes whose contacts cannot be trusted so far from the beginning of the step.
+/// Stages 1 to 3 at the present evaluation point. Returns the lanes whose contacts are unreliable because the point is too far from the
+/// beginning of the step.
 #[inline(always)]
 fn evaluate<R: Real>(input: StepInput<'_, R>, evaluation: &mut Evaluation<R>, free: &mut FreeMotion<R>, probe: impl Probe) -> R::Mask {
     place_bodies(input, evaluation, free, probe);
@@ -55,7 +56,7 @@ fn evaluate<R: Real>(input: StepInput<'_, R>, evaluation: &mut Evaluation<R>, fr
     detect(compiled, kinematics, [&state.v, &free.v], [scheme.h, scheme.time_before], alive, poses, contacts, probe)
 }
 
-/// Moves the bodies to the configuration at which forces are evaluated, with poses and transmissions there.
+/// Moves the bodies to the evaluation point, and computes poses and transmissions there.
 #[inline(always)]
 fn place_bodies<R: Real>(input: StepInput<'_, R>, evaluation: &mut Evaluation<R>, free: &mut FreeMotion<R>, probe: impl Probe) {
     let StepInput { compiled, state, inputs, .. } = input;
@@ -68,7 +69,7 @@ fn place_bodies<R: Real>(input: StepInput<'_, R>, evaluation: &mut Evaluation<R>
     probe.span(Span::Actuate, || free.actuator_forces.transmit(compiled, kinematics, &state.v, scheme.time_ahead));
 }
 
-/// Configuration and activations at which forces are evaluated.
+/// Computes the configuration and the activations at the evaluation point.
 #[inline(always)]
 fn displace_evaluation<R: Real>(input: StepInput<'_, R>, evaluation: &mut Evaluation<R>) {
     let StepInput { compiled, state, .. } = input;

@@ -1,7 +1,10 @@
-//! Schemes of integration over shared stages: where a step is taken, its solution, impacts, and what a step is too long for.
+//! Integration schemes over shared stages: evaluation point, assembly, solution, impacts, and guards of steps that are too long for the
+//! motion.
 
 pub(crate) mod acceptance;
 pub(crate) mod assemble;
+pub(crate) mod collision_search;
+pub(crate) mod contact_activation;
 pub mod devices;
 pub(crate) mod energy_guard;
 pub mod euler;
@@ -24,8 +27,6 @@ pub(crate) mod solve_velocities;
 pub(crate) mod step_outcome;
 pub mod step_resolution;
 pub(crate) mod step_values;
-pub(crate) mod strike_search;
-pub(crate) mod struck_contacts;
 pub mod workspace;
 
 use stepper_real::Real;
@@ -33,7 +34,7 @@ use stepper_real::Real;
 use crate::options::{Integrator, StepSettings};
 use scheme::Scheme;
 
-/// The scheme that the options name.
+/// Scheme of the integrator in the options.
 pub(crate) fn scheme<R: Real>(options: &StepSettings) -> Scheme<R> {
     let h = R::of(options.timestep);
     match options.integrator {

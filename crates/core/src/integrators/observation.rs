@@ -130,7 +130,7 @@ pub(crate) fn read_sensors<R: Real>(
     sense(compiled, kinematics, &mut sensors.workspace, &input);
 }
 
-/// Applies the error models of sensors to the true readings in the lanes `lanes`. At the `start` of an episode the models begin there.
+/// Applies the error models of sensors to the true readings in the lanes `lanes`. `start` marks the first reading of an episode.
 pub(crate) fn apply_errors<R: Real>(
     errors: &Errors<R::Scalar>,
     options: &StepSettings,

@@ -43,7 +43,7 @@ pub(crate) fn revert_ineffective_corrections<R: Real>(
     // The velocity of the correction is no longer used.
     correction.fill(R::zero());
     let times = [R::of(options.timestep), R::zero()];
-    // This detection starts from the separations that stage 3 found, and its own are discarded.
+    // This detection starts from the separations of stage 3, and discards the separations that it finds.
     evaluation.poses.search.exchange();
     detect(compiled, kinematics, [&*correction; 2], times, infeasible, &mut evaluation.poses, contacts, NoProbe);
     evaluation.poses.search.exchange();

@@ -42,9 +42,9 @@ pub(crate) fn find_tunnelling<R: Real>(
     may_have_passed(input.compiled, kinematics, step, input.alive, poses)
 }
 
-/// Stage 8. Corrects the positions after the step, and returns the lanes whose constraints cannot be satisfied.
+/// Stage 8: corrects the positions after the step, and returns the lanes whose constraints cannot be satisfied.
 ///
-/// Starts from the impulses of the velocity solution, and leaves in their place those of the position solve.
+/// The solve starts from the impulses of the velocity solution and overwrites them.
 #[inline(always)]
 pub(crate) fn correct_positions<R: Real>(
     input: StepInput<'_, R>,

@@ -7,15 +7,15 @@ use crate::constraints::{ConstraintProblem, VelocitySolution};
 use crate::dynamics::gyroscopic;
 use crate::dynamics::kinematics::{advance, blend};
 use crate::integrators::assemble::assemble_problem;
+use crate::integrators::collision_search::CollisionSearch;
+use crate::integrators::contact_activation::predict_collisions;
 use crate::integrators::free_motion::{compute_free_motion, has_bounded_servos};
 use crate::integrators::scheme::Scheme;
 use crate::integrators::step_resolution::assess_corrector;
 use crate::integrators::step_values::{Evaluation, FreeMotion, Place, Scratch, StepInput};
-use crate::integrators::strike_search::StrikeSearch;
-use crate::integrators::struck_contacts::predict_strikes;
 use crate::probe::{Probe, Span};
 use crate::stages::s01_actuate::actuate;
-use crate::stages::s04_assemble::assemble_demands;
+use crate::stages::s04_assemble::shift_targets;
 use crate::stages::s05_solve::Estimate;
 use crate::tuning::MAX_IMPACT_ROTATION;
 
@@ -46,8 +46,9 @@ pub(crate) fn reconsider_servos<R: Real>(
     }
 }
 
-/// Compares the servos at their bounds with those at the bounds by an estimate of the impulses. Lanes that differ expect the impulses of
-/// the estimate from then on. Returns whether any lane differs.
+/// Compares the servos at their bounds with those that an estimate of the impulses puts there. Returns whether any lane differs.
+///
+/// Lanes that differ use the impulses of the estimate as expected impulses.
 fn servos_disagree<R: Real>(
     place: Place<'_, R>,
     free: &mut FreeMotion<R>,
@@ -95,7 +96,7 @@ pub(crate) fn predict<R: Real>(
     free: &mut FreeMotion<R>,
     problem: &mut ConstraintProblem<R>,
     velocity: &mut VelocitySolution<R>,
-    strikes: &mut StrikeSearch<R>,
+    collisions: &mut CollisionSearch<R>,
     probe: impl Probe,
 ) {
     let Place { input: StepInput { compiled, options, state, alive, .. }, evaluation: Evaluation { scheme, .. } } = place;
@@ -107,7 +108,7 @@ pub(crate) fn predict<R: Real>(
     if constrained.any() {
         probe.span(Span::EstimateImpulses, || {
             estimate.make(options, constrained, problem, velocity);
-            predict_strikes(place, free, problem, velocity, strikes, (&estimate, constrained));
+            predict_collisions(place, free, problem, velocity, collisions, (&estimate, constrained));
         });
     }
     compute_smooth_velocity(place, free, problem, velocity, probe);
@@ -131,7 +132,7 @@ pub(crate) fn compute_smooth_velocity<R: Real>(
     let FreeMotion { smooth, actuator_forces, applied, v, v_expected, scratch, .. } = &mut *free;
     let Scratch { impulse_change, v_mean, v_free_corrected, free_change, .. } = scratch;
     velocity.impulse_change(compiled, &smooth.mass, impulse_change);
-    leave_out_blows(scheme, v, impulse_change);
+    ignore_large_impacts(scheme, v, impulse_change);
     advance(v, impulse_change, R::one(), v_expected);
     blend(&state.v, v_expected, scheme.velocity_weight, v_mean);
     // Without servos no force of stage 1 depends on the velocity.
@@ -152,12 +153,13 @@ pub(crate) fn compute_smooth_velocity<R: Real>(
     }
     std::mem::swap(&mut free.v, &mut free.scratch.v_free_corrected);
     let everywhere = R::Mask::splat(true);
-    assemble_demands(compiled, &free.smooth.mass, problem, &mut free.scratch.free_change, None, everywhere);
+    shift_targets(compiled, &free.smooth.mass, problem, &mut free.scratch.free_change, None, everywhere);
 }
 
-/// Removes the `change` by impulses from the prediction in lanes in which it makes the motion faster than the step resolves. Forces of such
-/// a motion would add energy to it.
-fn leave_out_blows<R: Real>(scheme: &Scheme<R>, v_free: &[R], change: &mut [R]) {
+/// Removes the `change` by impulses from the prediction in lanes in which it makes the motion faster than the step resolves.
+///
+/// Forces of such a motion would add energy to it.
+fn ignore_large_impacts<R: Real>(scheme: &Scheme<R>, v_free: &[R], change: &mut [R]) {
     R::vectorize(
         #[inline(always)]
         || {
@@ -167,10 +169,10 @@ fn leave_out_blows<R: Real>(scheme: &Scheme<R>, v_free: &[R], change: &mut [R]) 
                 free = free.max(v.abs());
                 pushed = pushed.max((v + change).abs());
             }
-            let blow = (scheme.h * most).gt(R::of(MAX_IMPACT_ROTATION)).and(pushed.gt(free));
-            if blow.any() {
+            let large = (scheme.h * most).gt(R::of(MAX_IMPACT_ROTATION)).and(pushed.gt(free));
+            if large.any() {
                 for change in change {
-                    *change = R::select(blow, R::zero(), *change);
+                    *change = R::select(large, R::zero(), *change);
                 }
             }
         },
@@ -182,7 +184,7 @@ fn leave_out_inertial_forces<R: Real>(place: Place<'_, R>, free: &mut FreeMotion
     let Place { input: StepInput { compiled, state, .. }, evaluation: Evaluation { scheme, kinematics, .. } } = place;
     let FreeMotion { smooth, actuator_forces, applied, v, v_expected, unresolved, scratch, .. } = free;
     let Scratch { v_mean: zero_velocity, v_forces, v_free_corrected, free_change, .. } = scratch;
-    // The other lanes' forces stay those of their mean velocity, to the bit: further solutions read them.
+    // The forces of the other lanes stay those of their mean velocity, to the bit, because further solutions read them.
     R::vectorize(
         #[inline(always)]
         || {

@@ -1,12 +1,12 @@
 //! Part of a state that changed since stages 1 to 4 were last computed, as in mj_forwardSkip of MuJoCo.
 
-/// Part of the state from which on everything is recomputed.
+/// Part of the state that changed, which determines the stages to recompute.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Recomputed {
-    /// The configuration: everything.
+    /// Configuration changed: recompute everything.
     Configuration,
-    /// Velocities: forces, and the velocities of rows.
+    /// Velocities changed: recompute forces and the velocities of rows.
     Velocity,
-    /// Activations or controls: forces alone.
+    /// Activations or controls changed: recompute forces.
     Forces,
 }

@@ -16,7 +16,7 @@ use crate::model::JointKind;
 use crate::stages::s01_actuate::{activation_rate, actuate};
 use crate::stages::s02_smooth::Smooth;
 
-/// Steps of `h` seconds of environments with an active constraint: a midpoint step.
+/// Scheme of a midpoint step of `h` seconds, for environments with an active constraint.
 pub(crate) fn scheme<R: Real>(h: R) -> Scheme<R> {
     midpoint::scheme(h)
 }
@@ -58,9 +58,9 @@ impl<R: Real> Rk4<R> {
         }
     }
 
-    /// One step of `h` seconds from `state` = (q, v, act), left in (q, v, act) of this workspace.
+    /// Makes one step of `h` seconds from `state` = (q, v, act) into (q, v, act) of this workspace.
     ///
-    /// Mocap bodies stand where `kinematics` has them.
+    /// Mocap bodies have their poses in `kinematics`.
     pub(crate) fn step(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, inputs: &Inputs<R>, state: [&[R]; 3], h: R) {
         for mocap in &compiled.mocap {
             self.kinematics.pos[mocap.frame] = kinematics.pos[mocap.frame];
@@ -90,7 +90,7 @@ impl<R: Real> Rk4<R> {
         )
     }
 
-    /// state + time * rate; the very state when `time` is zero, whatever the rates are.
+    /// Writes state + time * rate; exactly the state when `time` is zero, whatever the rates are.
     fn go(&mut self, compiled: &LaneModel<R>, state: [&[R]; 3], time: R) {
         R::vectorize(
             #[inline(always)]
@@ -154,7 +154,7 @@ impl<R: Real> Rk4<R> {
         )
     }
 
-    /// Replaces the step in the lanes `lanes`, in which nothing constrains the motion.
+    /// Replaces the step in the lanes `lanes`, which have no active constraint.
     pub(crate) fn replace_step(
         &mut self,
         place: Place<'_, R>,

@@ -1,4 +1,4 @@
-//! A scheme of integration as numbers: where in the step everything is taken. Each scheme has a file beside this one.
+//! Scheme of integration: where in the step forces and rows are evaluated. Each scheme has a file in this folder.
 
 use stepper_real::{Mask, Real};
 
@@ -6,32 +6,33 @@ use crate::actuation::forces::ImplicitServos;
 use crate::compile::LaneModel;
 use crate::dynamics::implicit_weights::ImplicitWeights;
 
-/// A scheme of integration, for one time step.
+/// Integration scheme for one time step.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Scheme<R> {
     /// Time step, s.
     pub(crate) h: R,
-    /// From the configuration before the step to that at which everything is taken, s.
+    /// Time from the configuration before the step to the evaluation point, s.
     pub(crate) time_before: R,
-    /// From there to the configuration after the step, s.
+    /// Time from the evaluation point to the configuration after the step, s.
     pub(crate) time_after: R,
-    /// From there to where springs and servos are taken, s; what lies beyond is in the mass matrix.
+    /// Time from the evaluation point to that of springs and servos, s. The mass matrix has their change after that.
     pub(crate) time_ahead: R,
     /// Shares of damping and stiffness in the mass matrix.
     pub(crate) weights: ImplicitWeights<R>,
-    /// Where velocity-dependent forces are taken, from 0 at the velocity before the step to 1 at that after it.
+    /// Point at which velocity-dependent forces are evaluated: 0 is the velocity before the step, 1 the velocity after it.
     pub(crate) velocity_weight: R,
-    /// Whether everything is taken in the middle of the step, with impacts at their own time.
+    /// Whether forces and rows are evaluated in the middle of the step, with impacts at their times.
     pub(crate) in_the_middle: bool,
-    /// Whether springs and servos are taken ahead of the rest.
+    /// Whether springs and servos are evaluated later than the other forces.
     pub(crate) looks_ahead: bool,
-    /// Whether springs and servos are implicit, and velocity-dependent forces are taken again at the velocity to be expected.
+    /// Whether springs and servos are implicit, and velocity-dependent forces are recomputed at the expected velocity.
     pub(crate) corrects: bool,
 }
 
 impl<R: Real> Scheme<R> {
-    /// The part of a gap that may close in a step: the next step is to meet the surface exactly in its middle, instead of beyond it. That
-    /// is two thirds where the midpoint rule is taken at the beginning of a step; `impacts` are taken anywhere.
+    /// Fraction of a gap that may close in a step. The next step should meet the surface exactly in its middle, and not beyond it.
+    ///
+    /// Two thirds where the midpoint rule evaluates the beginning of a step. `impacts` marks lanes that are evaluated at any time.
     #[inline(always)]
     pub(crate) fn closing_fraction(&self, at_beginning: R::Mask, impacts: R::Mask) -> R {
         let whole = R::select(at_beginning, R::of(2.0 / 3.0), R::one());
@@ -44,20 +45,18 @@ impl<R: Real> Scheme<R> {
         )
     }
 
-    /// How stage 1 takes servos. A scheme that does not correct takes those of actuator dynamics alone implicitly, as it does the joints'
-    /// damping.
+    /// Implicit servos of stage 1: all servos if the scheme `corrects`, else those of actuator dynamics alone.
     pub(crate) fn servos(&self) -> Option<ImplicitServos<R>> {
         Some(ImplicitServos { weights: self.weights, all: self.corrects })
     }
 
-    /// Shares of the joints' own damping and stiffness: a scheme that does not correct takes damping explicitly where the model asks for
-    /// it.
+    /// Implicit shares of joint damping and stiffness. Without `corrects`, damping is explicit in models that select it.
     pub(crate) fn joints(&self, compiled: &LaneModel<R>) -> ImplicitWeights<R> {
         let explicit = compiled.explicit_damping && !self.corrects;
         ImplicitWeights { damping: if explicit { R::zero() } else { self.weights.damping }, ..self.weights }
     }
 
-    /// The configuration at which springs and servos are taken.
+    /// Configuration at which springs and servos are evaluated.
     pub(crate) fn springs_at<'a>(&self, here: &'a [R], ahead: &'a [R]) -> &'a [R] {
         if self.looks_ahead { ahead } else { here }
     }

@@ -5,12 +5,12 @@ use stepper_solve::Outcome;
 
 use crate::constraints::{ConstraintProblem, PositionSolution, VelocitySolution};
 use crate::integrators::acceptance::{ambiguous, resolve_ambiguous};
+use crate::integrators::collision_search::CollisionSearch;
+use crate::integrators::contact_activation::{SweptMotion, activate_colliding};
 use crate::integrators::impact::correct_impact_forces;
 use crate::integrators::step_outcome::StepOutcome;
 use crate::integrators::step_resolution::{diverging, limit_joint_rates};
 use crate::integrators::step_values::{Evaluation, FreeMotion, Place, StepInput};
-use crate::integrators::strike_search::StrikeSearch;
-use crate::integrators::struck_contacts::{SweptMotion, activate_struck};
 use crate::probe::{Counter, Probe, Span};
 use crate::stages::s05_solve::solve;
 use crate::stages::s06_integrate_velocity::integrate_velocity;
@@ -19,22 +19,22 @@ use crate::tuning::{IMPACT_PASSES, ORDERED_PASSES};
 
 /// Solves for the velocity after the step until it agrees with the problem.
 ///
-/// A solution agrees if it closes no gap of a deferred contact and has, after an impact, the velocity at which inertial forces were
-/// evaluated. Otherwise the contacts that collide become active, or the free velocity is computed again, and the lanes are solved again.
-/// The last pass gives the velocity after an impact.
+/// A solution must close no gap of a deferred contact. After an impact its velocity must be that at which inertial forces were evaluated.
+/// Otherwise colliding contacts become active, or the free velocity is recomputed, and the lanes are solved again. The last pass gives the
+/// velocity after an impact.
 #[inline(always)]
 pub(crate) fn solve_velocities<R: Real>(
     place: Place<'_, R>,
     free: &mut FreeMotion<R>,
     problem: &mut ConstraintProblem<R>,
     velocity: &mut VelocitySolution<R>,
-    strikes: &mut StrikeSearch<R>,
+    collisions: &mut CollisionSearch<R>,
     probe: impl Probe,
 ) -> Outcome<R> {
     let Place { input: StepInput { compiled, options, state, .. }, evaluation: Evaluation { scheme, contacts, .. } } = place;
     let mut outcome = Outcome { residual: R::zero(), sweeps: R::zero(), newton_steps: R::zero() };
     let (mut lanes, mut first) = (problem.constrained, true);
-    let (mut collisions, mut impacts) = (0, 0);
+    let (mut passes, mut impacts) = (0, 0);
     loop {
         let solved = probe.span(Span::Solve, || solve(options, &state.v, lanes, problem, velocity, contacts));
         if first {
@@ -44,12 +44,12 @@ pub(crate) fn solve_velocities<R: Real>(
         }
         first = false;
         probe.span(Span::IntegrateVelocity, || integrate_velocity(compiled, &free.smooth.mass, &free.v, velocity));
-        let motion = SweptMotion::Solved { ignores_order: collisions >= ORDERED_PASSES };
-        lanes = probe.span(Span::Solve, || activate_struck(place, free, problem, velocity, strikes, motion));
-        collisions += 1;
+        let motion = SweptMotion::Solved { ignores_order: passes >= ORDERED_PASSES };
+        lanes = probe.span(Span::Solve, || activate_colliding(place, free, problem, velocity, collisions, motion));
+        passes += 1;
         if lanes.none() && scheme.in_the_middle && impacts < IMPACT_PASSES {
             lanes = probe.span(Span::SolveImpacts, || correct_impact_forces(place, free, problem, &velocity.v, impacts == 0));
-            (collisions, impacts) = (0, impacts + 1);
+            (passes, impacts) = (0, impacts + 1);
         }
         if lanes.none() {
             break;
@@ -61,7 +61,7 @@ pub(crate) fn solve_velocities<R: Real>(
     outcome
 }
 
-/// Bounds the velocity: where Baumgarte's bias is large, and where the motion is too fast for the step or its energy is ambiguous.
+/// Bounds the velocity in lanes with a large Baumgarte bias, with a motion that is too fast for the step, or with an ambiguous energy.
 #[inline(always)]
 pub(crate) fn bound_velocities<R: Real>(
     place: Place<'_, R>,

@@ -19,7 +19,7 @@ pub(crate) struct StepOutcome<R: Real> {
     pub(crate) ambiguous: R::Mask,
     /// Lanes whose speed and energy are limited: the ambiguous ones, and those whose motion is too fast for the step.
     pub(crate) limited: R::Mask,
-    /// Lanes whose constraints no motion satisfies.
+    /// Lanes whose constraints are infeasible.
     pub(crate) infeasible: R::Mask,
     /// Lanes in which a geom may have passed through a thin one.
     pub(crate) tunnelled: R::Mask,

@@ -16,7 +16,7 @@ use crate::math::spatial::*;
 use crate::options::StepSettings;
 use crate::stages::s02_smooth::Smooth;
 
-/// State of a group of lanes: with the scalar impulses of the constraints, all that a step hands to the next.
+/// State of a group of lanes. With the scalar impulses of the constraints it is all that a step passes to the next.
 #[derive(Clone, Debug)]
 pub(crate) struct State<R: Real> {
     /// Configuration, nq.
@@ -54,7 +54,7 @@ pub(crate) struct Place<'a, R: Real> {
 }
 
 impl<'a, R: Real> Place<'a, R> {
-    /// Where forces are evaluated. Velocity-dependent forces that are not implicit use the velocity `v_at`.
+    /// State at which forces are evaluated. Velocity-dependent forces that are not implicit use the velocity `v_at`.
     pub(crate) fn forces_at(&self, v_at: &'a [R]) -> ForceState<'a, R> {
         let Place { input: StepInput { state, inputs, .. }, evaluation: Evaluation { scheme, q, q_ahead, act, .. } } = *self;
         let Inputs { ctrl, actuator_dynamics, .. } = inputs;
@@ -111,7 +111,7 @@ impl<R: Real> Evaluation<R> {
         [q, q_ahead, act].into_iter().for_each(|buffer| buffer.fill(R::of(f64::NAN)));
     }
 
-    /// Chooses the tangents of the contacts, with the impulses of the same contacts in `last`, which is overwritten.
+    /// Chooses the tangents of the contacts, and copies the impulses of the same contacts in `last`. Overwrites `last`.
     #[inline(always)]
     pub(crate) fn match_contacts(&mut self, compiled: &LaneModel<R>, last: &mut Contacts<R>) {
         self.contacts.close_rounded_gaps(norm(compiled.params.gravity()) * self.scheme.h * self.scheme.h);
@@ -157,16 +157,27 @@ pub(crate) struct Scratch<R: Real> {
     pub(crate) impulse: Vec<R>,
     /// Velocity at which velocity-dependent forces are evaluated.
     pub(crate) v_mean: Vec<R>,
-    /// The same, where inertial forces are left out in some lanes.
+    /// Mean velocity of the step, or the velocity before it in lanes without inertial forces.
     pub(crate) v_forces: Vec<R>,
     /// Free velocity with recomputed forces.
     pub(crate) v_free_corrected: Vec<R>,
-    /// Difference of that from the free velocity before.
+    /// Difference between the corrected and the previous free velocity.
     pub(crate) free_change: Vec<R>,
-    /// Free velocity in the middle of an impact.
+    /// Free velocity after the first half of the step, or at an impact, nv.
     pub(crate) v_half: Vec<R>,
     /// Velocity before impacts, or its change.
     pub(crate) before_impact: Vec<R>,
+}
+
+impl<R: Real> Scratch<R> {
+    /// Fills all buffers with NaN.
+    pub(crate) fn poison(&mut self) {
+        let Self { impulse_change, expected_change, impulse, v_mean, v_forces, v_free_corrected, free_change, v_half, before_impact } =
+            self;
+        [impulse_change, expected_change, impulse, v_mean, v_forces, v_free_corrected, free_change, v_half, before_impact]
+            .into_iter()
+            .for_each(|buffer| buffer.fill(R::of(f64::NAN)));
+    }
 }
 
 impl<R: Real> FreeMotion<R> {
@@ -200,14 +211,9 @@ impl<R: Real> FreeMotion<R> {
 
     /// Fills with NaN the vectors that a step computes before it reads them.
     pub(super) fn poison(&mut self) {
-        let Self { applied, v, v_expected, expected_impulse, impulse: final_impulse, scratch, .. } = self;
-        let Scratch { impulse_change, expected_change, impulse, v_mean, v_forces, v_free_corrected, free_change, .. } = scratch;
-        let Scratch { v_half, before_impact, .. } = scratch;
-        let computed = [
-            [applied, v, v_expected, expected_impulse, final_impulse, impulse_change, expected_change],
-            [impulse, v_mean, v_forces, v_free_corrected, free_change, v_half, before_impact],
-        ];
-        computed.into_iter().flatten().for_each(|buffer| buffer.fill(R::of(f64::NAN)));
+        let Self { applied, v, v_expected, expected_impulse, impulse, scratch, .. } = self;
+        [applied, v, v_expected, expected_impulse, impulse].into_iter().for_each(|buffer| buffer.fill(R::of(f64::NAN)));
+        scratch.poison();
     }
 
     /// Computes the acceleration by all forces (see [`Smooth::acceleration`]). `v` is the velocity before the step, `v_bias` the velocity

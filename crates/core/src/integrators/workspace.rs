@@ -9,12 +9,12 @@ use crate::compile::LaneModel;
 use crate::constraints::row_builder::RowBuilder;
 use crate::constraints::{ConstraintProblem, PositionSolution, VelocitySolution};
 use crate::dynamics::mocap::MocapTrajectory;
+use crate::integrators::collision_search::CollisionSearch;
 use crate::integrators::inputs::Inputs;
 use crate::integrators::mujoco::workspace::MujocoWorkspace;
 use crate::integrators::rk4::Rk4;
 use crate::integrators::step_resolution::StepResolution;
 use crate::integrators::step_values::{Evaluation, FreeMotion, State};
-use crate::integrators::strike_search::StrikeSearch;
 use crate::math::spatial::*;
 use crate::options::{ContactLaw, Integrator, StepSettings};
 use crate::sensing::{SensorWorkspace, errors};
@@ -22,7 +22,7 @@ use crate::sensing::{SensorWorkspace, errors};
 /// Workspace of the sensors.
 #[derive(Clone, Debug)]
 pub(crate) struct Sensors<R: Real> {
-    /// Readings, and what sensors share.
+    /// Readings, and intermediate results that sensors share.
     pub(crate) workspace: SensorWorkspace<R>,
     /// Forces of the actuators at the state that is read.
     pub(crate) actuator_forces: ActuatorForces<R>,
@@ -41,7 +41,7 @@ pub struct Workspace<R: Real> {
     pub(crate) user_controls: Vec<R>,
     /// Lanes that are environments.
     pub(crate) alive: R::Mask,
-    /// Whether the state is that of the group that is worked on, so that it need not be loaded again.
+    /// Whether the workspace already holds the state of the group that is stepped.
     pub(crate) current: bool,
     pub(crate) evaluation: Evaluation<R>,
     pub(crate) free_motion: FreeMotion<R>,
@@ -51,7 +51,7 @@ pub struct Workspace<R: Real> {
     pub(crate) position: PositionSolution<R>,
     pub(crate) sensors: Sensors<R>,
     /// Search for the contacts that the solved motion closes.
-    pub(crate) strikes: StrikeSearch<R>,
+    pub(crate) collisions: CollisionSearch<R>,
     /// Energy balance of fast motions.
     pub(crate) step_resolution: StepResolution<R>,
     /// Runge-Kutta scheme with hard contact.
@@ -91,7 +91,7 @@ impl<R: Real> Workspace<R> {
                 acceleration: v(),
                 error_work: None,
             },
-            strikes: StrikeSearch::new(compiled, max_contacts),
+            collisions: CollisionSearch::new(compiled, max_contacts),
             step_resolution: StepResolution::new(compiled),
             rk4: (options.integrator == Integrator::Rk4 && hard).then(|| Rk4::new(compiled)),
             mujoco: MujocoWorkspace::new(compiled, options),
@@ -103,14 +103,16 @@ impl<R: Real> Workspace<R> {
         self.evaluation.poses.update_static_poses(compiled);
     }
 
-    /// Fills with NaN the vectors that a step computes before it reads them: a number left by the step before would pass for one of this
-    /// step (as Drake's `icf_data.h` does). Kinematics, contacts, mass matrix, actuator forces and constraint rows are not filled.
+    /// Fills with NaN the vectors that a step computes before it reads them, as Drake's `icf_data.h` does.
+    ///
+    /// Numbers of the last step are then not mistaken for those of this step. Kinematics, contacts, mass matrix, actuator forces and
+    /// constraint rows are not filled.
     pub(crate) fn poison(&mut self) {
         self.evaluation.poison();
         self.free_motion.poison();
         self.velocity.v.fill(R::of(f64::NAN));
         self.position.poison();
-        self.strikes.poison();
+        self.collisions.poison();
         self.step_resolution.poison();
     }
 }

@@ -1,6 +1,6 @@
-//! Numbers of a group of lanes, interleaved: entry i of lane l is at `i * lanes + l`. And sets of lanes, one bit each.
+//! Numbers of a group of lanes, interleaved (entry i of lane l is at `i * lanes + l`), and sets of lanes, one bit each.
 
-/// The most lanes a group can have.
+/// Largest number of lanes of a group.
 pub const MAX_LANES: usize = 32;
 
 /// Lanes `first` to `first + n` of lane-interleaved numbers.
@@ -15,12 +15,12 @@ pub(crate) fn columns<T: Copy>(rows: &[T], lanes: usize, first: usize, n: usize)
     out
 }
 
-/// Lanes of a group that take over those of a part of another.
+/// Destination of the lanes of a part: lanes of another group.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Target {
-    /// As many as the part has, from this one on.
+    /// All that the part has, from this index on.
     From(usize),
-    /// Each lane of a set, from a part of one lane.
+    /// Each lane of a set receives the same lane of a part.
     Each(u32),
 }
 
@@ -48,7 +48,7 @@ pub(crate) fn set_lane_bits(set: &mut u32, to: Target, n: usize, bits: u32) {
     *set = *set & !there | bits;
 }
 
-/// The lanes of a set, ascending.
+/// Lanes of a set, ascending.
 #[inline(always)]
 pub(crate) fn each_of(mut set: u32) -> impl Iterator<Item = usize> {
     std::iter::from_fn(move || {
@@ -66,19 +66,19 @@ pub(crate) fn count(set: u32, counts: &mut [u32]) {
     }
 }
 
-/// A ring of samples among the numbers of an environment: sample k of `width` numbers is at `at + k * width`.
+/// Ring of samples among the numbers of an environment: sample k of `width` numbers is at `at + k * width`.
 #[derive(Clone, Copy, Debug)]
 pub struct DelayLine {
-    /// Address of its first number.
+    /// Address of the line's first number.
     pub at: usize,
-    /// Samples; 0 is no line.
+    /// Number of samples; 0 without a line.
     pub samples: usize,
-    /// Numbers of a sample.
+    /// Length of a sample.
     pub width: usize,
 }
 
 impl DelayLine {
-    /// Turns the line of one environment, whose newest sample is number `newest`, so that it is number `place`.
+    /// Rotates the line of one environment, so that its newest sample moves from number `newest` to number `place`.
     pub(crate) fn turn<T>(&self, numbers: &mut [T], newest: u32, place: u32) {
         if self.samples > 0 {
             let by = (place as usize + self.samples - newest as usize) % self.samples;

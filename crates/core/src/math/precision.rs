@@ -1,4 +1,4 @@
-//! The scalar type of a simulation.
+//! Scalar type of a simulation.
 
 /// Scalar type of the lanes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -10,8 +10,9 @@ pub enum Precision {
 }
 
 impl Precision {
-    /// Residual at which the solver stops unless [`Options::tolerance`](crate::options::Options::tolerance) says otherwise, m/s: 1e-6 in 64
-    /// bits, 1e-4 in 32, whose rounding keeps the residual from going much lower.
+    /// Default residual at which the solver stops ([`Options::tolerance`](crate::options::Options::tolerance) replaces it), m/s.
+    ///
+    /// 1e-6 in 64 bits. 1e-4 in 32 bits, whose rounding keeps the residual from going much lower.
     pub const fn tolerance(self) -> f64 {
         match self {
             Self::F64 => 1e-6,

@@ -1,16 +1,18 @@
 //! Random numbers without a state: Philox4x32-10 (Salmon, Moraes, Dror and Shaw 2011, "Parallel random numbers: as easy as 1, 2, 3",
-//! section 3.3), four 32-bit numbers of a 128-bit counter and a 64-bit key, in which every lane counts for itself.
+//! section 3.3).
+//!
+//! It maps a 128-bit counter and a 64-bit key to four 32-bit numbers. Every lane has a separate counter.
 
 use stepper_real::{Real, Scalar};
 
 use crate::math::lanes::MAX_LANES;
 
 const MULTIPLIERS: [u64; 2] = [0xD251_1F53, 0xCD9E_8D57];
-/// The golden ratio and sqrt(3) - 1: the rounds' keys are an arithmetic sequence.
+/// Golden ratio and sqrt(3) - 1: the increments of the keys from round to round.
 const WEYL: [u64; 2] = [0x9E37_79B9, 0xBB67_AE85];
 const ROUNDS: usize = 10;
 
-/// A 32-bit number in every lane.
+/// 32-bit number in every lane.
 pub type Word = [u32; MAX_LANES];
 
 /// Philox4x32-10 of `counter` under `key` in the first `lanes` lanes.
@@ -18,8 +20,8 @@ pub type Word = [u32; MAX_LANES];
 pub fn philox4x32_10(counter: &[Word; 4], key: &[Word; 2], lanes: usize) -> [Word; 4] {
     const LOWER: u64 = 0xFFFF_FFFF;
     let mut out = [[0; MAX_LANES]; 4];
-    // Lane by lane through all rounds, so that the compiler takes all lanes at once and keeps them in registers. What comes into the upper
-    // halves is never looked at.
+    // Lane by lane through all rounds, so that the compiler vectorises over lanes and keeps them in registers. The upper halves are never
+    // read.
     for l in 0..lanes {
         let (mut a, mut b) = (u64::from(counter[0][l]), u64::from(counter[1][l]));
         let (mut c, mut d) = (u64::from(counter[2][l]), u64::from(counter[3][l]));
@@ -34,7 +36,7 @@ pub fn philox4x32_10(counter: &[Word; 4], key: &[Word; 2], lanes: usize) -> [Wor
     out
 }
 
-/// Numbers of the lanes' words. Into an array and from there: lanes set one by one are computed one by one, an array all at once.
+/// Numbers from the lanes' words. They go through an array, because the compiler vectorises an array but not lanes that are set one by one.
 #[inline(always)]
 fn each<R: Real>(word: &Word, number: impl Fn(u32) -> f64) -> R {
     let mut out = [R::Scalar::default(); MAX_LANES];
@@ -51,7 +53,7 @@ pub fn uniform<R: Real>(word: &Word) -> R {
     x * R::of(1.0 / 4_294_967_296.0) + R::of(0.5 / 4_294_967_296.0)
 }
 
-/// The words shifted to the left, as signed numbers.
+/// Words shifted to the left, as signed numbers.
 #[inline(always)]
 fn signed<R: Real>(word: &Word, shift: u32) -> R {
     each(
@@ -63,11 +65,11 @@ fn signed<R: Real>(word: &Word, shift: u32) -> R {
 
 /// Two independent standard normal numbers of two words (Box and Muller 1958). The largest is 6.7.
 ///
-/// They are sqrt(-ln u) (cos a - sin a) and sqrt(-ln u) (cos a + sin a) with signs of their own: the point at pi/4 + a of the first
-/// quadrant, mirrored. The two upper bits of the angle's word are the signs, the others a in (-pi/4, pi/4).
+/// They are sqrt(-ln u) (cos a - sin a) and sqrt(-ln u) (cos a + sin a) with two signs: the point at pi/4 + a of the first quadrant,
+/// mirrored. The two upper bits of the angle's word are the signs, the others a in (-pi/4, pi/4).
 #[inline(always)]
 pub fn normals<R: Real>(radius: &Word, angle: &Word) -> [R; 2] {
-    /// pi/4 over 2^31.
+    /// Scale pi/4 over 2^31.
     const UNIT: f64 = std::f64::consts::FRAC_PI_4 / 2_147_483_648.0;
     let r = (-uniform::<R>(radius).ln_normal()).sqrt();
     let (a, first, second): (R, R, R) = (signed(angle, 2), signed(angle, 0), signed(angle, 1));
@@ -90,8 +92,8 @@ mod tests {
         assert_eq!(run(counter, [0xa409_3822, 0x299f_31d0]), [0xd16c_fe09, 0x94fd_cceb, 0x5001_e420, 0x2412_6ea1]);
     }
 
-    /// The point that the words stand for: in f64 to rounding, in f32 to five roundings of 6e-8, and to one of u, whose radius is
-    /// sqrt(2 (1 - u)) where that is small.
+    /// The words stand for a point in the plane. In f64 it agrees to rounding. In f32 it agrees to five roundings of 6e-8 and one of u,
+    /// whose radius is sqrt(2 (1 - u)) where that is small.
     #[test]
     fn normals_are_points_in_the_plane() {
         for i in 0..100_000u32 {
@@ -103,7 +105,7 @@ mod tests {
             let u = (f64::from(radius) + 0.5) / 4_294_967_296.0;
             let theta = (f64::from(angle & 0x3FFF_FFFF) + 0.5) / f64::from(1 << 30) * std::f64::consts::FRAC_PI_2;
             let rho = (-2.0 * u.ln()).sqrt();
-            // The fraction of the quadrant has its upper bit turned over: a is signed.
+            // The upper bit of the quadrant's fraction is inverted, because a is signed.
             let turned = (theta + std::f64::consts::FRAC_PI_4) % std::f64::consts::FRAC_PI_2;
             let sign = |bit: u32| if angle >> bit & 1 == 1 { -1.0 } else { 1.0 };
             let expected = [sign(31) * rho * turned.cos(), sign(30) * rho * turned.sin()];

@@ -1,15 +1,15 @@
 //! Vectors, rotations and spatial algebra over lanes, world-aligned.
 //!
-//! Spatial vectors are (angular, linear), both in world axes. Motions, forces and inertias of one kinematic tree are all taken about one
-//! point, the position of its root, so that they add without transforms (Featherstone 2008, chapter 2).
+//! Spatial vectors are (angular, linear), both in world axes. Motions, forces and inertias of one kinematic tree refer to one point, the
+//! position of its root. They therefore add without transforms (Featherstone 2008, chapter 2).
 
 use stepper_real::Real;
 
 pub use stepper_geometry::linear_algebra::*;
 
-/// A spatial motion (omega, v at the reference point) or force (moment about the reference point, force).
+/// Spatial motion (omega, v at the reference point) or force (moment about the reference point, force).
 pub type V6<R> = [R; 6];
-/// A rigid-body inertia about the reference point: mass, first moment (3), second moment xx, yy, zz, xy, xz, yz.
+/// Rigid-body inertia about the reference point: mass, first moment (3), second moment xx, yy, zz, xy, xz, yz.
 pub type Inertia<R> = [R; 10];
 
 /// Power of a force on a motion.
@@ -18,19 +18,19 @@ pub fn dot6<R: Real>(a: V6<R>, b: V6<R>) -> R {
     (a[0] * b[0] + a[1] * b[1] + a[2] * b[2]) + (a[3] * b[3] + a[4] * b[4] + a[5] * b[5])
 }
 
-/// The angular part.
+/// Angular part of a spatial vector.
 #[inline(always)]
 pub fn angular<R: Real>(a: &V6<R>) -> V3<R> {
     [a[0], a[1], a[2]]
 }
 
-/// The linear part.
+/// Linear part of a spatial vector.
 #[inline(always)]
 pub fn linear<R: Real>(a: &V6<R>) -> V3<R> {
     [a[3], a[4], a[5]]
 }
 
-/// (angular, linear)
+/// Spatial vector (angular, linear).
 #[inline(always)]
 pub fn spatial<R: Real>(w: V3<R>, v: V3<R>) -> V6<R> {
     [w[0], w[1], w[2], v[0], v[1], v[2]]
@@ -42,7 +42,7 @@ pub fn velocity_at<R: Real>(motion: &V6<R>, r: V3<R>) -> V3<R> {
     add(linear(motion), cross(angular(motion), r))
 }
 
-/// Motion cross motion: the rate at which `m` changes while it is carried by `v` (Featherstone 2008, eq. 2.31).
+/// Motion cross motion: the rate of `m` while `v` carries it (Featherstone 2008, eq. 2.31).
 #[inline(always)]
 pub fn cross_motion<R: Real>(v: &V6<R>, m: &V6<R>) -> V6<R> {
     spatial(cross(angular(v), angular(m)), add(cross(angular(v), linear(m)), cross(linear(v), angular(m))))
@@ -54,7 +54,7 @@ pub fn cross_force<R: Real>(v: &V6<R>, f: &V6<R>) -> V6<R> {
     spatial(add(cross(angular(v), angular(f)), cross(linear(v), linear(f))), cross(angular(v), linear(f)))
 }
 
-/// Momentum: I m.
+/// Momentum I m of the motion m.
 #[inline(always)]
 pub fn apply_inertia<R: Real>(i: &Inertia<R>, m: &V6<R>) -> V6<R> {
     let first = [i[1], i[2], i[3]];
@@ -64,8 +64,9 @@ pub fn apply_inertia<R: Real>(i: &Inertia<R>, m: &V6<R>) -> V6<R> {
     spatial(add(second, cross(first, v)), sub(scale(v, i[0]), cross(first, w)))
 }
 
-/// Inertia about the reference point of a body with mass `m`, central inertia `c` (xx, yy, zz, xy, xz, yz, in the frame `x`) and centre of
-/// mass at `r` from the reference point.
+/// Inertia about the reference point of a body with mass `m`, kg, and centre of mass at `r` from the reference point, m.
+///
+/// `c` is the central inertia (xx, yy, zz, xy, xz, yz) in the frame `x`, kg m^2.
 #[inline(always)]
 pub fn inertia_at<R: Real>(m: R, c: [R; 6], x: &M3<R>, r: V3<R>) -> Inertia<R> {
     let local = [c[0], c[3], c[4], c[3], c[1], c[5], c[4], c[5], c[2]];

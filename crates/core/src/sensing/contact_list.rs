@@ -1,8 +1,8 @@
-//! The contacts of a moment, as sensors feel them.
+//! List of the contacts of a step for the sensors.
 
 use crate::math::lanes::MAX_LANES;
 
-/// One contact of one lane.
+/// Contact of one lane.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Contact {
     /// Geoms of the model, and their bodies.
@@ -12,22 +12,22 @@ pub(crate) struct Contact {
     pub(super) pos: [f64; 3],
     /// Normal and tangents.
     pub(super) axes: [[f64; 3]; 3],
-    /// Along them, on the second body, N.
+    /// Force along these axes on the second body, N.
     pub(super) force: [f64; 3],
-    /// About them, N m.
+    /// Torque about these axes, N m.
     pub(super) torque: [f64; 3],
 }
 
-/// The contacts of a moment, lane by lane.
+/// Contacts of a step for the sensors, lane by lane.
 #[derive(Clone, Debug)]
 pub(crate) struct Felt {
     pub(super) contacts: Vec<Contact>,
-    /// Where those of every lane begin and end.
+    /// Offsets of the contacts of every lane.
     pub(super) ends: [usize; MAX_LANES + 1],
 }
 
 impl Felt {
-    /// Workspace for a number of contacts of all lanes.
+    /// Workspace for `most` contacts of all lanes.
     pub(super) fn new(most: usize) -> Self {
         Self { contacts: Vec::with_capacity(most), ends: [0; MAX_LANES + 1] }
     }

@@ -1,14 +1,15 @@
-//! The transfer function of real sensors:
+//! Transfer function of real sensors:
 //!
 //! ```text
 //! truth -> scale and misalignment -> + bias + drift + noise -> quantisation -> clip -> sample and hold -> delay -> observation
 //! ```
 //!
-//! Bias, scale error and misalignment are drawn at reset. Drift d is a random walk with `drift_std` per sqrt(s), or with a correlation time
-//! tau the Gauss-Markov process that the same driving noise makes: d+ = e^(-h/tau) d + drift_std sqrt(tau/2 (1 - e^(-2h/tau))) n (Brown and
-//! Hwang 2012, section 5.5). A noise density N per sqrt(Hz) is white noise of N / sqrt(T) at a sampling time of T, so that the Allan
-//! deviation at 1 s is N whatever the time step (IEEE 952). Unit vectors and quaternions are turned by bias, drift and noise as a rotation
-//! vector.
+//! Bias, scale error and misalignment are drawn at reset. Drift d is a random walk with `drift_std` per sqrt(s). With a correlation time
+//! tau it is the Gauss-Markov process of the same driving noise: d+ = e^(-h/tau) d + drift_std sqrt(tau/2 (1 - e^(-2h/tau))) n (Brown and
+//! Hwang 2012, section 5.5).
+//!
+//! A noise density N per sqrt(Hz) is white noise of N / sqrt(T) at a sampling time of T. The Allan deviation at 1 s is therefore N for any
+//! time step (IEEE 952). Bias, drift and noise turn unit vectors and quaternions by a rotation vector.
 
 mod delay;
 mod draws;
@@ -24,7 +25,7 @@ pub use crate::sensing::errors::observe::{Slots, Work};
 pub use crate::sensing::errors::transfer::Transfer;
 use crate::sensing::errors::transfer::any;
 
-/// Numbers of a sensor that may differ between environments, in the order of the table.
+/// Number of a sensor that may differ between environments, in the order of the table.
 #[derive(Clone, Copy)]
 enum Number {
     Scale,
@@ -46,13 +47,13 @@ enum Number {
 
 const NUMBERS: usize = 15;
 
-/// One sensor that is not ideal.
+/// Sensor with errors.
 #[derive(Clone, Debug)]
 struct Imperfect<S> {
     sensor: usize,
     at: usize,
     dim: usize,
-    /// Numbers that bias, drift and noise have: three where they are a rotation.
+    /// Number of components of bias, drift and noise: three if they are a rotation.
     freedom: usize,
     quantity: Quantity,
     matrix: Vec<S>,
@@ -67,42 +68,42 @@ struct Imperfect<S> {
     sampled: bool,
     lossy: bool,
     jittery: bool,
-    /// Address of its numbers in the memory: matrix, bias, drift, phase, delay line or held sample.
+    /// Address of the sensor's numbers in the memory: matrix, bias, drift, phase, delay line or held sample.
     memory: usize,
-    /// Address of its random numbers in a step.
+    /// Address of the sensor's random numbers in a step.
     draws: usize,
-    /// Samples of the delay line; 0 without one.
+    /// Number of samples of the delay line; 0 without one.
     line: usize,
-    /// Whether a delay between two samples lies between them: staircases and readings that may be absent have no values in between.
+    /// Whether delays between two samples are interpolated. Staircases and readings that may be absent have no values in between.
     smooth: bool,
 }
 
-/// The transfer functions of a model's sensors in a batch.
+/// Transfer functions of a model's sensors in a batch.
 #[derive(Clone, Debug)]
 pub struct Errors<S> {
     sensors: Vec<Imperfect<S>>,
     /// Addresses of the readings of ideal sensors.
     ideal: Vec<usize>,
-    /// The numbers of every sensor: lane-interleaved for every group of lanes, or once where they are the same in all environments.
+    /// Numbers of every sensor: lane-interleaved for every group of lanes, or once if they are the same in all environments.
     tables: Vec<Vec<S>>,
-    /// Lanes of a row of the tables: 1 where all environments have the same.
+    /// Number of lanes of a row of the tables: 1 if all environments have the same numbers.
     lanes: usize,
-    /// Numbers that survive a step, per lane.
+    /// Memory that survives a step, in numbers per lane.
     pub memory: usize,
-    /// Delay lines.
+    /// Number of delay lines.
     pub lines: usize,
-    /// Random numbers of a step.
+    /// Number of random numbers of a step.
     draws: usize,
 }
 
-/// The numbers of a group of lanes, of all sensors or of one.
+/// Numbers of a group of lanes, of all sensors or of one.
 struct Numbers<'a, S> {
     rows: &'a [S],
     lanes: usize,
 }
 
 impl<S: Scalar> Numbers<'_, S> {
-    /// Those of one sensor.
+    /// Numbers of one sensor.
     #[inline(always)]
     fn of(&self, sensor: usize) -> Self {
         Numbers { rows: &self.rows[sensor * NUMBERS * self.lanes..], lanes: self.lanes }
@@ -115,12 +116,12 @@ impl<S: Scalar> Numbers<'_, S> {
 }
 
 impl<S: Scalar> Errors<S> {
-    /// Where the delay line of every sensor that is not ideal is in the memory; without samples where it has none.
+    /// Delay lines of the sensors that are not ideal, as places in the memory; without samples for sensors without delay.
     pub fn delay_lines(&self) -> impl Iterator<Item = DelayLine> {
         self.sensors.iter().map(|s| DelayLine { at: s.line_at(), samples: s.line, width: s.dim })
     }
 
-    /// `transfers` has an entry for every sensor of the model, `None` for ideal ones.
+    /// Transfer functions from `transfers`, with an entry for every sensor of the model, `None` for ideal ones.
     ///
     /// # Errors
     /// The first number out of its range, with the sensor's name.
@@ -150,12 +151,12 @@ impl<S: Scalar> Errors<S> {
         Ok(errors)
     }
 
-    /// The numbers of a group of lanes.
+    /// Numbers of a group of lanes.
     fn table(&self, group: usize) -> Numbers<'_, S> {
         Numbers { rows: &self.tables[if self.tables.len() == 1 { 0 } else { group }], lanes: self.lanes }
     }
 
-    /// Sensors that are not ideal, by their numbers in the model.
+    /// Sensors that are not ideal, by their index in the model.
     pub fn sensors(&self) -> impl Iterator<Item = usize> {
         self.sensors.iter().map(|s| s.sensor)
     }
@@ -166,7 +167,7 @@ impl<S: Scalar> Errors<S> {
     }
 }
 
-/// The table's row of one environment.
+/// Table row of one environment.
 fn numbers(t: &Transfer, env: usize, h: f64) -> [f64; NUMBERS] {
     let of = |x: &[f64]| x[env % x.len()];
     let (drift, tau) = (of(&t.drift_std), of(&t.drift_time));
@@ -220,14 +221,16 @@ impl<S: Scalar> Imperfect<S> {
             jittery: any(&t.jitter),
             memory,
             draws,
-            // From the newest sample to the oldest that is asked for.
+            // Samples from the newest to the oldest one that is read.
             line: if delay > 0.0 { delay.ceil() as usize + 1 } else { 0 },
             smooth: !any(&t.period) && quantity != Quantity::Positive,
         }
     }
 
-    /// How many random numbers a step needs, and how many of them at the beginning are normal: those of the drift, those of the Gaussian
-    /// noise of a sample; behind them two uniform ones for dropout and jitter, and those of uniform noise.
+    /// Number of random numbers that a step needs, and number of normal ones among them, which come first.
+    ///
+    /// The normal numbers are those of the drift, then the Gaussian noise of a sample. Two uniform ones for dropout and jitter follow, then
+    /// those of uniform noise.
     #[inline(always)]
     fn draws_of(&self, sampling: bool) -> (usize, usize) {
         let drift = self.noise_at();
@@ -240,19 +243,19 @@ impl<S: Scalar> Imperfect<S> {
         }
     }
 
-    /// Where the Gaussian noise begins among them.
+    /// Offset of the Gaussian noise among the random numbers.
     #[inline(always)]
     fn noise_at(&self) -> usize {
         if self.drifts { self.freedom } else { 0 }
     }
 
-    /// Where the two numbers for dropout and jitter are: normal ones come in pairs.
+    /// Offset of the two numbers for dropout and jitter. Normal numbers come in pairs.
     #[inline(always)]
     fn timing_at(&self) -> usize {
         (self.noise_at() + if self.noisy && !self.uniform { self.freedom } else { 0 }).next_multiple_of(2)
     }
 
-    /// Where those of uniform noise are.
+    /// Offset of the uniform noise.
     #[inline(always)]
     fn uniform_at(&self) -> usize {
         self.timing_at() + if self.lossy || self.jittery { 2 } else { 0 }
@@ -278,7 +281,7 @@ impl<S: Scalar> Imperfect<S> {
         self.drift_at() + if self.drifts { self.freedom } else { 0 }
     }
 
-    /// The delay line, or the held sample alone.
+    /// Address of the delay line, or of the held sample.
     fn line_at(&self) -> usize {
         self.phase_at() + usize::from(self.sampled)
     }

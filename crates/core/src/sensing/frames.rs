@@ -52,7 +52,7 @@ pub(super) fn accelerations<R: Real>(
                 for joint in &compiled.joints[link.joints.clone()] {
                     let mut rotations = joint.v..joint.v + joint.kind.nv();
                     if joint.kind == JointKind::Free {
-                        // The world's axes do not turn with the body.
+                        // The axes of the world do not turn with the body.
                         for d in joint.v..joint.v + 3 {
                             motion = add_scaled(motion, kinematics.axes[d], input.v[d]);
                             change = add_scaled(change, kinematics.axes[d], input.acceleration[d]);
@@ -96,7 +96,7 @@ pub(super) fn orientation<R: Real>(kinematics: &Kinematics<R>, place: &SensorFra
     )
 }
 
-/// Motion of a frame and the point about which it is given; the world and what the user poses stand still.
+/// Motion of a frame, and the point to which it refers; zero for the world and mocap bodies.
 #[inline(always)]
 pub fn motion_of<R: Real>(
     compiled: &LaneModel<R>,
@@ -111,7 +111,7 @@ pub fn motion_of<R: Real>(
     }
 }
 
-/// (angular, linear) velocity at a place, world axes.
+/// Velocity (angular, linear) at a place, world axes.
 fn velocity<R: Real>(
     compiled: &LaneModel<R>,
     kinematics: &Kinematics<R>,
@@ -127,7 +127,7 @@ fn velocity<R: Real>(
     )
 }
 
-/// (angular, linear) acceleration at a place, less gravity, world axes: the spatial acceleration there plus omega x v.
+/// Acceleration (angular, linear) at a place, minus gravity, world axes: the spatial acceleration there plus omega x v.
 fn acceleration<R: Real>(
     compiled: &LaneModel<R>,
     kinematics: &Kinematics<R>,
@@ -145,7 +145,7 @@ fn acceleration<R: Real>(
     )
 }
 
-/// Velocity and acceleration of a site in its own axes: [angular velocity, linear velocity] or [angular, linear acceleration].
+/// Velocity and acceleration of a site in site axes: [angular velocity, linear velocity] or [angular, linear acceleration].
 pub fn site_motion<R: Real>(
     compiled: &LaneModel<R>,
     kinematics: &Kinematics<R>,
@@ -167,7 +167,7 @@ pub fn site_motion<R: Real>(
     )
 }
 
-/// A frame's reading: three numbers, or four of a quaternion.
+/// Reading of a frame: three numbers, or the four of a quaternion.
 pub fn frame<R: Real>(
     compiled: &LaneModel<R>,
     kinematics: &Kinematics<R>,
@@ -203,7 +203,7 @@ pub fn frame<R: Real>(
                 F::LinVel => {
                     let [_, v] = velocity(compiled, kinematics, workspace, object);
                     reference.map_or(v, |r| {
-                        // The velocity that an observer who turns with the reference sees.
+                        // Velocity in the rotating frame of the reference.
                         let [w, u] = velocity(compiled, kinematics, workspace, r);
                         sub(sub(v, u), cross(w, arm(r)))
                     })

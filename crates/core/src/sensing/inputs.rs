@@ -1,4 +1,4 @@
-//! What stage 9 is made of: poses and motions of frames, masses, rays, contacts; random numbers and the errors of real sensors.
+//! Inputs of stage 9: poses and motions of frames, masses, rays, contacts; random numbers and the errors of real sensors.
 
 use stepper_real::Real;
 
@@ -8,7 +8,7 @@ use crate::compile::ModelStructure;
 use crate::math::spatial::*;
 use crate::sensing::contact_list::Felt;
 
-/// All that sensors can ask: the state after a step, and what the step did.
+/// Inputs of the sensors: the state after a step, and the results of the step.
 #[derive(Debug)]
 pub struct SensorInput<'a, R: Real> {
     /// Configuration.
@@ -19,11 +19,11 @@ pub struct SensorInput<'a, R: Real> {
     pub time: R,
     /// Length of the step, s.
     pub h: R,
-    /// (v+ - v) / h of the step, impulses included.
+    /// Acceleration (v+ - v) / h of the step, impulses included.
     pub acceleration: &'a [R],
     /// Forces of the actuators.
     pub actuator_forces: &'a ActuatorForces<R>,
-    /// Wrenches that the user applied (force, torque), 6 nbody; empty when there are none.
+    /// Applied wrenches (force, torque), 6 nbody; empty without any.
     pub xfrc: &'a [R],
     /// Impulses of limits and dry friction.
     pub scalar_impulse: &'a [R],
@@ -31,7 +31,7 @@ pub struct SensorInput<'a, R: Real> {
     pub contacts: &'a Contacts<R>,
 }
 
-/// Workspace that all sensors share. Mocap frames are placed in `kinematics` and in `orientation` by whoever knows them.
+/// Workspace that all sensors share. The caller places mocap frames in `kinematics` and in `orientation`.
 #[derive(Clone, Debug)]
 pub struct SensorWorkspace<R: Real> {
     /// Readings of ideal sensors.
@@ -40,7 +40,7 @@ pub struct SensorWorkspace<R: Real> {
     pub orientation: Vec<[R; 4]>,
     /// Velocity of every link about its tree's reference point.
     pub velocity: Vec<V6<R>>,
-    /// Acceleration of every link about its tree's reference point; gravity is an upward acceleration of the world.
+    /// Acceleration of every link about its tree's reference point. Gravity is included as an upward acceleration of the world.
     pub acceleration: Vec<V6<R>>,
     /// Force and torque of the parent on every subtree of the compiled model's list.
     pub carried: Vec<[V3<R>; 2]>,

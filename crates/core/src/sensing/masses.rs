@@ -28,7 +28,7 @@ pub fn com<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, subtree
     )
 }
 
-/// Inertia of a part about the point about which its motion is given, that motion, and that point.
+/// Inertia of a part about its reference point, its motion, and that point.
 fn moving<R: Real>(
     compiled: &LaneModel<R>,
     kinematics: &Kinematics<R>,
@@ -93,8 +93,9 @@ pub fn angular_momentum<R: Real>(
     )
 }
 
-/// Force and torque, about the place and in its axes, with which the parent carries a subtree: what accelerates its masses, less what
-/// contacts and the user apply to it (Newton and Euler's laws for the subtree as a whole).
+/// Force and torque of the parent on a subtree, about a place and in its axes.
+///
+/// They accelerate its masses, minus the forces of contacts and of the user on it (Newton's and Euler's laws for the whole subtree).
 pub(super) fn parent_force<R: Real>(
     compiled: &LaneModel<R>,
     kinematics: &Kinematics<R>,
@@ -131,7 +132,7 @@ pub(super) fn parent_force<R: Real>(
     )
 }
 
-/// Energy of gravity and of the springs of joints and tendons, J.
+/// Potential energy of gravity and of the springs of joints and tendons, J.
 pub fn potential<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, q: &[R], all: &Subtree) -> R {
     R::vectorize(
         #[inline(always)]
@@ -169,7 +170,7 @@ pub fn potential<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, q
     )
 }
 
-/// Energy of motion, rotors and tendons' inertia included, J.
+/// Kinetic energy, including rotors and the inertia of tendons, J.
 pub fn kinetic<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, workspace: &SensorWorkspace<R>, v: &[R], all: &Subtree) -> R {
     R::vectorize(
         #[inline(always)]

@@ -1,4 +1,4 @@
-//! What sensors remember from step to step, lane-interleaved.
+//! Memory of the sensors, lane-interleaved.
 
 use serde::{Deserialize, Serialize};
 use stepper_real::Scalar;
@@ -11,36 +11,36 @@ use crate::sensing::errors::Keys;
 /// Memory of the sensors of a group of environments.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Memory<S> {
-    /// Lanes (bits) whose state was set and that have not stepped since: there is no last step to read.
+    /// Lanes (bits) without a step since their state was set: there is no last step to read.
     pub fresh: u32,
     /// Lanes (bits) whose transfer functions have not begun.
     pub waiting: u32,
     /// Seed of every lane.
     pub seed: Vec<u64>,
-    /// Environment of every lane, as far as random numbers are concerned.
+    /// Environment of every lane, for random numbers.
     pub stream: Vec<u32>,
-    /// Episodes of every lane before this one.
+    /// Number of earlier episodes of every lane.
     pub episode: Vec<u32>,
-    /// Steps of every lane since the beginning of its episode.
+    /// Number of steps of every lane since the beginning of its episode.
     pub step: Vec<u32>,
-    /// (v+ - v) / h of the last step, nv per lane.
+    /// Acceleration (v+ - v) / h of the last step, nv per lane.
     pub acceleration: Vec<S>,
-    /// Controls of the last step, nu per lane; empty when no sensor needs them, and so on.
+    /// Controls of the last step, nu per lane; empty if no sensor needs them, as all buffers of the last step.
     pub ctrl: Vec<S>,
-    /// Wrenches that the user applied in the last step, 6 nbody per lane.
+    /// Applied wrenches of the last step, 6 nbody per lane.
     pub xfrc: Vec<S>,
     /// Numbers of the transfer functions.
     pub numbers: Vec<S>,
-    /// Where every delay line was written last.
+    /// Position of the last sample in every delay line.
     pub cursors: Vec<u32>,
     /// Readings after the transfer functions; empty when all sensors are ideal.
     pub observation: Vec<S>,
-    /// For every sensor that is not ideal, readings that were clipped in the last call, per lane, and samples that were lost.
+    /// Number of clipped readings in the last call and number of lost samples, per lane, for every sensor with errors.
     pub faults: Vec<u32>,
 }
 
 impl<S: Scalar> Memory<S> {
-    /// Memory of sensors that are ideal; `first` is the first environment of the group.
+    /// Memory of ideal sensors. `first` is the first environment of the group.
     pub fn new(compiled: &ModelStructure<S>, lanes: usize, first: usize) -> Self {
         let needs = compiled.sensing.needs;
         let zeros = |there: bool, n: usize| vec![S::default(); if there { n * lanes } else { 0 }];
@@ -74,12 +74,12 @@ impl<S: Scalar> Memory<S> {
         [&self.acceleration, &self.ctrl, &self.xfrc, &self.numbers, &self.observation]
     }
 
-    /// Says that the state of a lane was set: there is no last step to read. All else stays.
+    /// Marks the state of a lane as set: there is no last step to read. All else stays.
     pub fn refresh(&mut self, lane: usize) {
         self.fresh |= 1 << lane;
     }
 
-    /// Forgets the last step of a lane.
+    /// Clears the last step of a lane.
     pub fn forget(&mut self, lane: usize) {
         let lanes = self.seed.len();
         for numbers in [&mut self.acceleration, &mut self.xfrc] {
@@ -92,7 +92,7 @@ impl<S: Scalar> Memory<S> {
 
     /// Begins a new episode of a lane, the first one under a new seed.
     pub fn begin(&mut self, lane: usize, seed: Option<u64>) {
-        // Ideal sensors draw nothing: their episodes are all the same.
+        // Ideal sensors draw no random numbers, so that all their episodes are equal.
         let counts = seed.is_none() && !self.observation.is_empty();
         self.episode[lane] = if counts { self.episode[lane].wrapping_add(1) } else { 0 };
         self.seed[lane] = seed.unwrap_or(self.seed[lane]);
@@ -101,7 +101,7 @@ impl<S: Scalar> Memory<S> {
         self.forget(lane);
     }
 
-    /// What nobody can read of a lane that is no environment is zero.
+    /// Clears the entries of an unused lane that cannot be read.
     pub fn clear(&mut self, lane: usize) {
         let lanes = self.seed.len();
         let all = [&mut self.acceleration, &mut self.ctrl, &mut self.xfrc, &mut self.numbers, &mut self.observation];
@@ -114,7 +114,7 @@ impl<S: Scalar> Memory<S> {
         self.waiting &= !(1 << lane);
     }
 
-    /// What `n` lanes from `first` on remember.
+    /// Memory of `n` lanes from `first` on.
     pub fn part(&self, first: usize, n: usize) -> Self {
         let lanes = self.seed.len();
         let numbers = |x: &[S]| columns(x, lanes, first, n);
@@ -136,7 +136,7 @@ impl<S: Scalar> Memory<S> {
         }
     }
 
-    /// Takes over what `n` lanes of a part remember in some lanes.
+    /// Copies the memory of `n` lanes of a part to some lanes.
     pub(crate) fn set_part(&mut self, target: Target, n: usize, part: &Self) {
         let lanes = self.seed.len();
         set_lane_bits(&mut self.fresh, target, n, part.fresh);
@@ -159,24 +159,24 @@ impl<S: Scalar> Memory<S> {
         ] {
             set_columns(to, lanes, target, n, from);
         }
-        // All environments step together.
+        // All environments step together, and share the cursors.
         self.cursors.copy_from_slice(&part.cursors);
     }
 
-    /// Memory that it holds, bytes.
+    /// Memory of the buffers, bytes.
     pub fn bytes(&self) -> usize {
         let scalars: usize = self.arrays().into_iter().map(|x| size_of_val(&x[..])).sum();
         scalars + self.seed.len() * 20 + (self.cursors.len() + self.faults.len()) * 4
     }
 
-    /// Whether two memories are of the same shape.
+    /// Whether two memories have the same shape.
     pub fn fits(&self, other: &Self) -> bool {
         let words = |m: &Self| [&m.stream, &m.episode, &m.step, &m.cursors, &m.faults].map(Vec::len);
         let sizes = |m: &Self| (m.arrays().map(Vec::len), m.seed.len(), words(m));
         sizes(self) == sizes(other)
     }
 
-    /// Who draws random numbers now.
+    /// Keys of the next random numbers.
     #[inline(always)]
     pub fn keys(&self) -> Keys {
         let lane = |x: &[u32]| {

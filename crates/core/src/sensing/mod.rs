@@ -1,4 +1,4 @@
-//! What stage 9 reads: poses and motions of frames, momentum and energy, rays, contacts, and the error model of sensors.
+//! Sensor models of stage 9: poses and motions of frames, momentum and energy, rays, contacts, and sensor errors.
 
 mod contact_list;
 pub mod errors;

@@ -1,4 +1,4 @@
-//! What sensors share, made once for all of them.
+//! Intermediate results that sensors share, computed once for all of them.
 
 use stepper_real::Real;
 
@@ -8,7 +8,7 @@ use crate::sensing::inputs::{SensorInput, SensorWorkspace};
 use crate::sensing::{frames, masses};
 
 impl<R: Real> SensorWorkspace<R> {
-    /// Makes what the sensors share.
+    /// Computes the intermediate results that sensors share.
     pub fn prepare(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, input: &SensorInput<'_, R>) {
         if !self.orientation.is_empty() {
             frames::orientations(compiled, input.q, &mut self.orientation);

@@ -1,4 +1,4 @@
-//! Closest points of two shapes: a plane and anything simple, balls and capsules among themselves.
+//! Closest points of two shapes: of a plane and any simple shape, and of balls and capsules.
 
 use stepper_geometry::pairs::{Segment, segments};
 use stepper_real::{Mask, Real};
@@ -10,7 +10,7 @@ use crate::math::spatial::*;
 use crate::model::ProximityReading;
 use crate::sensing::frames::{orientation, position};
 
-/// A signed distance and the points that are so far apart.
+/// Signed distance, and the two closest points.
 #[derive(Clone, Copy)]
 struct Nearest<R> {
     distance: R,
@@ -18,7 +18,7 @@ struct Nearest<R> {
     normal: V3<R>,
 }
 
-/// The nearest of all pairs.
+/// Closest points of all pairs, with the least distance.
 pub fn proximity<R: Real>(
     compiled: &LaneModel<R>,
     kinematics: &Kinematics<R>,
@@ -72,7 +72,7 @@ fn between<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, a: &Sol
                 Segment { centre: position(compiled, kinematics, &s.place), axis, half_length, radius }
             };
             let ([first, second], two) = segments(&segment(a), &segment(b));
-            // Of parallel capsules either end is as near; the nearer to rounding is taken.
+            // For parallel capsules both ends have the same distance up to rounding; the lesser is chosen.
             let swap = two.and(second.distance.lt(first.distance));
             let distance = R::select(swap, second.distance, first.distance);
             let (pos, normal) = (select(swap, second.pos, first.pos), select(swap, second.normal, first.normal));
@@ -82,7 +82,7 @@ fn between<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, a: &Sol
     )
 }
 
-/// The deepest point of a shape below a plane.
+/// Deepest point of a shape below a plane.
 fn from_plane<R: Real>(
     compiled: &LaneModel<R>,
     kinematics: &Kinematics<R>,
@@ -103,7 +103,7 @@ fn from_plane<R: Real>(
     )
 }
 
-/// The point of a shape that is furthest along a unit direction, in the shape's frame.
+/// Support point of a shape: the furthest along a unit direction, in the shape's frame.
 #[inline(always)]
 fn support<R: Real>(form: Form, size: V3<R>, d: V3<R>) -> V3<R> {
     let ball = scale(d, size[0]);

@@ -1,8 +1,8 @@
 //! Rays, and points within simple shapes.
 //!
-//! A simple shape's surface is made of pieces whose intersections with the line are roots of linear or quadratic equations; of those that
-//! are on their piece and not behind the ray's beginning, the nearest counts. A ray that begins inside hits where it leaves. Meshes and
-//! height fields are met lane by lane.
+//! The surface of a simple shape consists of pieces, whose intersections with the line are roots of linear or quadratic equations. The
+//! nearest root on its piece, and not behind the origin of the ray, counts. A ray that begins inside hits the point where it leaves. Meshes
+//! and height fields are hit lane by lane.
 
 use stepper_geometry::{Pose, RaySurface};
 use stepper_real::{Mask, Real, Scalar};
@@ -39,8 +39,10 @@ fn nothing<R: Real>() -> R {
     R::of(f64::INFINITY)
 }
 
-/// Where a line meets a piece of second order: the roots t of a t^2 + 2 b t + c, ascending. Whether they are on the piece is asked outside,
-/// and no function is handed on: a closure that is called twice is not inlined into the kernel.
+/// Intersections of a line with a quadric: the roots t of a t^2 + 2 b t + c, ascending.
+///
+/// The caller tests whether they are on the surface. Passing a function would be slow, because a closure that is called twice is not
+/// inlined into the kernel.
 struct Roots<R: Real> {
     real: R::Mask,
     at: [R; 2],
@@ -57,7 +59,7 @@ impl<R: Real> Roots<R> {
         Self { real, at: [(-b - root) * inverse, (root - b) * inverse] }
     }
 
-    /// The smallest that is not behind the ray's beginning, of those that are on the piece.
+    /// Smallest root on the piece that is not behind the origin of the ray.
     #[inline(always)]
     fn nearest(&self, on_piece: [R::Mask; 2]) -> R {
         let ([near, far], z) = (self.at, R::zero());
@@ -67,7 +69,7 @@ impl<R: Real> Roots<R> {
     }
 }
 
-/// Where the line meets the plane of constant coordinate k, and the lanes in which it does so not behind the ray's beginning.
+/// Intersection of the line with the plane of constant coordinate k, and the lanes in which it is not behind the origin of the ray.
 #[inline(always)]
 fn crossing<R: Real>(o: V3<R>, d: V3<R>, k: usize, level: R) -> (R, R::Mask) {
     let z = R::zero();
@@ -76,7 +78,7 @@ fn crossing<R: Real>(o: V3<R>, d: V3<R>, k: usize, level: R) -> (R, R::Mask) {
     (t, crosses.and(t.ge(z)))
 }
 
-/// The front of the plane only, without end.
+/// Distance to the front of a plane without end.
 #[inline(always)]
 fn plane<R: Real>(o: V3<R>, d: V3<R>) -> R {
     let (t, hits) = crossing(o, d, 2, R::zero());
@@ -90,7 +92,7 @@ fn capsule<R: Real>(size: V3<R>, o: V3<R>, d: V3<R>) -> R {
     for end in [half, -half] {
         let from = [o[0], o[1], o[2] - end];
         let roots = Roots::new(dot(d, d), dot(from, d), dot(from, from) - radius.square());
-        // Beyond the end of the segment.
+        // Points beyond the end of the segment.
         let side = R::one().copysign(end);
         let [near, far] = roots.at;
         t = t.min(roots.nearest([((o[2] + d[2] * near) * side).ge(half), ((o[2] + d[2] * far) * side).ge(half)]));
@@ -98,7 +100,7 @@ fn capsule<R: Real>(size: V3<R>, o: V3<R>, d: V3<R>) -> R {
     t
 }
 
-/// The side of a cylinder.
+/// Distance to the side of a cylinder.
 #[inline(always)]
 fn wall<R: Real>([radius, half, _]: V3<R>, o: V3<R>, d: V3<R>) -> R {
     let (a, b, c) = (d[0] * d[0] + d[1] * d[1], o[0] * d[0] + o[1] * d[1], o[0] * o[0] + o[1] * o[1] - radius.square());
@@ -168,7 +170,7 @@ pub fn inside<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, plac
     )
 }
 
-/// A geom that rays can meet, where it is.
+/// Geom that rays can hit, at its pose.
 pub(crate) struct Placed<'a, R: Real> {
     centre: V3<R>,
     mat: M3<R>,
@@ -176,14 +178,15 @@ pub(crate) struct Placed<'a, R: Real> {
 }
 
 impl<'a, R: Real> Placed<'a, R> {
-    /// At the poses of `kinematics`.
+    /// Ray target at the poses of `kinematics`.
     #[inline(always)]
     pub(crate) fn new(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, target: &'a Target<R::Scalar>) -> Self {
         Self { centre: position(compiled, kinematics, &target.place), mat: orientation(kinematics, &target.place), form: &target.form }
     }
 
-    /// Distance from `origin` along a unit `direction`, both in the world, in the lanes `lanes`; infinite where it is not met, and perhaps
-    /// where it is met beyond `within`.
+    /// Distance from `origin` along a unit `direction`, both in the world, in the lanes `lanes`.
+    ///
+    /// Infinite where the geom is not hit. It may also be infinite for a hit beyond `within`.
     #[inline(always)]
     pub(crate) fn distance(&self, compiled: &LaneModel<R>, lanes: u32, origin: V3<R>, direction: V3<R>, within: R) -> R {
         match self.form {
@@ -204,7 +207,7 @@ impl<'a, R: Real> Placed<'a, R> {
         let (centre, radius) = surface.ball();
         let offset = sub(add(self.centre, rotate(&self.mat, centre.map(R::of))), origin);
         let (along, square) = (dot(offset, direction), dot(offset, offset));
-        // Rounding of places, squares and the direction's length: some units in their last place.
+        // Rounding error of places, squares and the direction's length: some units in the last place.
         let rounding = R::splat(<R::Scalar as Scalar>::EPSILON) * R::of(32.0);
         let reach = R::of(radius) + rounding * (R::of(radius) + norm(origin) + norm(self.centre));
         let beside = (square - along * along).gt(reach * reach + rounding * square);
@@ -212,7 +215,7 @@ impl<'a, R: Real> Placed<'a, R> {
         R::Mask::splat(true).and_not(beside.or(behind))
     }
 
-    /// Lane by lane: what one does no other sees.
+    /// Distance to a mesh or height field, lane by lane, so that no lane depends on another.
     #[inline(never)]
     fn to_surface(&self, surface: &RaySurface, lanes: u32, origin: V3<R>, direction: V3<R>) -> R {
         let mut t = nothing::<R>();
@@ -225,7 +228,7 @@ impl<'a, R: Real> Placed<'a, R> {
     }
 }
 
-/// Distance to the nearest of some geoms along a unit `direction`, in the lanes `lanes`, and its number: -1 for none. Of two at one
+/// Distance to the nearest of some geoms along a unit `direction`, in the lanes `lanes`, and its number: -1 without a hit. Of two at one
 /// distance the first.
 pub(crate) fn nearest<R: Real>(
     compiled: &LaneModel<R>,

@@ -1,4 +1,4 @@
-//! Contacts as sensors feel them. They are few and differ from lane to lane, so each lane is read by itself.
+//! Contact sensors. Contacts are few and differ from lane to lane, so that each lane is read separately.
 
 use stepper_real::{Real, Scalar};
 
@@ -13,7 +13,7 @@ use crate::sensing::frames::{orientation, position};
 use crate::sensing::inputs::{SensorInput, SensorWorkspace};
 use crate::sensing::rays::{holds, ray};
 
-/// Geoms of the model that a contact is between, and their bodies.
+/// Geoms of the model in a contact, and their bodies.
 fn parties<R: Real>(compiled: &LaneModel<R>, contacts: &Contacts<R>, slot: usize, lane: usize) -> [[usize; 2]; 2] {
     let pair = compiled.pair_geoms(contacts.ids[slot][lane].pair()).expect("a contact belongs to a pair");
     let geoms = pair.map(|g| compiled.geoms[g].index);
@@ -36,7 +36,7 @@ impl Contact {
         }
     }
 
-    /// A vector along the axes in the world.
+    /// Vector along the axes of the contact, in world axes.
     fn world(&self, x: [f64; 3]) -> [f64; 3] {
         let [n, a, b] = self.axes;
         add_scaled(add_scaled(scale(n, x[0]), a, x[1]), b, x[2])
@@ -47,7 +47,7 @@ impl Contact {
     }
 }
 
-/// A volume where it is.
+/// Volume at its pose.
 struct Volume<R: Real> {
     origin: V3<R>,
     axes: M3<R>,
@@ -66,14 +66,14 @@ impl<R: Real> Volume<R> {
         )
     }
 
-    /// As one lane sees it.
+    /// Zone in one lane.
     #[inline(always)]
     fn zone(&self, lane: usize) -> Zone {
         Zone { origin: of_lane(&self.origin, lane), axes: of_lane(&self.axes, lane), size: of_lane(&self.size, lane) }
     }
 }
 
-/// A volume as one lane sees it.
+/// Volume in one lane.
 struct Zone {
     origin: [f64; 3],
     axes: [f64; 9],
@@ -86,14 +86,14 @@ impl Zone {
     }
 }
 
-/// x / h, rounded once.
+/// Quotient x / h, rounded once.
 #[inline(always)]
 fn over([x, y, z]: [f64; 3], h: f64) -> [f64; 3] {
     [x / h, y / h, z / h]
 }
 
 impl Felt {
-    /// Takes up what all sensors read.
+    /// Loads the contacts that all sensors read.
     pub(super) fn load_contacts<R: Real>(&mut self, compiled: &LaneModel<R>, input: &SensorInput<'_, R>) {
         self.contacts.clear();
         for lane in 0..R::LANES {
@@ -104,7 +104,7 @@ impl Felt {
         }
     }
 
-    /// Those of one lane.
+    /// Contacts of one lane.
     fn lane(&self, lane: usize) -> &[Contact] {
         &self.contacts[self.ends[lane]..self.ends[lane + 1]]
     }
@@ -135,8 +135,9 @@ impl Felt {
     }
 }
 
-/// Force (N) and torque (N m) of all contacts on every body of the model in world axes, six numbers each, the torque about the body's
-/// centre of mass, one of `centres` (m); `h` is the length of the step that the impulses are of.
+/// Force (N) and torque (N m) of all contacts on every body of the model, world axes, six numbers each.
+///
+/// The torque is about the body's centre of mass, one of `centres` (m). `h` is the length of the step of the impulses, s.
 pub fn contact_wrenches<R: Real>(compiled: &LaneModel<R>, contacts: &Contacts<R>, h: R, centres: &[V3<R>], out: &mut [[R; 6]]) {
     for lane in 0..R::LANES {
         for slot in 0..contacts.count[lane] {
@@ -155,7 +156,7 @@ pub fn contact_wrenches<R: Real>(compiled: &LaneModel<R>, contacts: &Contacts<R>
     }
 }
 
-/// Sum of the normal forces on a body whose line meets a volume, N.
+/// Sum of the normal forces on a body whose lines meet a volume, N.
 pub fn touch<R: Real>(
     compiled: &LaneModel<R>,
     kinematics: &Kinematics<R>,
@@ -172,7 +173,7 @@ pub fn touch<R: Real>(
                 continue;
             }
             let zone = volume.get_or_insert_with(|| Volume::of(compiled, kinematics, solid)).zone(lane);
-            // Along the force on the other body, away from this one.
+            // Direction of the force on the other body, away from this one.
             let away = scale(contact.axes[0], if contact.bodies[1] == body { -1.0 } else { 1.0 });
             let direction = rotate_back(&zone.axes, away);
             if ray(solid.form, zone.size, zone.local(contact.pos), direction) < f64::INFINITY {
@@ -210,7 +211,7 @@ pub fn contacts<R: Real>(
                 order.push((key, slot));
             }
         }
-        // Insertion sort: few, nearly in order, and nothing is allocated.
+        // Insertion sort: the list is short and nearly in order, and nothing is allocated.
         for i in 1..order.len() {
             let mut j = i;
             while j > 0 && order[j].0 < order[j - 1].0 {
@@ -234,7 +235,7 @@ pub fn contacts<R: Real>(
     }
 }
 
-/// Whether a contact is between the sides, and whether it has to be turned round for that.
+/// Whether a contact is between the sides, and whether its order must be reversed for that.
 fn matches<R: Real>(
     compiled: &LaneModel<R>,
     kinematics: &Kinematics<R>,
@@ -259,7 +260,7 @@ fn matches<R: Real>(
     }
 }
 
-/// A contact that matches, seen from the first side.
+/// Matching contact, as seen from the first side.
 fn seen<R: Real>(
     compiled: &LaneModel<R>,
     kinematics: &Kinematics<R>,
@@ -268,7 +269,7 @@ fn seen<R: Real>(
     lane: usize,
 ) -> Contact {
     if matches(compiled, kinematics, sides, &contact, lane) == Some(true) {
-        // Normal and first tangent turn round, and so does the force: along both its components stay.
+        // Normal and first tangent are reversed, and so is the force. Its components along both stay.
         let [n, t, s] = contact.axes;
         contact.axes = [scale(n, -1.0), scale(t, -1.0), s];
         contact.force[2] = -contact.force[2];
@@ -277,7 +278,7 @@ fn seen<R: Real>(
     contact
 }
 
-/// The sum of all forces at the mean of their positions, weighted by force, in world axes; and their torque about that point.
+/// Sum of all forces at the mean of their positions, weighted by force, in world axes, with their torque about that point.
 fn net_force(all: impl Iterator<Item = Contact> + Clone) -> Contact {
     let (mut force, mut weighted, mut weight, mut plain, mut count) = ([0.0; 3], [0.0; 3], 0.0, [0.0; 3], 0.0);
     let mut nearest = f64::INFINITY;

@@ -1,4 +1,4 @@
-//! The ten stages of a step, in order, one file each. No stage imports another: they meet in the small structs that they hand on.
+//! Ten stages of a step, in order, one file each. No stage imports another: they share only small structs.
 
 pub mod s01_actuate;
 pub mod s02_smooth;

@@ -10,9 +10,9 @@ use crate::dynamics::kinematics::quat_at;
 use crate::math::spatial::*;
 use crate::model::{Activation, JointKind};
 
-/// Forces of actuators and springs, N or N m, and what servos add to the mass matrix; joint damping and the stiffness of joints are added
-/// in stage 2. Servos that are at a bound of their force stay there until [`ActuatorForces::release`]. Without `implicit` all is taken
-/// explicitly.
+/// Computes the forces of actuators and springs, N or N m, and the added inertia of servos. Stage 2 adds joint damping and joint stiffness.
+///
+/// Servos at a bound of their force stay there until [`ActuatorForces::release`]. Without `implicit` all terms are explicit.
 pub fn actuate<R: Real>(
     compiled: &LaneModel<R>,
     at: &ForceState<'_, R>,
@@ -44,14 +44,14 @@ pub fn actuate<R: Real>(
                 };
                 let motion = actuator_forces.motion(actuator, at.q, at.v_at, at.v);
                 let parameters = compiled.params.actuator(i);
-                let law = law(actuator, parameters, at, nearest_equivalent_angle(actuator, parameters, input, motion.length));
+                let affine = affine_force(actuator, parameters, at, nearest_equivalent_angle(actuator, parameters, input, motion.length));
                 actuator_forces.beyond[i] = R::Mask::splat(false);
                 match (implicit, &actuator.dynamics) {
                     (Some(implicit), Some(dynamics)) => {
                         actuator_forces.set_actuator_dynamics(
                             i,
                             k,
-                            &law,
+                            &affine,
                             &motion,
                             dynamics,
                             &at.actuator_dynamics[dynamics.index],
@@ -59,15 +59,15 @@ pub fn actuate<R: Real>(
                         );
                     }
                     (Some(ImplicitServos { weights, all: true }), None) => {
-                        let (force, weight) = law.implicit_force(&motion, actuator_forces.effective_inertia_at(k), weights);
+                        let (force, weight) = affine.implicit_force(&motion, actuator_forces.effective_inertia_at(k), weights);
                         actuator_forces.set_servo(i, k, force, weight);
                     }
                     (None, Some(dynamics)) => {
                         actuator_forces.force[i] =
-                            bounded(dynamics, &at.actuator_dynamics[dynamics.index], law.force(&motion), motion.velocity);
+                            bounded(dynamics, &at.actuator_dynamics[dynamics.index], affine.force(&motion), motion.velocity);
                     }
                     (_, None) => {
-                        let asked = law.force(&motion);
+                        let asked = affine.force(&motion);
                         actuator_forces.beyond[i] = beyond(asked, actuator.force_range);
                         actuator_forces.force[i] = within(asked, actuator.force_range);
                     }
@@ -82,8 +82,9 @@ pub fn actuate<R: Real>(
     )
 }
 
-/// Weight of every servo along its moment when its damping is implicit and its stiffness is not: `h` times its damping, of either sign.
-/// Zero where its force is at a bound. [`actuate`] must have been called, with all taken explicitly.
+/// Added inertia of every servo along its moment if only its damping is implicit: `h` times its damping, of either sign.
+///
+/// Zero where its force is at a bound. [`actuate`] must have been called before, with explicit terms.
 pub(crate) fn servo_damping<R: Real>(compiled: &LaneModel<R>, at: &ForceState<'_, R>, h: R, forces: &mut ActuatorForces<R>) {
     R::vectorize(
         #[inline(always)]
@@ -96,8 +97,9 @@ pub(crate) fn servo_damping<R: Real>(compiled: &LaneModel<R>, at: &ForceState<'_
     )
 }
 
-/// Stiffness and damping of a servo where they oppose its motion and its force is at no bound; else 0. [`actuate`] must have been called,
-/// with all taken explicitly.
+/// Stiffness and damping of a servo where they oppose its motion and its force is not at a bound; else 0.
+///
+/// [`actuate`] must have been called before, with explicit terms.
 #[inline(always)]
 pub(crate) fn servo_slopes<R: Real>(
     compiled: &LaneModel<R>,
@@ -111,7 +113,7 @@ pub(crate) fn servo_slopes<R: Real>(
     )
 }
 
-/// Derivatives of an actuator's force by its length and its velocity; zero where the force is at a bound.
+/// Derivatives of an actuator's force with respect to its length and its velocity; zero where the force is at a bound.
 #[inline(always)]
 fn slopes<R: Real>(compiled: &LaneModel<R>, at: &ForceState<'_, R>, actuator: usize, forces: &ActuatorForces<R>) -> [R; 2] {
     let own = &compiled.actuators[actuator];
@@ -119,7 +121,7 @@ fn slopes<R: Real>(compiled: &LaneModel<R>, at: &ForceState<'_, R>, actuator: us
         Some(a) => at.act[a],
         None => control(at.ctrl[actuator], own.ctrl_range),
     };
-    let AffineForce { level, slope, rate } = law(own, compiled.params.actuator(actuator), at, input);
+    let AffineForce { level, slope, rate } = affine_force(own, compiled.params.actuator(actuator), at, input);
     let mut cut = forces.is_at_bound(compiled, actuator);
     if let Some(dynamics) = &own.dynamics {
         let velocity = forces.along(own, at.v);
@@ -132,7 +134,7 @@ fn slopes<R: Real>(compiled: &LaneModel<R>, at: &ForceState<'_, R>, actuator: us
     )
 }
 
-/// Lanes in which a force that is asked for is outside its range.
+/// Lanes in which a requested force is outside its range.
 #[inline(always)]
 fn beyond<R: Real>(asked: R, range: Option<[R::Scalar; 2]>) -> R::Mask {
     match range {
@@ -141,8 +143,7 @@ fn beyond<R: Real>(asked: R, range: Option<[R::Scalar; 2]>) -> R::Mask {
     }
 }
 
-/// Sums the actuators' forces into generalized forces again and adds the springs', as [`actuate`] does at its end: needed after a servo's
-/// force has changed.
+/// Sums actuator forces and springs into generalized forces, as [`actuate`] does at its end. Needed after a servo's force has changed.
 pub fn regather<R: Real>(compiled: &LaneModel<R>, q: &[R], all: bool, actuator_forces: &mut ActuatorForces<R>) {
     R::vectorize(
         #[inline(always)]
@@ -153,14 +154,16 @@ pub fn regather<R: Real>(compiled: &LaneModel<R>, q: &[R], all: bool, actuator_f
     )
 }
 
-/// A control within its range. One that is infinite is no control: it becomes NaN, and the environment is refused.
+/// Control clamped to its range. An infinite control becomes NaN, and the step is rejected.
 #[inline(always)]
 fn control<R: Real>(u: R, range: Option<[R::Scalar; 2]>) -> R {
     R::select(u.is_finite(), within(u, range), R::of(f64::NAN))
 }
 
-/// A setpoint of an angle as the one of those, whole turns apart, that is nearest to it, as MuJoCo's: it need not turn back when it winds
-/// further than half a turn. A setpoint is the input of what pulls back with as much as it pulls with.
+/// Setpoint of an angle, shifted by whole turns to the one nearest to `angle`, as in MuJoCo. A servo then need not turn back after more
+/// than half a turn.
+///
+/// It applies only to inputs that are setpoints: those whose gain equals minus the bias of the length.
 #[inline(always)]
 fn nearest_equivalent_angle<R: Real>(
     actuator: &CompiledActuator<R::Scalar>,
@@ -178,7 +181,7 @@ fn nearest_equivalent_angle<R: Real>(
     R::select(alone.and(gain[0].eq(-bias[1])), nearest, input)
 }
 
-/// What an activation follows: the control, for the angle of a servo that nearest to the activation `at`.
+/// Setpoint of an activation filter: the control, or for an angular servo the equivalent angle nearest to the activation `at`.
 #[inline(always)]
 fn setpoint<R: Real>(compiled: &LaneModel<R>, i: usize, actuator: &CompiledActuator<R::Scalar>, u: R, at: R) -> R {
     let u = control(u, actuator.ctrl_range);
@@ -188,10 +191,11 @@ fn setpoint<R: Real>(compiled: &LaneModel<R>, i: usize, actuator: &CompiledActua
     }
 }
 
-/// force = gain . (1, length, velocity) input + bias . (1, length, velocity), or what an actuator's dynamics makes of it: a continuous
-/// servo of its own, or a motor whose control is the share of its voltage.
+/// Force of an actuator: gain . (1, length, velocity) input + bias . (1, length, velocity).
+///
+/// Actuator dynamics replace this formula with a continuous servo, or with a motor whose control is a fraction of its voltage.
 #[inline(always)]
-fn law<R: Real>(
+fn affine_force<R: Real>(
     actuator: &CompiledActuator<R::Scalar>,
     ActuatorParams { gain, bias }: ActuatorParams<R>,
     at: &ForceState<'_, R>,
@@ -232,7 +236,7 @@ fn add_springs<R: Real>(compiled: &LaneModel<R>, q: &[R], tau: &mut [R]) {
     }
 }
 
-/// The activation after `h` seconds at the rates that belong to `rate_at`: `out = act + h rate(rate_at)`, clamped; exact lags use `act`.
+/// Activations after `h` seconds at the rates at `rate_at`: `out = act + h rate(rate_at)`, clamped. Exact lags use `act`.
 pub fn advance_activation<R: Real>(compiled: &LaneModel<R>, act: &[R], rate_at: &[R], ctrl: &[R], h: R, out: &mut [R]) {
     if out.is_empty() {
         return;
@@ -255,7 +259,7 @@ pub fn advance_activation<R: Real>(compiled: &LaneModel<R>, act: &[R], rate_at: 
     )
 }
 
-/// Brings activations back into their ranges.
+/// Clamps activations to their ranges.
 #[inline(always)]
 pub fn clamp_activation<R: Real>(compiled: &LaneModel<R>, act: &mut [R]) {
     for actuator in &compiled.actuators {

@@ -1,4 +1,4 @@
-//! Stage 2: smooth dynamics. What would happen without constraints.
+//! Stage 2: smooth dynamics, the motion without constraints.
 
 use stepper_real::Real;
 
@@ -15,15 +15,15 @@ use crate::math::spatial::*;
 pub struct Smooth<R: Real> {
     /// Factors of M with the implicit parts of damping and stiffness.
     pub mass: MassMatrix<R>,
-    /// Bias force c(q, v), less what the medium and gravity compensation do.
+    /// Bias force c(q, v), minus the forces of the medium and of gravity compensation.
     pub bias: Vec<R>,
-    /// Acceleration if nothing were in the way.
+    /// Acceleration without constraints.
     pub acc: Vec<R>,
     /// Velocities and accelerations of the links, left by [`Smooth::acceleration`].
     pub newton_euler: NewtonEuler<R>,
-    /// Diagonal of M itself, where there are servos.
+    /// Diagonal of M without implicit terms, in models with servos.
     pub inertia: Vec<R>,
-    /// Damping of stiff springs beyond the joints' own, where joints have springs; see [`crate::actuation::forces`].
+    /// Damping of stiff springs beyond that of the joints, in models with joint springs; see [`crate::actuation::forces`].
     drag: Vec<R>,
     composite: Vec<Inertia<R>>,
     /// Entries of the mass matrix without servos, if servos at their bounds may leave it within a step.
@@ -47,7 +47,7 @@ impl<R: Real> Smooth<R> {
         }
     }
 
-    /// The mass matrix with what is implicit of the joints' damping and stiffness.
+    /// Assembles the mass matrix with the implicit terms of joint damping and stiffness.
     pub fn assemble_mass(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, weights: ImplicitWeights<R>) {
         R::vectorize(
             #[inline(always)]
@@ -55,7 +55,7 @@ impl<R: Real> Smooth<R> {
         )
     }
 
-    /// What is left to do after [`Smooth::assemble_mass`]: what else is implicit, and the factors.
+    /// Completes the mass matrix after [`Smooth::assemble_mass`]: adds the other implicit terms and factors it.
     pub fn complete_mass(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, implicit: Implicit<'_, R>) {
         R::vectorize(
             #[inline(always)]
@@ -63,7 +63,7 @@ impl<R: Real> Smooth<R> {
         )
     }
 
-    /// Both in one.
+    /// Assembles, completes and factors the mass matrix.
     pub fn factor_mass(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, implicit: Implicit<'_, R>) {
         R::vectorize(
             #[inline(always)]
@@ -85,7 +85,7 @@ impl<R: Real> Smooth<R> {
         self.entries_without_servos.copy_from_slice(&self.mass.entries[..n]);
     }
 
-    /// The same again at the same configuration, where servos are others than they were.
+    /// Mass matrix and its factors at the same configuration, recomputed after the implicit servos have changed.
     pub fn refactor_mass(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, implicit: Implicit<'_, R>) {
         R::vectorize(
             #[inline(always)]
@@ -108,8 +108,9 @@ impl<R: Real> Smooth<R> {
         self.mass.factor(compiled);
     }
 
-    /// `acc = A^-1 (tau + applied - c(q, v_bias) - D v)` with the matrix A of [`Smooth::factor_mass`]: a step of it is implicit in what A
-    /// holds of the damping D and of springs (see [`crate::actuation::forces`]).
+    /// Computes `acc = A^-1 (tau + applied - c(q, v_bias) - D v)` with the matrix A of [`Smooth::factor_mass`].
+    ///
+    /// A step with it is implicit in the damping D and the springs that A contains (see [`crate::actuation::forces`]).
     pub fn acceleration(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, forces: [&[R]; 2], v: &[R], v_bias: &[R]) {
         R::vectorize(
             #[inline(always)]
@@ -129,7 +130,7 @@ impl<R: Real> Smooth<R> {
         )
     }
 
-    /// The same again with the bias force of the last time.
+    /// Acceleration at the velocity `v`, recomputed with the bias force of the previous call.
     pub fn recompute_acceleration(&mut self, compiled: &LaneModel<R>, forces: [&[R]; 2], v: &[R]) {
         R::vectorize(
             #[inline(always)]
@@ -149,7 +150,7 @@ impl<R: Real> Smooth<R> {
         self.mass.solve(compiled, &mut self.acc);
     }
 
-    /// Adds to the entries of the mass matrix the weights of servos within branches, and `h` times the drag of the medium.
+    /// Adds the added inertia of servos within branches and `h` times the drag of the medium to the entries of the mass matrix.
     pub fn damp(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, [weights, arms]: [&[R]; 2], v: &[R], h: R) {
         R::vectorize(
             #[inline(always)]
@@ -163,8 +164,10 @@ impl<R: Real> Smooth<R> {
         )
     }
 
-    /// What the user applies, as generalized forces: `qfrc` on the joints, and the wrenches `xfrc` (force, torque; six per body, at its
-    /// centre of mass, world axes). Either may be empty.
+    /// Applied forces of the user as generalized forces.
+    ///
+    /// `qfrc` acts on the joints. `xfrc` are wrenches (force, torque; six numbers per body, at its centre of mass, world axes). Either may
+    /// be empty.
     pub fn apply(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, [qfrc, xfrc]: [&[R]; 2], out: &mut [R]) {
         if qfrc.is_empty() {
             out.fill(R::zero());

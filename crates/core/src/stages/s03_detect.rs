@@ -1,13 +1,12 @@
-//! Stage 3: poses become contacts.
+//! Stage 3: detects contacts from poses.
 //!
-//! A contact is taken up when it can touch within the step: its distance is below twice what the free velocity closes in a step plus what
-//! gravity covers in one. So nothing has to overlap first in order to be felt.
+//! Detection lists a contact if it can touch within the step. Its distance must be below twice the distance that the free velocity covers
+//! in a step, plus the distance that gravity covers. Geoms need not overlap first.
 //!
-//! Fast bodies and thin ones: a gap that is seen at the beginning of a step is a row, however fast it closes, so a body stops before the
-//! wall. Taken in the middle of the step the body may be beyond it already. Environments in which a pair gets that far in the first half of
-//! the step are therefore taken at the beginning ([`detect`] returns them), and what can still slip through afterwards, because an impulse
-//! made it faster than it was looked out for or because it turns too far for a straight row, is reported
-//! ([`may_have_passed`](crate::collision::tunnelling::may_have_passed)).
+//! A gap at the beginning of a step is a row, however fast it closes, so a fast body stops before a thin wall. In the middle of the step
+//! the body may be beyond the wall. [`detect`] returns the lanes in which a pair gets that far in the first half of the step. The step then
+//! evaluates these lanes at its beginning. Bodies can still pass through a geom: an impulse may make them faster than the search assumed,
+//! or they may turn too far for a straight row. [`may_have_passed`](crate::collision::tunnelling::may_have_passed) reports these lanes.
 
 use stepper_real::{Mask, Real};
 
@@ -18,7 +17,7 @@ use crate::dynamics::kinematics::Kinematics;
 use crate::probe::{Counter, Probe, Span};
 
 /// Finds the contacts of the lanes `alive` at poses that are `time_before` seconds from the beginning of the step. Returns the lanes whose
-/// contacts cannot be trusted so far from it.
+/// contacts are unreliable at this time.
 #[expect(clippy::too_many_arguments, reason = "where all is, what is found, and who measures it")]
 #[inline(always)]
 pub fn detect<R: Real>(
@@ -49,7 +48,7 @@ pub fn detect<R: Real>(
     })
 }
 
-/// Broad phase: where the geoms are, and the pairs that can touch within the step with the free velocity `v_free`.
+/// Broad phase: poses of the geoms, and the pairs that can touch within the step with the free velocity `v_free`.
 fn find_pairs<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, v_free: &[R], h: R, alive: R::Mask, poses: &mut GeomPoses<R>) {
     R::vectorize(
         #[inline(always)]
@@ -66,8 +65,7 @@ fn find_pairs<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, v_fr
     }
 }
 
-/// Narrow phase: the contacts of those pairs. With `looks_ahead`, returns the lanes whose contacts cannot be trusted so far from its
-/// beginning.
+/// Narrow phase: contacts of those pairs. With `looks_ahead`, returns the lanes whose contacts are unreliable at this time of the step.
 fn find_contacts<R: Real>(
     compiled: &LaneModel<R>,
     kinematics: &Kinematics<R>,

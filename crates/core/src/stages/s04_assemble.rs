@@ -1,17 +1,17 @@
-//! Stage 4: contacts, equalities, limits, springs of tendons and dry friction become the constraint problem.
+//! Stage 4: contacts, equalities, limits, tendon springs and dry friction become the constraint problem.
 //!
-//! Every row is carried through half a solve, y = D^-1/2 L^-T J^T, which touches only the ancestors of the bodies it joins; the Delassus
-//! matrix is then Y^T Y. The bias of a row says what velocity it demands at the end of the step:
+//! Each row is scaled to y = D^-1/2 L^-T J^T, which touches only the ancestors of the bodies that it joins. The Delassus matrix is then Y^T
+//! Y. The bias of a row sets its target velocity at the end of the step:
 //!
 //! ```text
-//! apart (phi > 0):                v_n+ >= -c phi / h           it may just close (c = 1)
+//! apart (phi > 0):                v_n+ >= -c phi / h           the gap may just close (c = 1)
 //! touching:                       v_n+ >= 0
 //! overlapping, Baumgarte:         v_n+ >= min(beta (overlap - slop) / h, cap)
 //! closing and fast, e > 0:        v_n+ >= -e v_n-              Newton's law (Moreau 1988), and no other bias
 //! ```
 //!
-//! The last line is taken at the time of the impact by the midpoint rule (`constraints/restitution.rs`). A contact with e > 0 that neither
-//! strikes nor is about to rest has no row: to stop it at the surface would take the energy that it is to bounce with.
+//! The midpoint rule applies the last line at the time of the impact (`constraints/restitution.rs`). A contact with e > 0 that neither
+//! collides nor comes to rest in this step has no row. A row would stop it at the surface and take the energy of its bounce.
 
 use stepper_real::{Mask, Real};
 
@@ -71,7 +71,7 @@ pub(crate) fn assemble<R: Real>(input: RowInput<'_, R>, contacts: &Contacts<R>, 
 }
 
 impl<R: Real> Assembler<'_, R> {
-    /// Removes the rows of the step before.
+    /// Removes the rows of the last step.
     #[inline(always)]
     fn clear(&mut self, input: RowInput<'_, R>) {
         let (compiled, assembly, none) = (input.compiled, input.assembly, R::Mask::splat(false));
@@ -97,16 +97,16 @@ impl<R: Real> Assembler<'_, R> {
         if !problem.deferred.is_empty() {
             problem.activate_coplanar(velocity, contacts);
         }
-        velocity.patches.find(compiled, contacts, problem.constrained.bits());
+        velocity.groups.find(compiled, contacts, problem.constrained.bits());
         velocity.impulses.compute_w(&problem.rows);
-        problem.rows.hyperstatic = velocity.patches.new_lanes(contacts, &problem.slots, &problem.rows, &velocity.impulses);
+        problem.rows.redundant = velocity.groups.new_lanes(contacts, &problem.slots, &problem.rows, &velocity.impulses);
     }
 }
 
 /// Adds a change of the free velocity, in the lanes `lanes`, to the target velocities of the rows.
 ///
 /// `before_impacts` is the change of the velocity before impacts, if a contact bounces within the step. Overwrites both changes.
-pub(crate) fn assemble_demands<R: Real>(
+pub(crate) fn shift_targets<R: Real>(
     compiled: &LaneModel<R>,
     mass: &MassMatrix<R>,
     problem: &mut ConstraintProblem<R>,

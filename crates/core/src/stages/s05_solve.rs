@@ -1,4 +1,4 @@
-//! Stage 5: the constraint problem becomes impulses, with the residual that certifies them.
+//! Stage 5: solves the constraint problem for impulses, with the residual that certifies them.
 
 use stepper_real::{Mask, Real, Scalar};
 use stepper_solve::{Outcome, Settings, System, residual};
@@ -13,10 +13,9 @@ use crate::tuning::{
     ROUGH_MOTION, STRUCTURE_MOTION,
 };
 
-/// Solves the lanes `lanes` to the tolerance and leaves the impulses where the next step finds its warm start.
+/// Solves the lanes `lanes` to the tolerance, and stores the impulses as the warm start of the next step.
 ///
-/// What moves slowly is solved more tightly, to a part of its own speed `v`: else a robot at rest would creep at the speed of the
-/// tolerance.
+/// The tolerance of slow lanes is a fraction of their speed `v`. Otherwise a robot at rest would creep at the speed of the tolerance.
 #[inline(always)]
 pub fn solve<R: Real>(
     options: &StepSettings,
@@ -26,7 +25,7 @@ pub fn solve<R: Real>(
     velocity: &mut VelocitySolution<R>,
     contacts: &Contacts<R>,
 ) -> Outcome<R> {
-    let tolerance = tolerance(options, v, velocity.patches.lanes());
+    let tolerance = tolerance(options, v, velocity.groups.lanes());
     solve_to(options, tolerance, lanes, problem, velocity, contacts)
 }
 
@@ -51,7 +50,7 @@ pub fn solve_to<R: Real>(
     let enough = R::of(options.tolerance);
     share_loads(problem, settings, velocity, lanes.and(outcome.residual.le(enough)), &mut outcome);
     let unsolved = lanes.and_not(outcome.residual.le(enough));
-    velocity.worst.renew(problem, rows.into(), &velocity.impulses, contacts, [lanes, unsolved]);
+    velocity.worst.update(problem, rows.into(), &velocity.impulses, contacts, [lanes, unsolved]);
     outcome
 }
 
@@ -78,8 +77,10 @@ pub fn store_impulses<R: Real>(problem: &ConstraintProblem<R>, velocity: &mut Ve
     );
 }
 
-/// Shares the loads of hyperstatic patches that slip in the lanes `solved` (see [`crate::constraints::hyperstatic`]). Lanes that it
-/// unsettles, since a patch turns while it slips, are solved again from the shared loads.
+/// Distributes the loads of redundant supports that slip in the lanes `solved` evenly (see [`crate::constraints::redundant_supports`]).
+///
+/// This changes the velocity of a contact group that turns while it slips. The lanes of such groups are solved again from the shared
+/// loads.
 #[inline(always)]
 fn share_loads<R: Real>(
     problem: &ConstraintProblem<R>,
@@ -88,45 +89,45 @@ fn share_loads<R: Real>(
     solved: R::Mask,
     outcome: &mut Outcome<R>,
 ) {
-    let VelocitySolution { impulses, newton, patches, shared, .. } = velocity;
-    let slipping = patches.find_slips(problem, impulses, solved.and(patches.lanes()));
+    let VelocitySolution { impulses, newton, groups, shared, .. } = velocity;
+    let slipping = groups.find_slips(problem, impulses, solved.and(groups.lanes()));
     if slipping.none() {
         return;
     }
     shared.save(impulses, slipping);
-    let anew = patches.share(problem, impulses, slipping);
-    shared.restore(impulses, anew.not());
+    let redistributed = groups.share(problem, impulses, slipping);
+    shared.restore(impulses, redistributed.not());
     let left = R::vectorize(
         #[inline(always)]
         || residual(&problem.rows, impulses),
     );
     let before = outcome.residual;
-    outcome.residual = R::select(anew, left, before);
-    let moved = anew.and_not(left.le(before.max(settings.tolerance)));
+    outcome.residual = R::select(redistributed, left, before);
+    let moved = redistributed.and_not(left.le(before.max(settings.tolerance)));
     if moved.any() {
         let repeated = stepper_solve::solve(&problem.rows, impulses, settings, moved, newton);
         outcome.replace(&repeated, moved);
     }
 }
 
-/// How the impulses of a step are estimated before forces that depend on the velocity are taken.
+/// Predictor of this step's contact impulses, before velocity-dependent forces are evaluated.
 #[derive(Clone, Copy, Debug)]
 pub struct Estimate<R: Real> {
-    /// Lanes of which an estimate is made: where a step ends follows from its own contacts then, and not from those of the step before.
-    /// What rests keeps the impulses of the step before: they hold it.
+    /// Lanes that are predicted from this step's contacts alone, and not from the previous impulses. Lanes at rest keep the previous
+    /// impulses as their prediction.
     moving: R::Mask,
-    /// Those of them in which a few sweeps from no impulses, which follow from the state alone, are as good as the rule needs. In the
-    /// others the estimate is solved for.
+    /// Predicted lanes in which a few Gauss-Seidel iterations from zero are accurate enough. The other predicted lanes are solved to the
+    /// tolerance.
     rough: R::Mask,
-    /// Change by a sweep at which the others are solved, m/s.
+    /// Largest change of a contact velocity per sweep at which the other lanes stop, m/s.
     tolerance: R,
 }
 
 impl<R: Real> Estimate<R> {
-    /// Estimate of a step of `h` seconds from the velocity `v`.
+    /// Predictor for a step of `h` seconds from the velocity `v`.
     ///
-    /// A rough estimate has an error of up to [`ESTIMATE_ERROR`]. The estimate is solved if a smaller error is required, where it decides
-    /// whether servos are at their bounds, where loads are shared, and with Newton's method.
+    /// A rough estimate has an error of up to [`ESTIMATE_ERROR`]. The estimate is solved if a smaller error is required. It is also solved
+    /// where it decides which servos are at their bounds, where loads are shared, and with Newton's method.
     #[inline(always)]
     pub fn new(compiled: &LaneModel<R>, options: &StepSettings, v: &[R], h: R, velocity: &VelocitySolution<R>) -> Self {
         let error = ESTIMATE_ERROR / options.refinement();
@@ -139,7 +140,7 @@ impl<R: Real> Estimate<R> {
                 let slow = (turn * R::of(MAX_ESTIMATE_TOLERANCE)).le(R::of(error));
                 let tolerance = R::select(slow, R::of(MAX_ESTIMATE_TOLERANCE), R::of(error) / R::select(slow, R::one(), turn));
                 let moving = is_moving(turn);
-                let rough = turn.gt(R::of(least)).and(turn.lt(R::of(ROUGH_MOTION))).and_not(velocity.patches.lanes());
+                let rough = turn.gt(R::of(least)).and(turn.lt(R::of(ROUGH_MOTION))).and_not(velocity.groups.lanes());
                 Self { moving, rough: if exact { R::Mask::splat(false) } else { rough }, tolerance }
             },
         )
@@ -148,12 +149,12 @@ impl<R: Real> Estimate<R> {
     /// Estimates the impulses in the lanes `lanes`.
     #[inline(always)]
     pub fn make(&self, options: &StepSettings, lanes: R::Mask, problem: &ConstraintProblem<R>, velocity: &mut VelocitySolution<R>) {
-        let VelocitySolution { impulses, shared, patches, .. } = &mut *velocity;
-        shared.save(impulses, lanes.and(self.rough.or(patches.lanes())));
+        let VelocitySolution { impulses, shared, groups, .. } = &mut *velocity;
+        shared.save(impulses, lanes.and(self.rough.or(groups.lanes())));
         self.repeat(options, lanes, problem, velocity);
     }
 
-    /// Estimates the impulses in the lanes `lanes` again, once more rows are active.
+    /// Repeats the estimate of the impulses in the lanes `lanes`, after more rows have become active.
     #[inline(always)]
     pub fn repeat(&self, options: &StepSettings, lanes: R::Mask, problem: &ConstraintProblem<R>, velocity: &mut VelocitySolution<R>) {
         let (rows, impulses) = (&problem.rows, &mut velocity.impulses);
@@ -162,7 +163,7 @@ impl<R: Real> Estimate<R> {
             stepper_solve::gauss_seidel::sweep_from_none(rows, impulses, ROUGH_ITERATIONS, rough);
         }
         if solved.any() {
-            // Rounding may prevent a small tolerance from being met, hence the limit of the solve too.
+            // Rounding may prevent a small tolerance from being met, so the limit of the solve applies too.
             let limit = f64::from(options.iterations).max(ESTIMATE_ITERATIONS);
             let sweeps = (ESTIMATE_ITERATIONS * options.refinement()).min(limit) as u32;
             let settings = stepper_solve::gauss_seidel::SweepSettings { sweeps, tolerance: self.tolerance };
@@ -170,18 +171,20 @@ impl<R: Real> Estimate<R> {
         }
     }
 
-    /// Gives the lanes `lanes` the impulses from before the estimate back where loads are shared evenly, which is not for sweeps to change,
-    /// and where those are as good a start of the solve as a rough estimate.
+    /// Selects the impulses from which the solve of the lanes `lanes` starts.
+    ///
+    /// Lanes with shared loads start from the impulses before the estimate, because sweeps would change the shares. So do lanes in which
+    /// these impulses are as close to the solution as the rough estimate.
     #[inline(always)]
     pub fn choose_start(&self, lanes: R::Mask, problem: &ConstraintProblem<R>, velocity: &mut VelocitySolution<R>) {
-        let VelocitySolution { impulses, shared, patches, .. } = velocity;
+        let VelocitySolution { impulses, shared, groups, .. } = velocity;
         let rough = lanes.and(self.rough);
         let as_good = if rough.any() { rough.and(shared.is_as_good(&problem.rows, impulses)) } else { rough };
-        shared.restore(impulses, lanes.and(patches.lanes()).or(as_good));
+        shared.restore(impulses, lanes.and(groups.lanes()).or(as_good));
     }
 }
 
-/// Lanes that an estimate is made of at the velocity `v`: the others keep the impulses of the step before.
+/// Lanes whose impulses are estimated at the velocity `v`. The others keep the impulses of the last step.
 pub(crate) fn is_estimated<R: Real>(v: &[R], h: R) -> R::Mask {
     R::vectorize(
         #[inline(always)]
@@ -204,14 +207,16 @@ pub(crate) fn fastest<R: Real>(v: &[R]) -> R {
     fastest
 }
 
-/// Residual at which each lane stops, m/s; never below what rounding leaves of velocities of order one. In 32 bits that is more than the
-/// default tolerance, at which heavy boxes creep into light ones below them: lanes with `patches` go on.
-fn tolerance<R: Real>(options: &StepSettings, v: &[R], patches: R::Mask) -> R {
+/// Residual at which each lane stops, m/s, at least the rounding error of velocities of order one.
+///
+/// In 32 bits that is more than the default tolerance, at which heavy boxes creep into light ones below them. Lanes with contact groups
+/// therefore solve further.
+fn tolerance<R: Real>(options: &StepSettings, v: &[R], groups: R::Mask) -> R {
     R::vectorize(
         #[inline(always)]
         || {
             let epsilon = <R::Scalar as Scalar>::EPSILON.to_f64();
-            let least = R::select(patches, R::of((10.0 * epsilon).max(MIN_TOLERANCE)), R::of(1e4 * epsilon));
+            let least = R::select(groups, R::of((10.0 * epsilon).max(MIN_TOLERANCE)), R::of(1e4 * epsilon));
             (fastest(v) * R::of(RELATIVE_TOLERANCE)).max(least).min(R::of(options.tolerance))
         },
     )

@@ -1,4 +1,4 @@
-//! Stage 6: impulses become the next velocity.
+//! Stage 6: computes the next velocity from the impulses.
 
 use stepper_real::Real;
 

@@ -1,13 +1,13 @@
-//! Stage 8: positions are corrected where the velocity of the solution is not the one they should have moved with.
+//! Stage 8: corrects positions after the velocity solve.
 //!
-//! A second solve of the same rows, without restitution, finds the velocity that closes every gap just so and removes a part of every
-//! overlap. It is used once, for the positions, and thrown away: no kinetic energy comes of it. That is [`stabilise`], the split form. With
-//! Baumgarte's method positions are corrected through the velocities; [`limit_baumgarte`], which runs after stage 6, replaces velocities
-//! that its bias has made absurd, and there the bounded correction stays in the velocity.
+//! A second solve of the same rows, without restitution, finds the velocity that just closes every gap and removes a part of every overlap.
+//! Only the positions use this velocity, so it adds no kinetic energy. [`stabilise`] implements this split form. Baumgarte's method
+//! corrects positions through the velocities. [`limit_baumgarte`] runs after stage 6 and replaces velocities that its bias made absurd.
+//! There the bounded correction stays in the velocity.
 //!
-//! What positions demand may be impossible: overlaps that contradict one another, a weld out of reach, a contact whose normal passes a
-//! hinge. So the demands are damped ([`stepper_solve::PositionRows::damp`]), what they move is bounded, island by island, and where a
-//! witness proves that no motion within the bounds meets them, the lane is marked infeasible.
+//! Position targets may be infeasible: contradicting overlaps, a weld out of reach, or a contact whose normal passes a hinge. The targets
+//! are therefore damped ([`stepper_solve::PositionRows::damp`]), and the correction of each island is bounded. A lane is marked infeasible
+//! if a witness proves that no motion within the bounds meets its targets.
 
 use stepper_real::{Mask, Real, Scalar};
 use stepper_solve::{Damping, Iterate, Outcome, Reference, Settings, Snapshot, System};
@@ -24,15 +24,15 @@ use crate::model::JointKind;
 use crate::options::{Solver, Stabilization, StepSettings};
 use crate::tuning::{
     BAUMGARTE_LIMIT, CORRECTION_ARM, CORRECTION_ITERATIONS, CORRECTION_NEWTON_STEPS, CORRECTION_NEWTON_THRESHOLD, CORRECTION_TOLERANCE,
-    DAMPING, MAX_CORRECTION_ROTATION, MAX_SPEED_RATIO, MIN_UNMET_DEMAND, NEGLIGIBLE_CORRECTION,
+    DAMPING, MAX_CORRECTION_ROTATION, MAX_SPEED_RATIO, MIN_UNMET_TARGET, NEGLIGIBLE_CORRECTION,
 };
 
 /// Bounds of the motion of a correction.
 #[derive(Clone, Copy, Debug)]
 struct Bounds<R> {
-    /// m/s
+    /// Speed of a shift, m/s.
     shift: R,
-    /// rad/s
+    /// Speed of a turn, rad/s.
     turn: R,
 }
 
@@ -43,7 +43,7 @@ impl<R: Real> Bounds<R> {
         Self { shift, turn: (shift * R::of(1.0 / CORRECTION_ARM)).min(R::of(MAX_CORRECTION_ROTATION) / h) }
     }
 
-    /// Changes of velocities beyond which Baumgarte's bias is held for their cause, whatever the time step.
+    /// Bounds of the velocity change beyond which Baumgarte's bias counts as its cause, for any time step.
     #[inline(always)]
     fn absurd(options: &StepSettings) -> Self {
         let shift = R::of((BAUMGARTE_LIMIT * MAX_SPEED_RATIO * options.max_correction_speed).max(1e-9));
@@ -93,10 +93,11 @@ pub fn stabilise<R: Real>(
     infeasible
 }
 
-/// Limits Baumgarte's method in lanes with a bias where constraints change a velocity by more than four times what a correction may, or
-/// where a row that nothing can move demands more than 1 cm/s. There `velocity.v` becomes the velocity of the rows without their bias, plus
-/// the bounded correction that the split form would give positions. `v_free` is the free velocity. Returns the lanes in which the position
-/// errors cannot be removed.
+/// Limits the velocities of Baumgarte's method, and returns the lanes in which the position errors cannot be removed.
+///
+/// A lane with a bias is limited in two cases. Constraints change a velocity by more than four times the bound of a correction, or an
+/// immovable row has a target above 1 cm/s. There `velocity.v` becomes the velocity of the rows without their bias, plus the bounded
+/// correction of the split form. `v_free` is the free velocity.
 #[inline(always)]
 pub fn limit_baumgarte<R: Real>(
     compiled: &LaneModel<R>,
@@ -121,7 +122,7 @@ pub fn limit_baumgarte<R: Real>(
             for (change, (&v, &free)) in correction.iter_mut().zip(velocity.v.iter().zip(&*v_free)) {
                 *change = v - free;
             }
-            let unmet = System::from(rows).immovable_demand().gt(R::of(MIN_UNMET_DEMAND));
+            let unmet = System::from(rows).immovable_target().gt(R::of(MIN_UNMET_TARGET));
             biased.and(excess(compiled, correction, bounds).gt(R::one()).or(unmet))
         },
     );
@@ -135,14 +136,14 @@ pub fn limit_baumgarte<R: Real>(
         #[inline(always)]
         || {
             position.rows.copy(rows);
-            position.rows.exchange_demands();
+            position.rows.exchange_targets();
         },
     );
     let VelocitySolution { impulses, v, newton, worst, shared, .. } = &mut *velocity;
     let system = position.rows.system(rows);
     let repeated = stepper_solve::solve(system, impulses, settings, lanes, newton);
     let unsolved = lanes.and_not(repeated.residual.le(tolerance));
-    worst.renew(input.problem, system, impulses, input.contacts, [lanes, unsolved]);
+    worst.update(input.problem, system, impulses, input.contacts, [lanes, unsolved]);
     outcome.replace(&repeated, lanes);
     R::vectorize(
         #[inline(always)]
@@ -177,8 +178,8 @@ pub fn limit_baumgarte<R: Real>(
     infeasible
 }
 
-/// Solves the position rows, and writes to `position.correction` the bounded velocity that added to `velocity.v` removes position errors.
-/// Returns the lanes that are proven infeasible.
+/// Solves the position rows, and writes to `position.correction` the bounded velocity that removes position errors if it is added to
+/// `velocity.v`. Returns the lanes that are proven infeasible.
 fn correct<R: Real>(
     compiled: &LaneModel<R>,
     options: &StepSettings,
@@ -209,9 +210,9 @@ fn correct<R: Real>(
         || {
             find_motion(compiled, input.mass, impulses, [v_free, v_next], out);
             let short = system.shortfall(impulses, reference);
-            let held = system.immovable_demand();
+            let held = system.immovable_target();
             let fast = lanes.and_not(input.rebounding).and(excess(compiled, out, bounds).gt(R::one()));
-            (fast, lanes.and(short.max(held).gt(R::of(MIN_UNMET_DEMAND))))
+            (fast, lanes.and(short.max(held).gt(R::of(MIN_UNMET_TARGET))))
         },
     );
     let infeasible =
@@ -239,7 +240,7 @@ pub(crate) fn damp_rows<R: Real>(
     R::vectorize(
         #[inline(always)]
         || {
-            rows.exchange_demands();
+            rows.exchange_targets();
             find_floors(compiled, input, floors);
             rows.damp(&input.problem.rows, impulses, damping, floors, reference);
         },
@@ -276,7 +277,7 @@ fn find_motion<R: Real>(compiled: &LaneModel<R>, mass: &MassMatrix<R>, impulses:
     }
 }
 
-/// The largest part that a motion is of its bounds.
+/// Largest ratio of a motion to its bounds.
 #[inline(always)]
 fn excess<R: Real>(compiled: &ModelStructure<R::Scalar>, v: &[R], bounds: Bounds<R>) -> R {
     let mut most = R::zero();
@@ -286,7 +287,7 @@ fn excess<R: Real>(compiled: &ModelStructure<R::Scalar>, v: &[R], bounds: Bounds
     most
 }
 
-/// The same of one joint, whose direction of shift or axis of turn does not matter.
+/// Ratio of the velocity `v` of one joint to its bounds, for any direction of its shift or axis of its turn.
 #[inline(always)]
 fn excess_of<R: Real>(kind: JointKind, v: &[R], bounds: Bounds<R>) -> R {
     match kind {
@@ -296,8 +297,10 @@ fn excess_of<R: Real>(kind: JointKind, v: &[R], bounds: Bounds<R>) -> R {
     }
 }
 
-/// Slows the motion `v` down, in the lanes `lanes`, where an island of bodies that rows join exceeds its bounds: all of the island alike,
-/// so that loops stay closed. Impulses with a snapshot are blended with it in the same ratio.
+/// Slows the motion `v` down, in the lanes `lanes`, if an island (bodies that rows join) exceeds its bounds.
+///
+/// The whole island slows down by the same factor, so that loops stay closed. Impulses with a snapshot are blended with it in the same
+/// ratio.
 #[cold]
 fn bound_islands<R: Real>(
     compiled: &ModelStructure<R::Scalar>,
@@ -330,7 +333,7 @@ fn bound_islands<R: Real>(
     }
 }
 
-/// Those of the lanes `lanes` in which the impulses of the correction prove that no motion within the bounds meets what positions demand.
+/// Lanes of `lanes` in which the impulses of the correction prove that no motion within the bounds meets the position targets.
 #[cold]
 fn prove_infeasible<R: Real>(
     compiled: &LaneModel<R>,
@@ -353,14 +356,15 @@ fn prove_infeasible<R: Real>(
                     most += momentum[joint.v + k].abs() * bounds.of(joint.kind, k);
                 }
             }
-            // A contact that nothing can move along its normal is a witness by itself.
-            let held = system.immovable_demand().gt(R::of(MIN_UNMET_DEMAND));
+            // A contact that is immovable along its normal is a witness by itself.
+            let held = system.immovable_target().gt(R::of(MIN_UNMET_TARGET));
             lanes.and(held.or(lack.gt(most)))
         },
     )
 }
 
-/// Mobility of the bodies of every contact if nothing held them, 1/kg: what damping is at least relative to. 0 for scalar rows.
+/// Computes the mobility of the bodies of every contact without other constraints, 1/kg: the lower bound of the mobility that scales its
+/// damping. 0 for scalar rows.
 #[inline(always)]
 fn find_floors<R: Real>(compiled: &LaneModel<R>, input: &PositionInput<'_, R>, floors: &mut Vec<R>) {
     let ConstraintProblem { rows, slots, rolling_slots, .. } = input.problem;

@@ -1,7 +1,7 @@
-//! Stage 9: the new state becomes an observation.
+//! Stage 9: computes sensor readings of the new state.
 //!
-//! What ideal sensors read is a function of the state after the step and of what the step did: its impulses and its acceleration
-//! (v+ - v) / h, impulses included. Positions and velocities are those after the step, so that the readings of one moment fit together.
+//! Ideal readings are a function of the state after the step and of the results of the step: its impulses and its acceleration (v+ - v) /
+//! h, impulses included. Positions and velocities are those after the step, so that all readings belong to one time.
 
 use stepper_real::Real;
 
@@ -11,7 +11,8 @@ use crate::dynamics::kinematics::Kinematics;
 use crate::math::spatial::*;
 use crate::sensing::*;
 
-/// True readings of all sensors, left in `workspace.truth`. `kinematics` is placed at the moment's configuration here, except mocap frames.
+/// Computes the true readings of all sensors into `workspace.truth`. Updates `kinematics` to the present configuration, except mocap
+/// frames.
 pub fn sense<R: Real>(
     compiled: &LaneModel<R>,
     kinematics: &mut Kinematics<R>,
@@ -28,7 +29,7 @@ pub fn sense<R: Real>(
     }
 }
 
-/// One sensor.
+/// Reading of one sensor.
 fn read<R: Real>(
     compiled: &LaneModel<R>,
     kinematics: &Kinematics<R>,
@@ -83,7 +84,7 @@ fn read<R: Real>(
     workspace.truth[at] = scalar;
 }
 
-/// Sensors of three numbers.
+/// Readings of sensors with three numbers.
 fn three<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, workspace: &SensorWorkspace<R>, read: &Read<R::Scalar>) -> V3<R> {
     let tree = |index: &usize| &compiled.sensing.subtrees[*index];
     match read {
@@ -100,7 +101,7 @@ fn three<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, workspace
     }
 }
 
-/// The magnetic field in a site's axes.
+/// Magnetic field in a site's axes.
 fn magnetic_field<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, site: &SensorFrame<R::Scalar>) -> V3<R> {
     R::vectorize(
         #[inline(always)]
@@ -108,7 +109,7 @@ fn magnetic_field<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, 
     )
 }
 
-/// sum of c x
+/// Sum of c x.
 fn weighted<R: Real>(terms: &[(usize, R::Scalar)], x: &[R]) -> R {
     R::vectorize(
         #[inline(always)]
@@ -122,7 +123,7 @@ fn weighted<R: Real>(terms: &[(usize, R::Scalar)], x: &[R]) -> R {
     )
 }
 
-/// sum of x
+/// Sum of x over `which`.
 fn total<R: Real>(which: &[usize], x: &[R]) -> R {
     R::vectorize(
         #[inline(always)]
@@ -136,7 +137,7 @@ fn total<R: Real>(which: &[usize], x: &[R]) -> R {
     )
 }
 
-/// `dim` readings at `at`: coefficients times the readings that begin at the terms' addresses.
+/// Combines `dim` readings at `at`: coefficients times the readings that begin at the addresses of the terms.
 fn combine<R: Real>(terms: &[(usize, R::Scalar)], at: usize, dim: usize, truth: &mut [R]) {
     R::vectorize(
         #[inline(always)]
@@ -159,7 +160,7 @@ fn bounds<R: Real>(compiled: &LaneModel<R>, bounds: &Bounds<R::Scalar>) -> [R; 2
     }
 }
 
-/// How far q is from the nearer end of its range where it is beyond it, and that distance's rate at velocity v; else zeros.
+/// Distance of q beyond the nearer end of its range and its rate at velocity v; zeros within the range.
 fn overlap<R: Real>(q: R, v: R, [low, high]: [R; 2]) -> [R; 2] {
     R::vectorize(
         #[inline(always)]

@@ -1,4 +1,4 @@
-//! Stage 10: what the step says of itself.
+//! Stage 10: record of how well the step was solved.
 
 use std::fmt;
 
@@ -12,16 +12,19 @@ use crate::dynamics::kinematics::quat_at;
 use crate::math::lanes::each_of;
 use crate::math::spatial::*;
 
-/// Overlap of a contact above which a step is [`Status::DEEP`], m: a hundred times the default slop, more than any contact that is solved
-/// keeps, and what an eye sees between a foot and the floor.
+/// Overlap of a contact above which a step is [`Status::DEEP`], m.
+///
+/// It is a hundred times the default slop, above the overlap of any solved contact, and visible between a foot and the floor.
 pub const DEEP: f64 = 1e-3;
 
-/// Distance beyond its range above which a joint is [`Status::OVER_LIMIT`], rad or m: half a degree, which a hard stop does not give, and
-/// the distance from which on the limit has a row in every step.
+/// Distance beyond its range above which a joint is [`Status::OVER_LIMIT`], rad or m.
+///
+/// It is half a degree, which a hard stop does not give. From this distance on the limit has a row in every step.
 pub const OVER_LIMIT: f64 = 1e-2;
 
-/// Position error of an equality above which a step is [`Status::EQUALITY_VIOLATED`], m or rad. Linkages whose bodies turn by up to
-/// 0.03 rad a step keep 2e-4, a four-bar that turns by 0.17 rad a step opens by 2.3e-3.
+/// Position error of an equality above which a step is [`Status::EQUALITY_VIOLATED`], m or rad.
+///
+/// Linkages whose bodies turn by up to 0.03 rad a step keep 2e-4. A four-bar that turns by 0.17 rad a step opens by 2.3e-3.
 pub const EQUALITY_VIOLATED: f64 = 1e-3;
 
 bitflags! {
@@ -37,21 +40,23 @@ bitflags! {
     /// ```
     #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
     pub struct Status: u32 {
-        /// The residual is above the tolerance, or it is below it but the impulses cancel so strongly that they do not determine the energy
+        /// The residual is above the tolerance. Or it is below, but the impulses cancel so strongly that they do not determine the energy
         /// (`stepper_solve::energy_is_ambiguous`).
         const NOT_CONVERGED = 1;
         /// The step was not finite; the environment keeps its last finite state.
         const NON_FINITE = 2;
-        /// More contacts were found than the capacity; the last ones were left out.
+        /// The step found more contacts than the capacity, and the last ones were left out.
         const CONTACTS_FULL = 4;
-        /// The step was too long for the motion. Its velocity-dependent inertial forces were left out, or impulses turned a joint by more
-        /// than half a turn: in both cases speed and kinetic energy were kept from growing. Or the error of the step made so much energy
-        /// that the kinetic energy would double within 0.1 s, and nothing was kept from growing.
+        /// The step was too long for the motion.
+        ///
+        /// In two cases speed and kinetic energy were bounded: velocity-dependent inertial forces were left out, or impulses turned a joint
+        /// by more than half a turn. In the third case nothing was bounded: the error of the step added so much energy that the kinetic
+        /// energy would double within 0.1 s.
         const UNRESOLVED = 8;
-        /// Something moved so fast that it may have passed through something thin.
+        /// A geom moved so fast that it may have passed through a thin one.
         const TUNNELLED = 16;
-        /// What constraints demand cannot be met, and impulses prove it: they move nothing, or so little that no motion within the bounds
-        /// of a correction gives what they ask for. What can be met of it is.
+        /// Constraints contradict each other, and impulses prove it. No motion within the bounds of a correction meets the targets. The
+        /// solver meets them as far as possible.
         const INFEASIBLE = 32;
         /// A contact overlapped by more than 1 mm: a hundred times the default slop.
         const DEEP = 64;
@@ -63,7 +68,7 @@ bitflags! {
 }
 
 impl Status {
-    /// Solved to the tolerance, finite, every contact held: no flag.
+    /// Solved to the tolerance, finite, with all contacts kept: no flag.
     pub const OK: Self = Self::empty();
 }
 
@@ -73,18 +78,18 @@ impl fmt::Display for Status {
     }
 }
 
-/// The record of one step, lane by lane.
+/// Record of one step, lane by lane.
 #[derive(Clone, Copy, Debug)]
 pub struct Record<R: Real> {
-    /// Residual, m/s, with the largest velocity that is demanded where nothing can move; 0 where the step was not finite.
+    /// Residual, or the largest target velocity of an immovable row if that is larger, m/s. 0 where the step was not finite.
     pub residual: R,
     /// Sweeps of the solver.
     pub sweeps: R,
     /// Newton steps of the solver, over all islands.
     pub newton_steps: R,
-    /// Deepest overlap of the step's contacts beyond their margins, m, where the step was taken.
+    /// Largest overlap of the step's contacts beyond their margins at the evaluation point, m.
     pub depth: R,
-    /// Farthest that a joint or tendon is beyond its range after the step, rad or m.
+    /// Largest distance of a joint or tendon beyond its range after the step, rad or m.
     pub overshoot: R,
     /// Largest position error of an equality after the step, m or rad.
     pub equality_violation: R,
@@ -96,9 +101,9 @@ pub struct Record<R: Real> {
     pub contacts_full: u32,
     /// Lanes whose motion was too fast for the step.
     pub unresolved: R::Mask,
-    /// Lanes in which something may have passed through something thin.
+    /// Lanes in which a geom may have passed through a thin one.
     pub tunnelled: R::Mask,
-    /// Lanes in which a witness proves that what constraints demand cannot be met.
+    /// Lanes in which a witness proves that the constraints are infeasible.
     pub infeasible: R::Mask,
     /// Lanes whose `depth` is above [`DEEP`].
     pub deep: R::Mask,
@@ -134,7 +139,7 @@ impl<R: Real> Record<R> {
     }
 }
 
-/// Deepest overlap of the contacts beyond their margins, m, in the lanes `lanes`; 0 where none overlaps.
+/// Largest overlap of the contacts beyond their margins, m, in the lanes `lanes`; 0 without any.
 pub fn depth<R: Real>(problem: &ConstraintProblem<R>, contacts: &Contacts<R>, lanes: R::Mask) -> R {
     R::vectorize(
         #[inline(always)]
@@ -149,7 +154,7 @@ pub fn depth<R: Real>(problem: &ConstraintProblem<R>, contacts: &Contacts<R>, la
     )
 }
 
-/// Farthest that a joint or tendon is beyond its range at the configuration `q`, rad or m; 0 where all are inside.
+/// Largest distance of a joint or tendon beyond its range at the configuration `q`, rad or m; 0 if all are inside.
 pub fn limit_overshoot<R: Real>(compiled: &LaneModel<R>, q: &[R]) -> R {
     R::vectorize(
         #[inline(always)]

@@ -1,9 +1,9 @@
-//! Derivative of a step at the modes of its solution: the implicit function theorem.
+//! Derivative of a step at the modes of its solution, by the implicit function theorem.
 //!
-//! A step is solved once, in all lanes. Then one coordinate after the other is displaced, in every lane that of its own environment, and
-//! stages 1 to 8 are taken there, with the linear response of the solution in the place of solves: which contacts push, stick and slip is
-//! held. Geometry, forces and inertia are differentiated by differences of this, which has no kinks of its own. Where the configuration
-//! stays, poses, mass matrix and rows do.
+//! The step is solved once, in all lanes. Then each coordinate is displaced in turn; every lane displaces that of its environment. Stages 1
+//! to 8 run there with the linear response of the solution in place of solves. The contacts that push, stick and slip stay the same.
+//! Differences of these evaluations differentiate geometry, forces and inertia without kinks. If the configuration does not change, poses,
+//! mass matrix and rows are reused.
 
 mod held_overlaps;
 pub(crate) mod kink;
@@ -29,15 +29,16 @@ use crate::step_derivative::held_overlaps::{HeldOverlaps, compare_overlaps};
 use crate::step_derivative::kink::*;
 use crate::step_derivative::response::{HardResponse, is_solved};
 
-/// Change of a slope per unit of a coordinate, relative to the slope, that smooth motion may have, and the largest for any width.
+/// Change of a slope that smooth motion may have, per unit of a coordinate and relative to the slope, and the largest for any width.
 const CURVATURE: f64 = 1e4;
 const LARGEST_BEND: f64 = 0.1;
 
-/// Slope below which a column is compared with this one, SI units: what rests has columns that are 0 but for terms of second order.
+/// Slope with which smaller ones are replaced in a comparison, SI units. Bodies at rest have columns that are 0 except for terms of second
+/// order.
 const LEAST_SLOPE: f64 = 0.1;
 
-/// Difference of the response at the solution from the solution, relative to its velocities, that is rounding and residual: elsewhere
-/// something has a part in the step that the response does not know.
+/// Difference of the response at the solution from the solution, relative to its velocities, that counts as rounding and residual. A larger
+/// one means that the step has a part that the response does not model.
 const FAITHFUL: f64 = 1e-8;
 
 /// Part of a state, or the controls, whose coordinates are columns.
@@ -54,8 +55,8 @@ pub enum StatePart {
 }
 
 impl StatePart {
-    /// What is another where a coordinate of it is displaced.
-    fn renews(self) -> Recomputed {
+    /// Parts of a step that change when a coordinate of this kind is displaced.
+    fn recomputed(self) -> Recomputed {
         match self {
             Self::Qpos => Recomputed::Configuration,
             Self::Qvel => Recomputed::Velocity,
@@ -64,40 +65,40 @@ impl StatePart {
     }
 }
 
-/// What is differentiated: numbers are environment-major.
+/// Arguments of a derivative; arrays are environment-major.
 #[derive(Clone, Copy, Debug)]
 pub struct DerivativeQuery<'a> {
     /// Parts in the order of their columns.
     pub parts: &'a [StatePart],
     /// Displacements of every column, (num_envs, points, columns) with one point or two.
     pub offsets: &'a [f64],
-    /// Points of a column.
+    /// Number of points of a column.
     pub points: usize,
     /// Residual to which the step is solved, m/s.
     pub tolerance: f64,
 }
 
-/// Answer for some environments, environment-major.
+/// Results for some environments, environment-major.
 #[derive(Debug)]
 pub struct DerivativeRows<'a> {
     /// Derivatives of displacements of qpos, qvel and act after the step, (environments, 2 nv + na, columns).
     pub slopes: &'a mut [f64],
     /// Flags of every column, (environments, columns), as Python's `stepper.derivatives.Kink` has them.
     pub causes: &'a mut [u32],
-    /// Widths of the displacements to the nearest kink, to first order; infinite where none is seen.
+    /// Distance to the nearest kink in widths of the displacements, to first order; infinite without any.
     pub distance: &'a mut [f64],
-    /// Whether the derivative is that of the step: 0 where the implicit function theorem does not give it.
+    /// Whether the derivative is that of the step: 0 where the implicit function theorem does not apply.
     pub sound: &'a mut [u8],
     /// Residual of the step, m/s.
     pub residual: &'a mut [f64],
-    /// Its flags.
+    /// Flags of the environments.
     pub status: &'a mut [u32],
-    /// State after it: nq, nv and na numbers.
+    /// State after the step: nq, nv and na numbers.
     pub state: [&'a mut [f64]; 3],
 }
 
 impl<'a> DerivativeRows<'a> {
-    /// The rows of `num_envs` environments in parts of so many environments.
+    /// Rows of `num_envs` environments in chunks of `size` environments.
     pub(crate) fn chunks(self, num_envs: usize, size: usize) -> impl Iterator<Item = DerivativeRows<'a>> + Send {
         let Self { slopes, causes, distance, sound, residual, status, state } = self;
         let [mut slopes, mut distance, mut residual] = [slopes, distance, residual].map(|all| rows(all, num_envs, size));
@@ -117,7 +118,7 @@ impl<'a> DerivativeRows<'a> {
         .take(num_envs.div_ceil(size))
     }
 
-    /// Notes what has come nearer to another mode by the displacement of column `c` of so many.
+    /// Records the constraint that the displacement of column `c` of `columns` brings closer to another mode.
     fn note(&mut self, near: Followed, (c, columns): (usize, usize)) {
         self.distance[near.lane] = self.distance[near.lane].min(near.distance);
         if near.distance <= 1.0 {
@@ -132,30 +133,30 @@ impl<'a> DerivativeRows<'a> {
     }
 }
 
-/// Rows of `num_envs` environments in parts of so many environments; as many empty parts as are asked for where rows have no numbers.
+/// Rows of `num_envs` environments in chunks of `size` environments. Empty rows give that many empty chunks.
 fn rows<T: Send>(all: &mut [T], num_envs: usize, size: usize) -> impl Iterator<Item = &mut [T]> + Send {
     all.chunks_mut((all.len() / num_envs * size).max(1)).chain(std::iter::repeat_with(Default::default))
 }
 
-/// Room for the derivatives of a group of lanes.
+/// Workspace for the derivatives of a group of lanes.
 #[derive(Clone, Debug)]
 pub(crate) struct StepDerivative<R: Real> {
     law: LawResponse<R>,
     overlaps: HeldOverlaps<R>,
     /// Configuration, velocity, activations and controls before the step.
     before: [Vec<R>; 4],
-    /// Configuration, velocity and activations after it.
+    /// Configuration, velocity and activations after the step.
     after: [Vec<R>; 3],
     /// Changes of the state at the points of a column.
     changes: [Vec<R>; 2],
     direction: Vec<R>,
 }
 
-/// How the solution follows the state, by the law of contact.
+/// Response of the solution to the state, by contact law.
 #[derive(Clone, Debug)]
 enum LawResponse<R: Real> {
     Hard(Box<HardResponse<R>>),
-    /// With the acceleration of the solution.
+    /// MuJoCo's law, with the acceleration of the solution.
     Mujoco(Vec<R>),
 }
 
@@ -177,8 +178,8 @@ impl<R: Real> StepDerivative<R> {
         }
     }
 
-    /// Differentiates the step from the state in `s`, which is used up, in all lanes that are environments: `rows` are theirs, and
-    /// `offsets` of the query.
+    /// Differentiates the step from the state in `s`, which is overwritten, in all lanes that are environments. `rows` and the query's
+    /// `offsets` are those of these environments.
     pub(crate) fn differentiate(
         &mut self,
         compiled: &LaneModel<R>,
@@ -191,9 +192,9 @@ impl<R: Real> StepDerivative<R> {
         let solved = self.solve(compiled, options, s, rows);
         let mut sound = self.settle(compiled, options, s, solved);
         let columns: Vec<(StatePart, usize)> = query.parts.iter().flat_map(|&part| (0..self.width(part)).map(move |i| (part, i))).collect();
-        // What changes forces alone comes first, at the rows of the solution, and then what leaves the configuration where it is.
+        // Coordinates that change forces alone come first, with the rows of the solution. Those that keep the configuration follow.
         for recomputed in [Recomputed::Forces, Recomputed::Velocity, Recomputed::Configuration] {
-            for (c, &(part, i)) in columns.iter().enumerate().filter(|(_, (part, _))| part.renews() == recomputed) {
+            for (c, &(part, i)) in columns.iter().enumerate().filter(|(_, (part, _))| part.recomputed() == recomputed) {
                 let offsets = self.offsets(query, alive, c, columns.len());
                 for (point, &offset) in offsets[..query.points].iter().enumerate() {
                     sound = self.evaluate(compiled, options, s, (part, i, offset), sound, &mut |near| rows.note(near, (c, columns.len())));
@@ -220,7 +221,7 @@ impl<R: Real> StepDerivative<R> {
         }
     }
 
-    /// Makes the step, and writes down what it says of itself. Returns the lanes in which it is solved.
+    /// Makes the step and stores its solution. Returns the lanes in which the step is solved.
     fn solve(&mut self, compiled: &LaneModel<R>, options: &StepSettings, s: &mut Workspace<R>, rows: &mut DerivativeRows<'_>) -> u32 {
         for (kept, now) in self.before.iter_mut().zip([&s.state.q, &s.state.v, &s.state.act, &s.inputs.ctrl]) {
             kept.copy_from_slice(now);
@@ -250,8 +251,8 @@ impl<R: Real> StepDerivative<R> {
         s.alive.and(solved).bits() & !broken
     }
 
-    /// Takes up how the solution follows the state in the lanes `solved`. Returns those of them in which the response at the solution is
-    /// the solution.
+    /// Computes the response of the solution to the state in the lanes `solved`. Returns the lanes in which the response at the solution
+    /// reproduces the solution.
     fn settle(&mut self, compiled: &LaneModel<R>, options: &StepSettings, s: &mut Workspace<R>, solved: u32) -> u32 {
         let mut sound = solved;
         match &mut self.law {
@@ -275,7 +276,7 @@ impl<R: Real> StepDerivative<R> {
             || {
                 let (mut apart, mut speed) = (R::zero(), R::one());
                 for &change in &self.changes[0] {
-                    // Written so that a NaN stays.
+                    // This form propagates a NaN.
                     apart = R::select(change.abs().le(apart), apart, change.abs());
                 }
                 for &v in &self.after[1] {
@@ -286,7 +287,7 @@ impl<R: Real> StepDerivative<R> {
         )
     }
 
-    /// Brings the state and the controls before the step back.
+    /// Restores the state and the controls before the step.
     fn return_to_beginning(&self, s: &mut Workspace<R>) {
         let State { q, v, act, .. } = &mut s.state;
         for (to, kept) in [q, v, act, &mut s.inputs.ctrl].into_iter().zip(&self.before) {
@@ -305,8 +306,9 @@ impl<R: Real> StepDerivative<R> {
         offsets
     }
 
-    /// Takes the step with one coordinate displaced. Returns those of `lanes` that have all constraints still, and calls `near` with the
-    /// constraints that have come nearer to another mode in these.
+    /// Evaluates the step with one coordinate displaced. Returns the lanes of `lanes` in which all constraints still exist.
+    ///
+    /// Calls `near` with the constraints that have come closer to another mode in these lanes.
     fn evaluate(
         &mut self,
         compiled: &LaneModel<R>,
@@ -326,7 +328,7 @@ impl<R: Real> StepDerivative<R> {
             StatePart::Act => s.state.act[i] = self.before[2][i] + offset,
             StatePart::Ctrl => s.inputs.ctrl[i] = self.before[3][i] + offset,
         }
-        let lanes = self.respond(compiled, options, s, part.renews(), lanes, near);
+        let lanes = self.respond(compiled, options, s, part.recomputed(), lanes, near);
         self.return_to_beginning(s);
         lanes
     }
@@ -352,7 +354,7 @@ impl<R: Real> StepDerivative<R> {
         }
     }
 
-    /// Displacement from the state after the step to that in `s.next`.
+    /// Computes the displacement from the state after the step to the displaced one.
     fn find_changes(&mut self, compiled: &LaneModel<R>, s: &Workspace<R>, point: usize) {
         let Self { after, changes, .. } = self;
         R::vectorize(
@@ -382,7 +384,7 @@ impl<R: Real> StepDerivative<R> {
         )
     }
 
-    /// Writes the derivatives by a column, from the changes at its points, and notes where slopes on both sides differ.
+    /// Writes the derivatives of a column from the changes at its points, and flags slopes that differ between the sides.
     fn write_slopes(&mut self, offsets: &[R], noise: f64, alive: u32, rows: &mut DerivativeRows<'_>, (c, columns): (usize, usize)) {
         let n = self.changes[0].len();
         let nv = self.before[1].len();
@@ -395,7 +397,7 @@ impl<R: Real> StepDerivative<R> {
                     first.iter_mut().for_each(|change| *change /= a);
                     return 0;
                 };
-                // Of the parabola through both points and the nominal one.
+                // Weights of the parabola through both points and the nominal one.
                 let weights = [b / (a * (b - a)), a / (b * (a - b))];
                 let floor = R::of(4.0 * noise) / a.abs();
                 let limit = (R::of(CURVATURE) * a.abs()).min(R::of(LARGEST_BEND));

@@ -1,4 +1,4 @@
-//! A step near one that is solved, with hard contact: impulses follow from those of the solution to first order.
+//! Response of a step with hard contact close to a solved one: impulses follow those of the solution to first order.
 
 use stepper_real::{Mask, Real, Scalar};
 use stepper_solve::newton::{Followed, Newton, Response, Switch};
@@ -23,54 +23,54 @@ use crate::integrators::workspace::Workspace;
 use crate::math::lanes::each_of;
 use crate::options::{Stabilization, StepSettings};
 use crate::probe::NoProbe;
-use crate::stages::s04_assemble::assemble_demands;
+use crate::stages::s04_assemble::shift_targets;
 use crate::stages::s05_solve::{fastest, is_estimated};
 use crate::stages::s06_integrate_velocity::integrate_velocity;
 use crate::stages::s08_stabilise::{PositionInput, damp_rows, find_correction};
 use crate::tuning::{BOUND_DISTANCE, EXPECTED_VELOCITY_WEIGHT, SOLVED_RESIDUAL};
 
-/// Number of a constraint that is none.
+/// Number of no constraint.
 const NOBODY: u64 = u64::MAX;
 
-/// Lanes in which a residual is that of a solution.
+/// Lanes whose residual is that of a solved step.
 pub(crate) fn is_solved<R: Real>(options: &StepSettings, residual: R) -> R::Mask {
     residual.le(R::of(SOLVED_RESIDUAL.max(10.0 * options.tolerance)))
 }
 
-/// A solution with hard contact, and how its impulses follow the rows.
+/// Solution with hard contact, and the response of its impulses to the rows.
 #[derive(Clone, Debug)]
 pub(crate) struct HardResponse<R: Real> {
     /// Impulses of the step.
     solution: Response<R>,
-    /// Those with which forces that depend on the velocity to come are taken, which are a solution of the same rows before these forces.
+    /// Response of the estimated impulses, which solve the same rows before velocity-dependent forces are evaluated.
     estimate: Response<R>,
-    /// Impulses of stage 8 in the place of those of the step, with which positions are corrected.
+    /// Impulses of stage 8, which correct the positions.
     correction: Response<R>,
-    /// Lanes (bits) whose positions are corrected.
+    /// Lanes (bits) with a position correction.
     corrected: u32,
-    /// Whether positions are corrected by a solution of their own.
+    /// Whether a second solution corrects the positions.
     split: bool,
     /// Contacts of the step.
     contacts: Contacts<R>,
-    /// Gaps of its joint limits, negative beyond the end of a range, rad or m; NaN of those that do not push.
+    /// Gaps of the step's joint limits, negative beyond the end of a range, rad or m; NaN for limits that do not push.
     limits: Vec<R>,
-    /// Distances at which what a contact or a limit demands has a corner, m or rad.
+    /// Distances at which the target velocity of a contact or a limit has a corner, m or rad.
     edges: Vec<f64>,
-    /// Velocity that it expected.
+    /// Velocity that the step expected.
     v_expected: Vec<R>,
-    /// Free velocity for which the present rows are.
+    /// Free velocity of the present rows.
     v_free: Vec<R>,
     change: Vec<R>,
     /// Scheme of the step, with the evaluation time of each lane.
     scheme: Scheme<R>,
 }
 
-/// What becomes of the impulses of a system of rows, in the lanes `lanes` (bits).
+/// Treatment of the impulses of a system of rows, in the lanes `lanes` (bits).
 enum Pass<'a> {
-    /// They are solved for, and how they follow the rows is taken up. Lanes in which they do not follow are taken out.
+    /// The impulses are solved for, and their response to the rows is stored. Lanes without a response are removed.
     Solve { lanes: u32 },
-    /// They follow the rows. Lanes that have lost a constraint are taken out; `near` is called with the constraints that have come nearer
-    /// to another mode in the others.
+    /// The impulses follow the rows. Lanes that have lost a constraint are removed. In the other lanes `near` is called with the
+    /// constraints that have come closer to another mode.
     Follow { lanes: u32, near: &'a mut dyn FnMut(Followed) },
 }
 
@@ -94,9 +94,9 @@ impl<R: Real> HardResponse<R> {
         }
     }
 
-    /// Keeps what the step that was just made says of its solution.
+    /// Stores the solution of the step that was just made.
     pub(crate) fn keep(&mut self, compiled: &LaneModel<R>, s: &Workspace<R>) {
-        // The step has handed its contacts on.
+        // The step has moved its contacts to the state.
         self.contacts.clone_from(&s.state.contacts);
         self.v_expected.copy_from_slice(&s.free_motion.v_expected);
         for (i, (gap, impulse)) in self.limits.iter_mut().zip(&s.velocity.scalar_impulse).enumerate() {
@@ -104,34 +104,38 @@ impl<R: Real> HardResponse<R> {
         }
     }
 
-    /// Takes up the solutions of the step that was kept in the lanes `lanes` (bits), from the state before it. Returns those of them in
-    /// which impulses follow from the rows, and velocities and positions from them.
+    /// Computes the responses of the stored step's solutions in the lanes `lanes` (bits), from the state before it. Returns the lanes with
+    /// a response.
+    ///
+    /// In these lanes the impulses follow from the rows, and velocities and positions follow from the impulses.
     pub(crate) fn settle(&mut self, compiled: &LaneModel<R>, options: &StepSettings, s: &mut Workspace<R>, lanes: u32) -> u32 {
         let lanes = self.take(compiled, options, s, Recomputed::Configuration, Pass::Solve { lanes });
-        // What bounces has other impulses in the correction of positions, or none.
+        // A bouncing contact has other impulses in the position solve, or none.
         let lanes = lanes & !s.problem.rebounding.or(s.problem.bouncing()).bits();
         if !self.scheme.corrects {
             return lanes;
         }
-        // The time of an impact is found by iteration, to a part of the step.
+        // The time of an impact is found by iteration, to a fraction of the step.
         let lanes = lanes & !s.evaluation.impacts.lanes.bits();
         let matters = depends_on_estimate(compiled);
         let estimated = is_estimated(&s.state.v, self.scheme.h).bits();
-        // What rests expects the velocity by the impulses of the step before.
+        // At rest the expected velocity is that by the impulses of the last step.
         let follows = if matters { estimated & self.has_expected(options, s, R::one()).bits() } else { !estimated };
         let inertia = self.has_expected(options, s, self.scheme.h * fastest(&s.state.v) * R::of(EXPECTED_VELOCITY_WEIGHT));
         lanes & (follows | if matters { 0 } else { inertia.bits() })
     }
 
-    /// Lanes in which the step expected the velocity that the estimate leads to when it is solved for: else it is not a solution, and does
-    /// not follow its rows as one does. Differences of velocities count with `weight`, 1 at the most.
+    /// Lanes in which the step expected the velocity that follows from the solved estimate.
+    ///
+    /// Otherwise the estimate is not a solution and does not respond to its rows as one. Differences of velocities are multiplied by
+    /// `weight`, at most 1.
     fn has_expected(&self, options: &StepSettings, s: &Workspace<R>, weight: R) -> R::Mask {
         R::vectorize(
             #[inline(always)]
             || {
                 let mut apart = R::zero();
                 for (&kept, &now) in self.v_expected.iter().zip(&s.free_motion.v_expected) {
-                    // Written so that a NaN stays.
+                    // This form propagates a NaN.
                     apart = R::select((kept - now).abs().le(apart), apart, (kept - now).abs());
                 }
                 is_solved(options, apart * weight.min(R::one()))
@@ -139,8 +143,10 @@ impl<R: Real> HardResponse<R> {
         )
     }
 
-    /// Stages 1 to 8 near the solution, in the lanes `lanes` (bits). Returns those of them in which all constraints that pushed there are
-    /// there still, and calls `near` with the constraints that have come nearer to another mode.
+    /// Stages 1 to 8 close to the solution, in the lanes `lanes` (bits). Returns the lanes in which all constraints that pushed still
+    /// exist.
+    ///
+    /// Calls `near` with the constraints that have come closer to another mode.
     pub(crate) fn follow(
         &mut self,
         compiled: &LaneModel<R>,
@@ -158,14 +164,14 @@ impl<R: Real> HardResponse<R> {
         left
     }
 
-    /// Calls `near` with contacts and limits that push and have come nearer to where what they demand has a corner, in the lanes `lanes`
+    /// Calls `near` with contacts and limits that push and have come closer to a corner of their target velocity, in the lanes `lanes`
     /// (bits).
     fn compare_gaps(&self, compiled: &LaneModel<R>, s: &Workspace<R>, lanes: u32, near: &mut dyn FnMut(Followed)) {
         let mut compare = |lane: usize, before: R, after: R| {
             let [before, after] = [before, after].map(|gap| gap.lane(lane).to_f64());
             for edge in &self.edges {
                 let [from, to] = [before - edge, after - edge];
-                // One that stays says nothing.
+                // A distance that does not change gives no kink.
                 if from * to <= 0.0 || to.abs() < from.abs() {
                     near(Followed { lane, switch: Switch::Gap, distance: from / (from - to) });
                 }
@@ -187,7 +193,7 @@ impl<R: Real> HardResponse<R> {
                 #[inline(always)]
                 || gap.eq(gap).bits(),
             );
-            // Few limits do.
+            // Few limits push.
             if lanes & pushing != 0 {
                 let after = limit_gap(compiled, i, &s.evaluation.q);
                 each_of(lanes & pushing).for_each(|lane| compare(lane, gap, after));
@@ -195,7 +201,7 @@ impl<R: Real> HardResponse<R> {
         }
     }
 
-    /// Stages 1 to 8 with `pass` in the place of their solves. Returns the lanes that it has left.
+    /// Stages 1 to 8 with `pass` in place of their solves. Returns the remaining lanes.
     fn take(
         &mut self,
         compiled: &LaneModel<R>,
@@ -219,9 +225,9 @@ impl<R: Real> HardResponse<R> {
         let place = Place { input: StepInput { compiled, options, state, inputs, alive: *alive }, evaluation };
         if recomputed == Recomputed::Forces {
             advance(&free.v, &self.v_free, -R::one(), &mut self.change);
-            assemble_demands(compiled, &free.smooth.mass, problem, &mut self.change, None, R::Mask::splat(true));
+            shift_targets(compiled, &free.smooth.mass, problem, &mut self.change, None, R::Mask::splat(true));
         } else {
-            // Stage 4 with the contacts that the step had.
+            // Stage 4 with the contacts of the step.
             assemble_problem(place, free, problem, velocity, builder, NoProbe);
             problem.activate_matching(velocity, &evaluation.contacts, &self.contacts);
         }
@@ -240,7 +246,7 @@ impl<R: Real> HardResponse<R> {
         lanes
     }
 
-    /// Stage 8 with `pass` in the place of its solve.
+    /// Stage 8 with `pass` in place of its solve.
     fn correct_positions(
         &mut self,
         place: Place<'_, R>,
@@ -252,7 +258,7 @@ impl<R: Real> HardResponse<R> {
     ) {
         let Place { input: StepInput { compiled, options, .. }, evaluation: Evaluation { contacts, .. } } = place;
         if matches!(pass, Pass::Solve { .. }) {
-            // Errors of equalities that are none, so that the step corrects nothing, are some beside it.
+            // Zero equality errors, which the step does not correct, are no longer zero at a displaced state.
             let ConstraintProblem { needs_position_solve, constrained, .. } = problem;
             self.corrected = if compiled.equalities.is_empty() { needs_position_solve.bits() } else { constrained.bits() };
         }
@@ -275,7 +281,7 @@ impl<R: Real> HardResponse<R> {
         );
         let excess = find_correction(compiled, options, &rows, velocity, position);
         if let Pass::Solve { lanes } = pass {
-            // Slowed down, it follows from its fastest joint.
+            // A bounded correction depends on its fastest joint alone.
             *lanes &= !self.corrected | excess.lt(R::of(1.0 - BOUND_DISTANCE)).bits();
         }
         displace(compiled, &position.q, &position.correction, h, &mut position.q_corrected);
@@ -289,9 +295,10 @@ impl<R: Real> HardResponse<R> {
         );
     }
 
-    /// What of the rows is to be made again where so much is new. Where forces change the mass matrix that is all, as where servos are
-    /// implicit, or drag at some velocity; what velocities change is else the free velocity alone, unless rows demand something of the
-    /// velocity before the step.
+    /// Parts of the rows that must be recomputed for this displacement.
+    ///
+    /// All rows, if forces change the mass matrix, as implicit servos or drag do. Otherwise a change of velocities changes the free
+    /// velocity alone, unless targets depend on the velocity before the step.
     fn rows_by(&self, compiled: &LaneModel<R>, recomputed: Recomputed) -> Recomputed {
         let plain = compiled.equalities.is_empty() && compiled.tendons.iter().all(|tendon| tendon.spring.is_none());
         match recomputed {
@@ -306,7 +313,7 @@ impl<R: Real> HardResponse<R> {
 }
 
 impl Pass<'_> {
-    /// Stage 5.
+    /// Stage 5: impulses of the step.
     fn find_step_impulses<R: Real>(
         &mut self,
         options: &StepSettings,
@@ -326,8 +333,8 @@ impl Pass<'_> {
         );
     }
 
-    /// Impulses of a system of rows in the lanes `concerned` (bits), of which `constrained` have any; those of other lanes are not asked
-    /// for. `before` is the solution that a position solve counts from.
+    /// Impulses of a system of rows in the lanes `concerned` (bits), of which `constrained` have rows. Other lanes are skipped. `before` is
+    /// the solution from which a position solve counts.
     fn find_impulses<R: Real>(
         &mut self,
         options: &StepSettings,
@@ -354,8 +361,10 @@ impl Pass<'_> {
     }
 }
 
-/// Distances at which what a contact or a limit demands has a corner: where it closes, and where an overlap begins to be corrected. None
-/// with Baumgarte's method where it has one demand for gaps and overlaps.
+/// Distances at which the target velocity of a contact or a limit has a corner: where it closes, and where the correction of an overlap
+/// begins.
+///
+/// None with Baumgarte's method if gaps and overlaps have the same target.
 fn edges(options: &StepSettings) -> Vec<f64> {
     let StepSettings { stabilization, baumgarte, slop, .. } = *options;
     match stabilization {
@@ -366,8 +375,8 @@ fn edges(options: &StepSettings) -> Vec<f64> {
     }
 }
 
-/// Whether the velocity to be expected matters where all rests: inertial forces are quadratic in it, drag and what pushes with the motion
-/// are not. Dampers are implicit.
+/// Whether the expected velocity matters even at rest. Inertial forces are quadratic in it, but drag and driving forces are not. Dampers
+/// are implicit.
 fn depends_on_estimate<R: Real>(compiled: &LaneModel<R>) -> bool {
     let pushes = |k: usize| {
         let ActuatorParams { gain, bias } = compiled.params.actuator(k);
@@ -376,7 +385,7 @@ fn depends_on_estimate<R: Real>(compiled: &LaneModel<R>) -> bool {
     !compiled.fluid.is_empty() || compiled.servos.iter().any(|servo| pushes(servo.actuator))
 }
 
-/// Number of the owner or contact of a kind's constraint, by kind, index and lane.
+/// Number of a constraint's owner or contact, by kind, index and lane.
 fn names<'a, R: Real>(problem: &'a ConstraintProblem<R>, contacts: &'a Contacts<R>) -> impl Fn(usize, usize, usize) -> u64 + 'a {
     move |kind, i, lane| {
         let (k, lanes) = match kind {

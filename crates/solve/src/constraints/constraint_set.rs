@@ -1,4 +1,4 @@
-//! What a kind of constraint does: in a sweep, in the residual, in lane compaction, in Newton's method, in the position solve.
+//! Operations of a kind of constraint: in a sweep, in the residual, in lane compaction, in Newton's method, in the position solve.
 
 use crate::admissible_set::AdmissibleSet;
 use crate::capacity::Capacity;
@@ -6,7 +6,7 @@ use crate::lane_map::LaneMap;
 use serde::{Deserialize, Serialize};
 use stepper_real::{Mask, Real, Scalar};
 
-/// Rows of one kind of constraint as a solve reads them: what they demand, how softly, and what follows for the constraint alone.
+/// Rows of one kind of constraint in one solve: target velocities, compliances, and the numbers that follow for each constraint alone.
 #[derive(Clone, Debug)]
 pub struct Rows<T> {
     /// Rows of every constraint.
@@ -22,7 +22,7 @@ impl<T> Default for Rows<T> {
 }
 
 impl<T: Row> Rows<T> {
-    /// An empty list with room for so many constraints.
+    /// Empty list with capacity for `constraints` constraints.
     pub(crate) fn with_capacity(constraints: usize) -> Self {
         Self { items: Vec::with_capacity(constraints), compliant: false }
     }
@@ -34,15 +34,15 @@ impl<T: Row> Rows<T> {
         self.compliant = false;
     }
 
-    /// Exchanges the two demands of all rows.
+    /// Exchanges the velocity and position targets of all rows.
     #[inline(always)]
-    pub(crate) fn exchange_demands(&mut self) {
+    pub(crate) fn exchange_targets(&mut self) {
         for row in &mut self.items {
-            row.exchange_demands();
+            row.exchange_targets();
         }
     }
 
-    /// Copies rows; where there is room, nothing is allocated.
+    /// Copies rows, without allocation if the capacity suffices.
     #[inline(always)]
     pub(crate) fn copy(&mut self, from: &Self) {
         self.items.clear();
@@ -56,13 +56,13 @@ pub trait Impulse<R: Real>: Copy {
     /// Number of rows.
     const ROWS: usize;
 
-    /// Impulse that is zero.
+    /// Zero impulse.
     fn zero() -> Self;
 
     /// Numbers of all impulses, one after the other.
     fn flatten(impulses: &[Self]) -> &[R];
 
-    /// The same, mutable.
+    /// Rows of impulses as a flat list, mutable.
     fn flatten_mut(impulses: &mut [Self]) -> &mut [R];
 }
 
@@ -106,8 +106,8 @@ impl<R: Real, const N: usize> Impulse<R> for [R; N] {
 
 /// Rows of one constraint.
 pub trait Row: Copy {
-    /// Exchanges what the rows demand in the velocity solve for what they demand in the position solve, or back.
-    fn exchange_demands(&mut self);
+    /// Exchanges the targets of the velocity solve for those of the position solve, or back.
+    fn exchange_targets(&mut self);
 }
 
 /// Lanes that take part in a sweep.
@@ -115,7 +115,7 @@ pub trait Row: Copy {
 pub struct SweepLanes<R: Real> {
     /// Lanes whose impulses change.
     pub(crate) running: R::Mask,
-    /// Lanes in which a contact's own problem is solved exactly; the others make the weaker update.
+    /// Lanes in which a contact's local problem is solved exactly. The others make the weaker update.
     pub(crate) exact: R::Mask,
 }
 
@@ -123,29 +123,29 @@ pub struct SweepLanes<R: Real> {
 pub struct Unknowns<'a, R, I> {
     /// Impulse of every constraint of the kind.
     pub(crate) impulses: &'a mut [I],
-    /// Start of every contact's local solve: the multiplier of its friction disc. Empty for kinds without one.
+    /// Initial value of every contact's local solve: the multiplier of its friction disc. Empty for kinds without one.
     pub(crate) multipliers: &'a mut [R],
     /// Scaled velocity change.
     pub(crate) w: &'a mut [R],
 }
 
-/// Damping of what positions demand.
+/// Damping of position targets.
 #[derive(Clone, Copy, Debug)]
 pub struct Damping<R> {
     /// Ratio of a row's compliance to its mobility.
     pub ratio: R,
     /// Growth of that ratio per velocity that a contact corrects, s/m.
     pub bending: R,
-    /// Correction up to which a row counts as correcting nothing, m/s or rad/s: 0, or more where rounding is not to decide it.
+    /// Correction below which a row counts as not correcting, m/s or rad/s. It is 0, or larger so that rounding does not decide.
     pub negligible: R,
 }
 
-/// Normal impulses and demands of a reference solution, for one kind of constraint.
+/// Normal impulses and targets of a reference solution, for one kind of constraint.
 #[derive(Clone, Copy)]
 pub struct ReferenceRows<'a, R> {
     /// Normal impulse of every constraint.
     pub(crate) lambda: &'a [R],
-    /// Undamped demand g of every normal row.
+    /// Undamped g of every normal row.
     pub(crate) g: &'a [R],
 }
 
@@ -161,7 +161,7 @@ pub struct LaneConstraint<const N: usize> {
     pub(crate) lambda: [f64; N],
     /// Compliance R >= 0 on the diagonal of G, the same for all of its rows.
     pub(crate) compliance: f64,
-    /// What the first row has besides.
+    /// Additional compliance of the first row.
     pub(crate) normal_compliance: f64,
     /// Ratio of trace(G_ii) before elimination of equality rows to that after it, at least 1.
     pub(crate) trace_ratio: f64,
@@ -172,22 +172,22 @@ pub trait LaneReceiver {
     /// Adds a constraint whose rows have the `entries` at the coordinates `support`.
     fn add<const N: usize>(&mut self, constraint: LaneConstraint<N>, support: &[u32], entries: impl Iterator<Item = [f64; N]>);
 
-    /// Adds the scaled velocity change that a row with the `entries` makes, which no other row sees.
+    /// Adds the scaled velocity change of a row with the `entries`, which no other row depends on.
     fn add_separate(&mut self, support: &[u32], change: impl Iterator<Item = f64>);
 }
 
-/// One constraint of one lane, of any kind, as it is saved. What has a number for each row has them in the order of the rows.
+/// Constraint of one lane, of any kind, as a file stores it. Numbers per row are in the order of the rows.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct SavedConstraint {
-    /// Coordinates that it touches, ascending.
+    /// Coordinates of the constraint, ascending.
     pub(crate) support: Vec<u32>,
     /// Entries; those of a coordinate lie side by side.
     pub(crate) y: Vec<f64>,
-    /// Demand of the velocity solve.
+    /// Target g of the velocity solve.
     pub(crate) g: Vec<f64>,
-    /// Demand of the position solve.
+    /// Target g of the position solve.
     pub(crate) position_g: Vec<f64>,
-    /// Impulse at the start.
+    /// Initial impulse.
     pub(crate) impulse: Vec<f64>,
     /// Bounds of the impulse of a scalar row; the coefficient of friction of a contact, twice.
     pub(crate) set: [f64; 2],
@@ -195,18 +195,18 @@ pub struct SavedConstraint {
     pub(crate) compliance: f64,
     /// Ratio of trace(G_ii) before elimination of equality rows to that after it, at least 1.
     pub(crate) trace_ratio: f64,
-    /// Mobility that the damping of a scalar row is relative to.
+    /// Mobility that scales the damping of a scalar row.
     pub(crate) mobility: f64,
-    /// Velocity that damping already took from the demand of a scalar row.
+    /// Velocity by which damping already reduced the target of a scalar row.
     pub(crate) damping_deficit: f64,
-    /// Whether it is an eliminated row, which sweeps do not visit.
+    /// Whether the row is eliminated, so that sweeps skip it.
     pub(crate) eliminated: bool,
-    /// Whether nothing can move along it.
+    /// Whether the constraint is immovable.
     pub(crate) immovable: bool,
 }
 
 impl SavedConstraint {
-    /// Whether it is one that a problem in `dimension` coordinates can have, with `rows` rows.
+    /// Whether a problem in `dimension` coordinates can have this constraint, with `rows` rows.
     pub(crate) fn is_sound(&self, dimension: usize, rows: usize) -> bool {
         let lists = [&self.g, &self.position_g, &self.impulse];
         let numbers = lists.into_iter().flatten().chain(&self.y).chain([&self.mobility, &self.damping_deficit]);
@@ -227,9 +227,10 @@ impl SavedConstraint {
     }
 }
 
-/// Operations of one kind of constraint on all constraints of that kind: `self` has what every solve shares, `rows` what one solve reads.
-/// Results that run over all kinds (a sum, a maximum) are handed from one kind to the next, so that the order of the arithmetic is that of
-/// the rows.
+/// Operations of one kind of constraint on all constraints of that kind.
+///
+/// `self` has the parts that all solves share, `rows` those of one solve. Results over all kinds (a sum, a maximum) pass from one kind to
+/// the next. The order of the arithmetic is therefore that of the rows.
 pub trait ConstraintSet<R: Real>: Sized {
     /// Rows of one constraint.
     type Row: Row;
@@ -238,13 +239,13 @@ pub trait ConstraintSet<R: Real>: Sized {
     /// Set of the same kind in half the lanes.
     type Half: ConstraintSet<R::Half>;
 
-    /// An empty set with room for so many constraints.
+    /// Empty set with capacity for `constraints` constraints.
     fn new(constraints: usize, capacity: &Capacity) -> Self;
 
     /// Rows of the velocity solve.
     fn rows(&self) -> &Rows<Self::Row>;
 
-    /// The same, mutable.
+    /// Rows of one solve, mutable.
     fn rows_mut(&mut self) -> &mut Rows<Self::Row>;
 
     /// Number of multipliers that sweeps keep.
@@ -255,19 +256,19 @@ pub trait ConstraintSet<R: Real>: Sized {
     /// Removes all constraints.
     fn clear(&mut self);
 
-    /// Gathers some lanes of all constraints into `out`, as far as sweeps need them.
+    /// Gathers some lanes of all constraints into `out`, with the parts that sweeps need.
     fn gather(&self, rows: &Rows<Self::Row>, map: &LaneMap, out: &mut Self::Half);
 
-    /// Calls `f` for every constraint that exists in a lane with the coordinates that it touches there, ascending.
+    /// Calls `f` for every constraint that exists in a lane, with the coordinates that it touches there, ascending.
     fn for_each_support(&self, rows: &Rows<Self::Row>, lane: usize, f: &mut impl FnMut(&mut dyn Iterator<Item = u32>));
 
-    /// Hands the constraints that exist in a lane to Newton's method.
+    /// Passes the constraints that exist in a lane to Newton's method.
     fn gather_lane(&self, rows: &Rows<Self::Row>, impulses: &[Self::Impulse], lane: usize, to: &mut impl LaneReceiver);
 
-    /// Constraints that exist in a lane, as they are saved, with their impulses.
+    /// Constraints of a lane for a file, with their impulses.
     fn save(&self, rows: &Rows<Self::Row>, impulses: &[Self::Impulse], lane: usize) -> Vec<SavedConstraint>;
 
-    /// Appends a constraint that was saved, in every lane.
+    /// Appends a saved constraint in every lane.
     fn load(&mut self, saved: &SavedConstraint);
 
     /// Replaces the impulses of a lane by a weighted mean with those of `from`; see [`Snapshot::blend`](crate::Snapshot::blend).
@@ -280,43 +281,42 @@ pub trait ConstraintSet<R: Real>: Sized {
         weight: &mut impl FnMut(u32) -> f64,
     );
 
-    /// w += Y lambda.
+    /// Adds w += Y lambda.
     fn add_impulses(&self, impulses: &[Self::Impulse], w: &mut [R]);
 
-    /// Visits every constraint once: each takes the impulse that solves it while the others stand. Returns the larger of `change` and the
+    /// Visits every constraint once. Each gets the impulse that solves it while the others stay. Returns the larger of `change` and the
     /// largest change of a velocity, m/s.
     fn sweep(&self, rows: &Rows<Self::Row>, unknowns: Unknowns<'_, R, Self::Impulse>, lanes: SweepLanes<R>, change: R) -> R;
 
-    /// Appends the velocities of all rows at the scaled velocity change w, what their compliance adds included, m/s.
+    /// Appends the velocities of all rows at the scaled velocity change w, m/s, including those by their compliance.
     fn velocities(&self, rows: &Rows<Self::Row>, impulses: &[Self::Impulse], w: &[R], out: &mut Vec<R>);
 
-    /// Appends the compliance of all rows, but for what the normal row of a contact has besides.
+    /// Appends the compliance of all rows, without the additional compliance of contact normals.
     fn compliances(&self, rows: &Rows<Self::Row>, out: &mut Vec<R>);
 
     /// Calls `f` with the natural-map residual of every constraint, m/s, in their order; see [`residual`](crate::residual()).
     fn for_each_residual(&self, rows: &Rows<Self::Row>, impulses: &[Self::Impulse], w: &[R], f: impl FnMut(R));
 
-    /// `sum` plus the magnitudes of all normal impulses.
+    /// Sum of `sum` and the magnitudes of all normal impulses.
     fn sum_normal_impulses(&self, rows: &Rows<Self::Row>, impulses: &[Self::Impulse], sum: R) -> R;
 
-    /// `sum` plus the potential `g . lambda + R lambda^2 / 2` of the impulses in the velocity solve, J.
+    /// Sum of `sum` and the potential `g . lambda + R lambda^2 / 2` of the impulses in the velocity solve, J.
     fn add_potential(&self, impulses: &[Self::Impulse], sum: R) -> R;
 
-    /// Shifts both demands of all rows by the velocities of a scaled change of the free velocity, in the lanes `lanes`.
+    /// Adds the velocities of a scaled change of the free velocity to both targets of all rows, in the lanes `lanes`.
     fn shift(&self, rows: &mut Rows<Self::Row>, change: &[R], lanes: R::Mask);
 
-    /// Damps what the rows demand, counted from `impulses`, which are appended to the reference; see
+    /// Damps the targets of the rows relative to `impulses`, which are appended to the reference; see
     /// [`PositionRows::damp`](crate::PositionRows::damp).
     fn damp(&self, rows: &mut Rows<Self::Row>, impulses: &[Self::Impulse], damping: Damping<R>, floors: &[R], reference: [&mut Vec<R>; 2]);
 
-    /// The larger of `most` and the largest velocity that damping keeps a normal row from what it demands, m/s or rad/s.
+    /// Larger of `most` and the largest velocity by which damping keeps a normal row from its target, m/s or rad/s.
     fn shortfall(&self, rows: &Rows<Self::Row>, impulses: &[Self::Impulse], before: &[R], most: R) -> R;
 
-    /// The larger of `most` and the largest velocity that is demanded where nothing can move, m/s or rad/s.
-    fn immovable_demand(&self, rows: &Rows<Self::Row>, most: R) -> R;
+    /// Larger of `most` and the largest target of an immovable row, m/s or rad/s.
+    fn immovable_target(&self, rows: &Rows<Self::Row>, most: R) -> R;
 
-    /// The larger of `most` and the largest velocity that is demanded of the velocities, without any correction of positions, where nothing
-    /// can move, m/s or rad/s.
+    /// Larger of `most` and the largest target velocity of an immovable row without position correction, m/s or rad/s.
     fn unmet_velocity(&self, rows: &Rows<Self::Row>, most: R) -> R;
 
     /// Adds J^T z of a witness of infeasibility to `momentum`, scaled; returns `lack` - z . u, J. See
@@ -332,14 +332,15 @@ pub trait ConstraintSet<R: Real>: Sized {
     ) -> R;
 }
 
-/// Whether any lane's impulse changes: many limits and contacts stay open from sweep to sweep. Adding their zeros would change nothing,
-/// since no sum is ever -0.
+/// Whether any lane's impulse changes.
+///
+/// Many limits and contacts stay open from sweep to sweep. Adding their zeros would change nothing, because no sum is ever -0.
 #[inline(always)]
 pub(crate) fn is_nonzero<R: Real>(d: R) -> bool {
     !d.eq(R::zero()).all()
 }
 
-/// Larger of two numbers; a NaN on the right wins, so that it is never hidden.
+/// Larger of two numbers. A NaN on the right is returned, so that it is never hidden.
 #[inline(always)]
 pub(crate) fn worse<R: Real>(a: R, b: R) -> R {
     R::select(b.le(a), a, b)

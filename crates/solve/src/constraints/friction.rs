@@ -1,6 +1,6 @@
-//! Contacts with Coulomb friction, of any number of rows: the normal one first, then those of the tangents.
+//! Contacts with Coulomb friction, of any number of rows: the normal row first, then those of the tangents.
 //!
-//! What is the same for every number of rows is here; a [`LocalSolver`] solves one contact alone, and knows the block of G that this takes.
+//! This file has the parts that do not depend on the number of rows. A [`LocalSolver`] solves one contact alone, with its block of G.
 
 use std::fmt::Debug;
 use std::ops::{Index, IndexMut};
@@ -16,32 +16,37 @@ use crate::entries::Entries;
 use crate::lane_map::LaneMap;
 use stepper_real::{Mask, Real, Scalar};
 
-/// Friction law of one contact: the solution of its own problem while all other impulses stand, and the set of its impulses, which is the
-/// circular cone of Coulomb's law unless it has another.
+/// Friction law of one contact: the solution of the contact's problem while all other impulses stay, and the set of admissible impulses.
+///
+/// The set is the circular cone of Coulomb's law unless the implementation replaces it.
 pub trait LocalSolver<R: Real, const N: usize>: Copy + Debug + Sized {
     /// Solver of the same kind in half the lanes.
     type Half: LocalSolver<R::Half, N>;
 
-    /// Solver of the contact whose block of G is `gram`, of which the upper triangle is read, in the lanes `exists`; with the trace of that
+    /// Solver of the contact with the block `gram` of G, whose upper triangle is read, in the lanes `exists`. Also returns the trace of the
     /// block.
     fn new(gram: &[[R; N]; N], exists: R::Mask) -> (Self, R);
 
-    /// Impulse that solves this contact alone, when `v` is its velocity under the impulse `lambda`, compliance included; with the
-    /// multiplier s of its friction disc (0 where it sticks or opens). `guess` starts the search for s, in the lanes `lanes`.
+    /// Impulse that solves this contact alone, with the multiplier s of its friction disc (0 where it sticks or opens).
+    ///
+    /// `v` is its velocity under the impulse `lambda`, including that by its compliance. `guess` starts the search for s, in the lanes
+    /// `lanes`.
     fn solve(&self, mu: R, v: [R; N], lambda: [R; N], guess: R, lanes: R::Mask) -> ([R; N], R);
 
-    /// Impulse of a weaker update that cycles less: the normal impulse with the tangential one held, then the tangential one projected on
-    /// the disc that the normal one leaves it. `active` are the lanes in which the contact exists.
+    /// Impulse of a weaker update that cycles less, in the lanes `active` in which the contact exists.
+    ///
+    /// It first updates the normal impulse with constant tangential one. Then it projects the tangential impulse on the disc of the new
+    /// normal impulse.
     fn relax(&self, mu: R, v: [R; N], lambda: [R; N], active: R::Mask) -> [R; N];
 
     /// Mean diagonal entry of the block of G, before elimination of equality rows, 1/kg.
     fn mobility(&self, step: &NaturalStep<R>) -> R;
 
-    /// Adds a compliance to all rows, and takes it into account in the step of the natural map.
+    /// Adds a compliance to all rows and to the step of the natural map.
     fn damp(&mut self, compliance: R, step: &mut NaturalStep<R>);
 
-    /// Adds a compliance to the normal row alone, of which the natural map takes no account; returns the ratio of the normal's diagonal
-    /// entry before to that after it.
+    /// Adds a compliance to the normal row alone, which does not enter the natural map. Returns the ratio of the normal's diagonal entry
+    /// before to that after it.
     fn give(&mut self, compliance: R) -> R;
 
     /// Gathers some lanes into `out`.
@@ -59,7 +64,7 @@ pub trait LocalSolver<R: Real, const N: usize>: Copy + Debug + Sized {
         project(x, mu)
     }
 
-    /// The same set for Newton's method.
+    /// Admissible set for Newton's method.
     fn admissible_set(mu: f64) -> AdmissibleSet {
         AdmissibleSet::Cone { mu }
     }
@@ -101,21 +106,21 @@ pub struct FrictionContact<R: Real, const N: usize, L> {
     coordinates: usize,
     /// Lanes in which the contact exists.
     pub active: R::Mask,
-    /// Lanes in which a contact exists but nothing can move along its normal: it has no rows, and its impulse stays.
+    /// Lanes in which the contact is immovable along its normal: it has no rows, and its impulse stays.
     pub(super) immovable: R::Mask,
     /// Lanes in which the rows are deferred: the solver leaves them out until they are activated.
     deferred: R::Mask,
-    /// Coefficient of friction of the rows as they are scaled; 0 for a frictionless contact.
+    /// Coefficient of friction of the scaled rows; 0 for a frictionless contact.
     pub mu: R,
     /// Velocity before any impulse, with the bias of the normal row, m/s.
     pub g: [R; N],
-    /// Demand of the position solve, m/s: g of the normal row, and what is added to g of the others.
+    /// Target of the position solve, m/s: g of the normal row, and the terms added to g of the others.
     pub position_g: [R; N],
-    /// Compliance R of the normal row, at least 0: the velocity that it yields per unit of impulse. 0 is hard.
+    /// Compliance R of the normal row, at least 0: velocity per unit of impulse, 1/kg. 0 is hard.
     pub(crate) compliance: R,
-    /// Part of an error in the normal row that a velocity is off by, and no spring takes up: G_nn / (G_nn + R), 1 for a hard row.
+    /// Fraction of an error in the normal row that is an error of the velocity, not of the spring: G_nn / (G_nn + R), 1 for a hard row.
     rigid_fraction: R,
-    /// Compliance of all rows by which the position solve is damped.
+    /// Compliance of all rows that damps the position solve.
     damping: R,
     /// Step of the natural map.
     step: NaturalStep<R>,
@@ -134,7 +139,7 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContact<R, N, L> {
         self.local.damp(compliance, &mut self.step);
     }
 
-    /// A contact that exists nowhere, to be overwritten.
+    /// Contact that exists in no lane, to be overwritten.
     fn blank() -> Self {
         let (none, zero) = (R::Mask::splat(false), R::zero());
         let (local, trace) = L::new(&[[zero; N]; N], none);
@@ -156,7 +161,7 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContact<R, N, L> {
         }
     }
 
-    /// Gathers some lanes into `out`: what sweeps read.
+    /// Gathers the parts that sweeps read from some lanes into `out`.
     #[inline(always)]
     fn gather(&self, map: &LaneMap, compliant: bool, out: &mut FrictionContact<R::Half, N, L::Half>) {
         (out.support, out.y, out.coordinates) = (self.support, self.y, self.coordinates);
@@ -172,8 +177,9 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContact<R, N, L> {
     }
 }
 
-/// Contacts of one kind, stored sparse: a contact's support names the coordinates of w that it touches in any lane, ascending; lanes that
-/// do not touch one have zeros there.
+/// Contacts of one kind, stored sparse.
+///
+/// A contact's support lists the coordinates of w that it touches in any lane, ascending. Lanes that do not touch one have zeros there.
 #[derive(Clone, Debug)]
 pub struct FrictionContacts<R: Real, const N: usize, L> {
     rows: Rows<FrictionContact<R, N, L>>,
@@ -200,8 +206,9 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContacts<R, N, L> {
         self.rows.items.iter()
     }
 
-    /// Appends a contact whose rows have the entries `y` at the coordinates `support` (ascending). `least` is the mobility along the normal
-    /// below which nothing moves, 1/kg.
+    /// Appends a contact whose rows have the entries `y` at the coordinates `support` (ascending).
+    ///
+    /// `least` is the normal mobility below which a contact is immovable, 1/kg.
     #[inline(always)]
     pub(crate) fn push(&mut self, support: &[u32], y: impl Fn(usize) -> [R; N], active: R::Mask, mu: R, g: [R; N], least: R) {
         let (s0, y0) = (self.support.len(), self.y.len());
@@ -238,14 +245,14 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContacts<R, N, L> {
         });
     }
 
-    /// Lanes in which the contact pushed last exists but nothing can move along its normal.
+    /// Lanes in which the contact pushed last is immovable along its normal.
     #[inline(always)]
     pub fn held(&self) -> R::Mask {
         self.rows.items.last().map_or(R::Mask::splat(false), |contact| contact.immovable)
     }
 
-    /// Makes the contact pushed last movable along its normal in the lanes `lanes`, in which it was not. To be called before its trace
-    /// ratio and its compliance are set.
+    /// Makes the contact pushed last movable along its normal in the lanes `lanes`, in which it was immovable. Call it before setting its
+    /// trace ratio and its compliance.
     pub fn release(&mut self, lanes: R::Mask) {
         R::vectorize(
             #[inline(always)]
@@ -262,8 +269,7 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContacts<R, N, L> {
         )
     }
 
-    /// Sets what the normal row of the contact pushed last demands to zero where nothing can move along it and it demands less than
-    /// `rounding`, m/s.
+    /// Sets the target of the contact pushed last to zero along an immovable normal, if it is below `rounding`, m/s.
     pub fn forgive(&mut self, rounding: R) {
         R::vectorize(
             #[inline(always)]
@@ -275,8 +281,8 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContacts<R, N, L> {
         )
     }
 
-    /// Sets the trace ratio of the contact pushed last: the ratio of trace(G_ii) before elimination of equality rows to that after it.
-    /// Residuals are measured by the former.
+    /// Sets the trace ratio of the contact pushed last: the ratio of trace(G_ii) before elimination of equality rows to that after it. The
+    /// scale of the residual uses the former.
     #[inline(always)]
     pub fn set_trace_ratio(&mut self, ratio: R) {
         if let Some(contact) = self.rows.items.last_mut() {
@@ -284,10 +290,11 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContacts<R, N, L> {
         }
     }
 
-    /// Sets the demand of the position solve of the contact pushed last, m/s: g of the normal row, and what is added to g of the others.
-    /// Without, it is the demand of the velocity solve.
+    /// Sets the target of the position solve of the contact pushed last, m/s: g of the normal row, and the terms added to g of the others.
+    ///
+    /// By default it is the target of the velocity solve.
     #[inline(always)]
-    pub fn set_position_demand(&mut self, position_g: [R; N]) {
+    pub fn set_position_target(&mut self, position_g: [R; N]) {
         if let Some(contact) = self.rows.items.last_mut() {
             contact.position_g = position_g;
         }
@@ -340,7 +347,7 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContacts<R, N, L> {
     pub fn set_compliance(&mut self, compliance: R) {
         if let Some(contact) = self.rows.items.last_mut() {
             contact.compliance = compliance;
-            // Where there is no spring nothing changes, whatever other lanes have: the ratio is 1 but for rounding.
+            // Without a spring nothing changes, whatever the other lanes have: the ratio is 1 except for rounding.
             let ratio = contact.local.give(compliance);
             contact.rigid_fraction = R::select(compliance.gt(R::zero()), ratio, R::one());
             self.rows.compliant = true;
@@ -370,8 +377,9 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContacts<R, N, L> {
         v
     }
 
-    /// Shifts what contact `i` demands in the velocity solve by its velocities of a scaled `change`, times a weight of the normal row and
-    /// one of the others, in the lanes `lanes`.
+    /// Adds the velocities of a scaled `change` to the velocity targets of contact `i`, in the lanes `lanes`.
+    ///
+    /// One weight scales the normal row and one the others.
     #[inline(always)]
     pub(crate) fn shift_contact(&self, contact: &mut FrictionContact<R, N, L>, change: &[R], lanes: R::Mask, weights: [R; 2]) {
         let moved = self.velocity(contact, change);
@@ -394,7 +402,7 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContacts<R, N, L> {
         v
     }
 
-    /// w += Y d.
+    /// Adds w += Y d.
     #[inline(always)]
     pub fn add(&self, contact: &FrictionContact<R, N, L>, d: [R; N], w: &mut [R]) {
         let (support, y) = self.entries(contact);
@@ -443,7 +451,7 @@ fn tangential_speed<R: Real, const N: usize>(v: &[R; N]) -> R {
     square.sqrt()
 }
 
-/// Compliance of a contact of mobility `mobility` that corrects so many m/s: 0 where it corrects nothing.
+/// Compliance of a contact of mobility `mobility` with a correction of `correction` m/s: 0 without correction.
 #[inline(always)]
 fn damping_compliance<R: Real>(damping: Damping<R>, correction: R, mobility: R) -> R {
     masked(correction.gt(damping.negligible), (damping.ratio + damping.bending * correction) * mobility)
@@ -451,7 +459,7 @@ fn damping_compliance<R: Real>(damping: Damping<R>, correction: R, mobility: R) 
 
 impl<R: Real, const N: usize, L: LocalSolver<R, N>> Row for FrictionContact<R, N, L> {
     #[inline(always)]
-    fn exchange_demands(&mut self) {
+    fn exchange_targets(&mut self) {
         let Self { g, position_g, .. } = self;
         std::mem::swap(&mut g[0], &mut position_g[0]);
         for k in 1..N {
@@ -566,7 +574,7 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> ConstraintSet<R> for Frictio
         let least = R::of(if saved.immovable { f64::INFINITY } else { 0.0 });
         let (y, g) = (|c| saved.entries(c), std::array::from_fn(|k| R::of(saved.g[k])));
         self.push(&saved.support, y, R::Mask::splat(true), R::of(saved.set[0]), g, least);
-        self.set_position_demand(std::array::from_fn(|k| R::of(saved.position_g[k])));
+        self.set_position_target(std::array::from_fn(|k| R::of(saved.position_g[k])));
         self.set_trace_ratio(R::of(saved.trace_ratio));
         if saved.compliance > 0.0 {
             self.set_compliance(R::of(saved.compliance));
@@ -603,7 +611,7 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> ConstraintSet<R> for Frictio
         let SweepLanes { running, exact } = lanes;
         for (i, contact) in rows.items.iter().enumerate() {
             let lanes = running.and(contact.active);
-            // Towards the end few lanes are left, with few rows.
+            // In late sweeps few lanes remain, with few rows.
             if lanes.none() {
                 continue;
             }
@@ -729,7 +737,7 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> ConstraintSet<R> for Frictio
     }
 
     #[inline(always)]
-    fn immovable_demand(&self, rows: &Rows<FrictionContact<R, N, L>>, mut most: R) -> R {
+    fn immovable_target(&self, rows: &Rows<FrictionContact<R, N, L>>, mut most: R) -> R {
         for contact in &rows.items {
             most = most.max(masked(contact.immovable, -contact.g[0]));
         }
@@ -755,7 +763,7 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> ConstraintSet<R> for Frictio
         mut lack: R,
     ) -> R {
         for ((contact, now), (&before, &g)) in rows.items.iter().zip(impulses).zip(reference.lambda.iter().zip(reference.g)) {
-            // A compliant row gives way, so that its demand is never impossible.
+            // A compliant row can always meet its target.
             let hard = contact.active.and_not(contact.compliance.gt(R::zero()));
             let z = masked(hard, (now[0] - before).max(R::zero()));
             let u = self.velocity(contact, w)[0] - contact.g[0] + g;
@@ -786,19 +794,20 @@ impl<R: Real, const N: usize, L> IndexMut<usize> for FrictionContacts<R, N, L> {
 
 /// Least tangential mobility of a contact whose block has the trace `trace`, 1/kg.
 ///
-/// A direction in which the contact cannot move (a planar mechanism) has a zero principal value: a floor below most physical ratios, and
-/// far above the rounding of the entries, keeps its impulse at zero instead of 0/0. It bounds a step, not the answer: what can move less
-/// takes more sweeps. Where a cylinder is braked in line with both of its axes a floor of 2e-11 made impulses of 1e8 N s of rounding.
+/// A direction in which the contact cannot move (a planar mechanism) has a zero principal value. A floor below most physical ratios, and
+/// far above the rounding of the entries, keeps its impulse at zero instead of 0/0. It bounds a step and not the solution: directions of
+/// less mobility take more sweeps. For a cylinder that brakes in line with both of its axes, a floor of 2e-11 gave impulses of 1e8 N s of
+/// rounding error.
 #[inline(always)]
 pub(super) fn least_tangent<R: Real>(trace: R) -> R {
     trace * R::of(f64::max(1e-8, <R::Scalar as Scalar>::EPSILON.to_f64() * 1e5))
 }
 
-/// Largest number of Newton steps of a sliding contact; one to three are usual, the rest is for bisection to rescue a poor start.
+/// Largest number of Newton steps of a sliding contact. One to three are usual; the others let bisection rescue a poor start.
 pub(super) const MAX_NEWTON: usize = 24;
 
-/// Distance of a sliding impulse from its cone, relative to its length, below which the next Newton step, which squares it, is the last:
-/// four roots of the rounding.
+/// Distance of a sliding impulse from its cone, relative to its length, below which the next Newton step is the last. A step squares the
+/// distance; this is the fourth root of the rounding error.
 #[inline(always)]
 pub(super) fn near<R: Real>() -> R {
     R::of(4.0 * <R::Scalar as Scalar>::EPSILON.to_f64().sqrt())

@@ -7,8 +7,8 @@
 //!
 //! The remaining length of a row does not reveal dependence. A row that couples a light body to a heavy one is short as well, because the
 //! entries of a body scale with 1 / sqrt(mass). A short row is therefore projected a second time, which makes it orthogonal to the others
-//! relative to its own length ("twice is enough"; Parlett 1998, section 6.9). It is then independent if any entry exceeds the rounding
-//! error of the terms that were summed in it.
+//! relative to its remaining length ("twice is enough"; Parlett 1998, section 6.9). It is then independent if any entry exceeds the
+//! rounding error of the terms that were summed in it.
 //!
 //! The scale of an entry is the root of the sum of the squares of these terms. The sum includes the rounding error that coefficients
 //! transfer from other entries. Masses and units cancel, because an entry and its scale have the same.

@@ -1,15 +1,15 @@
 //! Contacts with torsional and rolling friction: rows (n, t1, t2, spin, roll1, roll2).
 //!
-//! MuJoCo's elliptic cone, sqrt(sum (f_i / mu_i)^2) <= f_n, becomes the circular one |x_t| <= mu x_n in five dimensions when row i is
-//! multiplied by mu_i / mu: f_i = (mu_i / mu) x_i, and all velocities are in m/s. Coulomb's law (maximal dissipation) is the same in both,
-//! because f . v = x . v'. A kind of friction that the contact lacks is a row of zeros.
+//! MuJoCo's elliptic cone is sqrt(sum (f_i / mu_i)^2) <= f_n. If row i is multiplied by mu_i / mu, it becomes the circular cone |x_t| <= mu
+//! x_n in five dimensions. Then f_i = (mu_i / mu) x_i, and all velocities are in m/s. Coulomb's law (maximal dissipation) is the same in
+//! both, because f . v = x . v'. A kind of friction that the contact lacks is a row of zeros.
 
 use crate::cone::{masked, positive};
 use crate::constraints::friction::{FrictionContact, FrictionContacts, LocalSolver, MAX_NEWTON, NaturalStep, least_tangent, near};
 use crate::lane_map::LaneMap;
 use stepper_real::{Mask, Real, Scalar};
 
-/// Tangential rows.
+/// Number of tangential rows.
 const T: usize = 5;
 
 /// Contact with sliding, torsional and rolling friction: rows (n, t1, t2, spin, roll1, roll2).
@@ -20,9 +20,9 @@ pub type RollingContacts<R> = FrictionContacts<R, 6, RollingSolver<R>>;
 
 /// Solver of one contact with torsional and rolling friction.
 ///
-/// As for sliding friction the normal impulse is eliminated and `A x_t + c = -s x_t` is solved in the principal axes of
-/// A, here five, found by Jacobi's method. The model `nn (k k^T) + Q diag(a) Q^T` of the tangential block is used for the update only: at
-/// its fixed point the law holds for the velocities themselves, however precise the axes are.
+/// As for sliding friction, the normal impulse is eliminated and `A x_t + c = -s x_t` is solved in the principal axes of A. Jacobi's method
+/// finds these five axes. Only the update uses the model `nn (k k^T) + Q diag(a) Q^T` of the tangential block. At its fixed point the law
+/// holds for the velocities, whatever the precision of the axes is.
 #[derive(Clone, Copy, Debug)]
 pub struct RollingSolver<R: Real> {
     inv_gnn: R,
@@ -32,14 +32,14 @@ pub struct RollingSolver<R: Real> {
     /// Principal values of A, bounded away from zero.
     a: [R; T],
     inv_a: [R; T],
-    /// G_tn / G_nn in the principal axes.
+    /// Coupling G_tn / G_nn in the principal axes.
     coupling: [R; T],
     /// Step of the weaker update.
     step: R,
 }
 
 impl<R: Real> RollingSolver<R> {
-    /// Normal impulse and tangential one in the principal axes, in the contact's rows; zero outside `lanes`.
+    /// Impulse in the contact's rows, from the normal impulse and the tangential one in the principal axes; zero outside `lanes`.
     #[inline(always)]
     fn impulse(&self, n: R, x: [R; T], lanes: R::Mask) -> [R; 6] {
         let mut out = [n, R::zero(), R::zero(), R::zero(), R::zero(), R::zero()];
@@ -51,8 +51,8 @@ impl<R: Real> RollingSolver<R> {
         out
     }
 
-    /// Impulse at the s > 0 at which |x(s)| = mu n(s), in the lanes `todo`: Newton's method on mu n / |x| = 1 inside a bracket, as exact
-    /// as that of sliding friction.
+    /// Impulse at the s > 0 at which |x(s)| = mu n(s), in the lanes `todo`, by Newton's method on mu n / |x| = 1 inside a bracket. It is as
+    /// exact as that of sliding friction.
     #[inline(always)]
     fn slip(&self, mu: R, p: [R; T], push: R, guess: R, mut todo: R::Mask) -> Slip<R> {
         let zero = R::zero();
@@ -67,7 +67,7 @@ impl<R: Real> RollingSolver<R> {
             let low = excess.lt(zero);
             lo = R::select(low, s, lo);
             hi = R::select(low, hi, s);
-            // The derivative of mu n / |x| over s, times |x|^3 / mu.
+            // Derivative of mu n / |x| with respect to s, times |x|^3 / mu.
             let slope = dot(self.coupling, rate) * length2 + n * dot(x, rate);
             let newton = s - excess * length2 / (mu * slope);
             let bisect = R::select(hi.lt(unbounded), (lo + hi) * R::of(0.5), s + s + self.nn);
@@ -78,7 +78,7 @@ impl<R: Real> RollingSolver<R> {
                 break;
             }
         }
-        // Scaling removes the error that Newton's method left, so that the impulse is on its cone.
+        // Scaling removes the remaining error of Newton's method, so that the impulse is on its cone.
         let (_, mut x, n) = self.sliding(p, push, s);
         let n = n.max(zero);
         let length = dot(x, x).sqrt();
@@ -89,7 +89,7 @@ impl<R: Real> RollingSolver<R> {
         Slip { x, n, s }
     }
 
-    /// Rate at which the tangential impulse falls per s at the multiplier s, that impulse, and the normal one.
+    /// Rate at which the tangential impulse falls per s at the multiplier s, the tangential impulse, and the normal one.
     #[inline(always)]
     fn sliding(&self, p: [R; T], push: R, s: R) -> ([R; T], [R; T], R) {
         let (mut x, mut rate) = ([R::zero(); T], [R::zero(); T]);
@@ -101,8 +101,9 @@ impl<R: Real> RollingSolver<R> {
         (rate, x, push - dot(self.coupling, x))
     }
 
-    /// Adds a compliance to the normal row and one to the others; returns the ratio of the normal's diagonal entry before to that after it.
-    /// The principal axes stay: they serve the update alone.
+    /// Adds a compliance to the normal row and one to the others. Returns the ratio of the normal's diagonal entry before to that after it.
+    ///
+    /// The principal axes stay the same, because only the update uses them.
     #[inline(always)]
     fn add_compliance(&mut self, [normal, tangential]: [R; 2]) -> R {
         let nn = self.nn;
@@ -110,7 +111,7 @@ impl<R: Real> RollingSolver<R> {
         self.inv_gnn = R::one() / self.nn;
         let (ratio, mut largest) = (nn * self.inv_gnn, R::zero());
         for i in 0..T {
-            // Of the tangential block, what the normal impulse no longer takes away.
+            // Part of the tangential block that the normal impulse no longer removes.
             let freed = self.coupling[i] * self.coupling[i] * nn * (R::one() - ratio);
             self.a[i] += tangential + freed;
             self.inv_a[i] = R::one() / self.a[i];
@@ -231,7 +232,7 @@ struct Slip<R: Real> {
     s: R,
 }
 
-/// Largest number of sweeps of Jacobi's method: it converges quadratically, and five dimensions take four to five to the last digit.
+/// Largest number of sweeps of Jacobi's method. It converges quadratically: five dimensions take four to five sweeps to the last digit.
 const JACOBI: usize = 5;
 
 #[inline(always)]
@@ -259,8 +260,9 @@ fn in_axes<R: Real>(axes: &[[R; T]; T], x: [R; T]) -> [R; T] {
     out
 }
 
-/// Diagonalises a symmetric matrix by Jacobi's cyclic method (Golub & Van Loan 2013, section 8.5); returns its principal axes. Axes are
-/// left as they are when the square of the cosine between them is below epsilon^(3/2): the next turn would be rounding.
+/// Diagonalises a symmetric matrix by Jacobi's cyclic method (Golub & Van Loan 2013, section 8.5). Returns its principal axes.
+///
+/// A pair of axes stays if the square of the cosine between them is below epsilon^(3/2), because the rotation would be rounding.
 #[inline(always)]
 fn principal_axes<R: Real>(m: &mut [[R; T]; T]) -> [[R; T]; T] {
     let mut axes = [[R::zero(); T]; T];
@@ -279,7 +281,7 @@ fn principal_axes<R: Real>(m: &mut [[R; T]; T]) -> [[R; T]; T] {
     axes
 }
 
-/// Rotates the axes p and q so that m[p][q] becomes zero, where they are not `aligned`.
+/// Rotates the axes p and q so that `m[p][q]` becomes zero, where they are not `aligned`.
 #[inline(always)]
 fn rotate<R: Real>(m: &mut [[R; T]; T], axes: &mut [[R; T]; T], p: usize, q: usize, aligned: R) {
     let off = m[p][q];
@@ -289,7 +291,7 @@ fn rotate<R: Real>(m: &mut [[R; T]; T], axes: &mut [[R; T]; T], p: usize, q: usi
     }
     let half = (m[q][q] - m[p][p]) * R::of(0.5);
     let root = (half * half + off * off).sqrt().copysign(half);
-    // The smaller of the two tangents; none where there is nothing to do.
+    // The smaller of the two tangents; zero for aligned axes.
     let below = half + root;
     let there = apart.and(below.abs().gt(R::zero()));
     let tan = masked(there, off / R::select(there, below, R::one()));

@@ -27,13 +27,13 @@ pub struct ScalarRow<R: Real> {
     pub active: R::Mask,
     /// Velocity of the row before any impulse, with its bias, m/s or rad/s.
     pub g: R,
-    /// The same with the bias of the position solve, m/s or rad/s.
+    /// Free velocity with the bias of the position solve, m/s or rad/s.
     pub position_g: R,
     /// Least impulse, N s or N m s.
     pub lo: R,
-    /// Greatest impulse, N s or N m s.
+    /// Largest impulse, N s or N m s.
     pub hi: R,
-    /// Compliance R, at least 0: the velocity that the row yields per unit of impulse, on top of the motion of the bodies. 0 is hard.
+    /// Compliance R, at least 0: velocity of the row per unit of impulse, in addition to the motion of the bodies. 0 is hard.
     pub compliance: R,
     /// Diagonal entry of G, compliance included.
     pub(super) diagonal: R,
@@ -41,11 +41,11 @@ pub struct ScalarRow<R: Real> {
     pub(super) inv_diagonal: R,
     /// Ratio of the diagonal entry before elimination of equality rows to that after it, at least 1.
     pub(crate) trace_ratio: R,
-    /// Mobility that the damping of its demand is relative to; 0 for a row that is soft by its own law.
+    /// Mobility that scales the damping of the row's target; 0 for a row that is soft by its force law.
     pub(super) mobility: R,
-    /// Velocity that damping already took from the demand, m/s or rad/s: see [`ScalarRow::damp_correction`].
+    /// Velocity by which damping already reduced the target, m/s or rad/s: see [`ScalarRow::damp_correction`].
     pub(super) damping_deficit: R,
-    /// Lanes in which the row exists but nothing can move along it.
+    /// Lanes in which the row is immovable.
     pub(super) immovable: R::Mask,
 }
 
@@ -56,20 +56,22 @@ impl<R: Real> ScalarRow<R> {
         self.y..self.y + self.coordinates
     }
 
-    /// Lanes in which the row exists but nothing can move along it.
+    /// Lanes in which the row is immovable.
     #[inline(always)]
     pub fn immovable(&self) -> R::Mask {
         self.immovable
     }
 
-    /// Coefficient of the projection of another row on this one, when `along` is the product of the entries of both.
+    /// Coefficient of the projection of another row on this one, where `along` is the product of the entries of both.
     #[inline(always)]
     pub fn projection(&self, along: R) -> R {
         along * self.inv_diagonal
     }
 
-    /// The part of a `correction` of the velocity that damping leaves, for a row that others reckon with, which
-    /// [`PositionRows::damp`](crate::PositionRows::damp) then leaves alone. `ratio` is the compliance relative to the mobility.
+    /// Part of a `correction` of the velocity that damping leaves. `ratio` is the compliance relative to the mobility.
+    ///
+    /// It serves rows that are combined with others before the position solve. [`PositionRows::damp`](crate::PositionRows::damp) then skips
+    /// them.
     #[inline(always)]
     pub fn damp_correction(&mut self, ratio: R, correction: R) -> R {
         let stiffness = self.diagonal + ratio * self.mobility;
@@ -79,8 +81,9 @@ impl<R: Real> ScalarRow<R> {
         met
     }
 
-    /// Velocity that a row demands where nothing can move, m/s or rad/s: the magnitude of what an equality demands, or what of `g` a limit
-    /// does not admit. Dry friction demands nothing.
+    /// Unmet target velocity of an immovable row, m/s or rad/s.
+    ///
+    /// For an equality it is the magnitude of the target, for a limit the part of `g` that the limit does not admit. Dry friction has none.
     #[inline(always)]
     fn unmet(&self, equality: R, g: R) -> R {
         let infinite = R::of(f64::INFINITY);
@@ -88,7 +91,7 @@ impl<R: Real> ScalarRow<R> {
         masked(self.hi.ge(infinite), R::select(either, equality.abs(), -g))
     }
 
-    /// A row that exists nowhere, to be overwritten.
+    /// Row that exists in no lane, to be overwritten.
     fn blank() -> Self {
         let (none, zero) = (R::Mask::splat(false), R::zero());
         Self {
@@ -110,7 +113,7 @@ impl<R: Real> ScalarRow<R> {
         }
     }
 
-    /// Gathers some lanes into `out`: what sweeps read.
+    /// Gathers the parts that sweeps read from some lanes into `out`.
     #[inline(always)]
     fn gather(&self, map: &LaneMap, out: &mut ScalarRow<R::Half>) {
         (out.support, out.y, out.coordinates) = (self.support, self.y, self.coordinates);
@@ -124,7 +127,7 @@ impl<R: Real> ScalarRow<R> {
     }
 }
 
-/// Scalar rows of a problem, stored sparse: a row's support names the coordinates of w that any lane's row touches, ascending.
+/// Scalar rows of a problem, stored sparse. A row's support lists the coordinates of w that the row touches in any lane, ascending.
 #[derive(Clone, Debug)]
 pub struct ScalarRows<R: Real> {
     pub(super) rows: Rows<ScalarRow<R>>,
@@ -155,8 +158,7 @@ impl<R: Real> ScalarRows<R> {
 
     /// Appends a row with the entries `y` at the coordinates `support` (ascending).
     ///
-    /// `sign` (1 or -1 per lane) multiplies the row. Lanes outside `active` do not have it. `bounds` are the least and the greatest
-    /// impulse.
+    /// `sign` (1 or -1 per lane) multiplies the row. Lanes outside `active` do not have it. `bounds` are the least and the largest impulse.
     #[inline(always)]
     pub fn push(&mut self, support: &[u32], y: impl Fn(usize) -> R, sign: R, active: R::Mask, g: R, bounds: [R; 2]) {
         let (s0, y0) = (self.support.len(), self.y.len());
@@ -196,9 +198,9 @@ impl<R: Real> ScalarRows<R> {
         }
     }
 
-    /// Sets the velocity with the bias of the position solve of the row pushed last; without, it is that of the velocity solve.
+    /// Sets the target g of the position solve of the row pushed last. By default it is that of the velocity solve.
     #[inline(always)]
-    pub fn set_position_demand(&mut self, position_g: R) {
+    pub fn set_position_target(&mut self, position_g: R) {
         if let Some(row) = self.rows.items.last_mut() {
             row.position_g = position_g;
         }
@@ -212,13 +214,13 @@ impl<R: Real> ScalarRows<R> {
             row.mobility = R::select(compliance.gt(R::zero()), R::zero(), row.mobility);
             row.diagonal += compliance;
             row.inv_diagonal = R::one() / R::select(row.diagonal.gt(R::zero()), row.diagonal, R::one());
-            // What gives way by its own law is not held.
+            // A row with a compliance can move.
             row.immovable = row.immovable.and_not(compliance.gt(R::zero()));
         }
     }
 
     /// Sets the trace ratio of the row pushed last: the ratio of its diagonal entry before elimination of equality rows to that after it.
-    /// Residuals are measured by the former.
+    /// The scale of the residual uses the former.
     #[inline(always)]
     pub fn set_trace_ratio(&mut self, ratio: R) {
         if let Some(row) = self.rows.items.last_mut() {
@@ -227,8 +229,9 @@ impl<R: Real> ScalarRows<R> {
         }
     }
 
-    /// Sets the mobility that the damping of the row pushed last is relative to: that of its fellows, say, where the row itself can be
-    /// nearly immovable.
+    /// Sets the mobility that scales the damping of the row pushed last.
+    ///
+    /// A block with a nearly immovable row uses the mobility of its other rows.
     #[inline(always)]
     pub fn set_mobility(&mut self, mobility: R) {
         if let Some(row) = self.rows.items.last_mut() {
@@ -271,8 +274,8 @@ impl<R: Real> ScalarRows<R> {
     #[inline(always)]
     pub fn velocity(&self, row: &ScalarRow<R>, w: &[R]) -> R {
         let (support, y) = self.entries(row);
-        // Two partial sums, each waiting for itself alone. A row's support is that of all lanes, so that the order is the same in every
-        // lane.
+        // Two partial sums, so that additions do not wait for each other. A row's support is that of all lanes, so that the order is the
+        // same in every lane.
         let mut v = [R::zero(); 2];
         let (pairs, last) = support.as_chunks::<2>();
         let (y, y_last) = y.as_chunks::<2>();
@@ -287,7 +290,7 @@ impl<R: Real> ScalarRows<R> {
         (v[0] + v[1]) + row.g
     }
 
-    /// w += y d.
+    /// Adds w += y d.
     #[inline(always)]
     fn add(&self, row: &ScalarRow<R>, d: R, w: &mut [R]) {
         let (support, y) = self.entries(row);
@@ -299,7 +302,7 @@ impl<R: Real> ScalarRows<R> {
 
 impl<R: Real> Row for ScalarRow<R> {
     #[inline(always)]
-    fn exchange_demands(&mut self) {
+    fn exchange_targets(&mut self) {
         std::mem::swap(&mut self.g, &mut self.position_g);
     }
 }
@@ -412,7 +415,7 @@ impl<R: Real> ConstraintSet<R> for ScalarRows<R> {
             self.mark_eliminated();
         }
         self.set_compliance(R::of(saved.compliance));
-        self.set_position_demand(R::of(saved.position_g[0]));
+        self.set_position_target(R::of(saved.position_g[0]));
         if let Some(row) = self.rows.items.last_mut() {
             (row.trace_ratio, row.mobility) = (R::of(saved.trace_ratio), R::of(saved.mobility));
             (row.damping_deficit, row.immovable) = (R::of(saved.damping_deficit), immovable);
@@ -518,9 +521,9 @@ impl<R: Real> ConstraintSet<R> for ScalarRows<R> {
         for (k, (row, &lambda)) in rows.items.iter_mut().zip(impulses).enumerate() {
             reference_lambda.push(lambda);
             reference_g.push(row.g + row.damping_deficit);
-            // Separate rows are damped when they are made: other rows reckon with what they will do.
+            // Eliminated rows are damped at assembly, because other rows are combined with them.
             if k >= self.eliminated {
-                // Written so that a NaN counts.
+                // This form counts a NaN as a correction.
                 let corrects = (row.g - row.position_g).abs().le(damping.negligible).not();
                 let compliance = masked(corrects, damping.ratio * row.mobility);
                 row.g -= compliance * lambda;
@@ -536,14 +539,14 @@ impl<R: Real> ConstraintSet<R> for ScalarRows<R> {
         for (k, (row, &now)) in rows.items.iter().zip(impulses).enumerate() {
             let change = now - before[k];
             let give = if k < self.eliminated { R::zero() } else { row.compliance * change };
-            // The compliance of a spring is its own law.
+            // The compliance of a spring is its force law.
             most = most.max(masked(row.active.and(row.mobility.gt(R::zero())), give.abs().max(row.damping_deficit.abs())));
         }
         most
     }
 
     #[inline(always)]
-    fn immovable_demand(&self, rows: &Rows<ScalarRow<R>>, mut most: R) -> R {
+    fn immovable_target(&self, rows: &Rows<ScalarRow<R>>, mut most: R) -> R {
         for row in &rows.items {
             most = most.max(masked(row.immovable, row.unmet(row.damping_deficit, row.g)));
         }

@@ -1,4 +1,4 @@
-//! Contacts with sliding friction: the 3 x 3 block of G, prepared once, and the exact solution of one contact's own Coulomb problem.
+//! Contacts with sliding friction: the 3 x 3 block of G, prepared once, and the exact solution of one contact's local Coulomb problem.
 
 use crate::cone::{masked, norm2};
 use crate::constraints::friction::{FrictionContact, FrictionContacts, LocalSolver, MAX_NEWTON, NaturalStep, least_tangent, near};
@@ -11,15 +11,15 @@ pub type SlidingContact<R> = FrictionContact<R, 3, SlidingSolver<R>>;
 /// Contacts with sliding friction.
 pub type SlidingContacts<R> = FrictionContacts<R, 3, SlidingSolver<R>>;
 
-/// Solver of one contact with sliding friction, in closed form but for one scalar equation.
+/// Solver of one contact with sliding friction, in closed form except for one scalar equation.
 ///
 /// With the normal impulse eliminated, the tangential problem is `A lambda_t + c = -s lambda_t`, where
 /// `A = G_tt - G_tn G_nt / G_nn`. It is solved in the principal axes of A, where it is two independent scalar equations coupled by s.
 #[derive(Clone, Copy, Debug)]
 pub struct SlidingSolver<R: Real> {
-    /// G_nn, G_na, G_nb, G_aa, G_ab, G_bb, compliance included.
+    /// Entries G_nn, G_na, G_nb, G_aa, G_ab, G_bb, compliance included.
     gram: [R; 6],
-    /// Compliance of the normal row alone, which is a part of G_nn: no measure of what moves.
+    /// Compliance of the normal row alone. It is a part of G_nn and no mobility.
     own: R,
     inv_gnn: R,
     /// Principal axis of A: (cos, sin).
@@ -27,12 +27,12 @@ pub struct SlidingSolver<R: Real> {
     /// Principal values of A, bounded away from zero.
     a: [R; 2],
     inv_a: [R; 2],
-    /// G_tn / G_nn in the principal axes.
+    /// Coupling G_tn / G_nn in the principal axes.
     coupling: [R; 2],
 }
 
 impl<R: Real> SlidingSolver<R> {
-    /// Prepares the exact solution for the present block of G; returns its trace without the normal's own compliance.
+    /// Prepares the exact solution for the present block of G. Returns its trace without the compliance of the normal row.
     #[inline(always)]
     fn prepare(&mut self) -> R {
         let [nn, na, nb, aa, ab, bb] = self.gram;
@@ -61,7 +61,7 @@ impl<R: Real> SlidingSolver<R> {
 
     /// Impulse at the s > 0 at which |lambda_t(s)| = mu lambda_n(s), in the lanes `todo`.
     ///
-    /// A step beyond [`near`] is the last, and its error is not looked at.
+    /// A step within [`near`] is the last, and its error is not tested.
     #[inline(always)]
     fn slip(&self, mu: R, p: [R; 2], push: R, guess: R, mut todo: R::Mask) -> Slip<R> {
         let zero = R::zero();
@@ -76,7 +76,7 @@ impl<R: Real> SlidingSolver<R> {
             let low = excess.lt(zero);
             lo = R::select(low, s, lo);
             hi = R::select(low, hi, s);
-            // The derivative of mu n / |x| over s, times |x|^3 / mu.
+            // Derivative of mu n / |x| with respect to s, times |x|^3 / mu.
             let slope = dn * length2 + n * (x[0] * p[0] + x[1] * p[1]);
             let newton = s - excess * length2 / (mu * slope);
             let bisect = R::select(hi.lt(unbounded), (lo + hi) * R::of(0.5), s + s + self.a[0]);
@@ -87,7 +87,7 @@ impl<R: Real> SlidingSolver<R> {
                 break;
             }
         }
-        // Scaling removes the error that Newton's method left, so that the impulse is on its cone.
+        // Scaling removes the remaining error of Newton's method, so that the impulse is on its cone.
         let Sliding { x, n, d, .. } = self.sliding(p, push, s);
         let n = (n / d).max(zero);
         let length = norm2(x[0], x[1]);
@@ -95,7 +95,7 @@ impl<R: Real> SlidingSolver<R> {
         Slip { x: [x[0] * scale, x[1] * scale], n, s }
     }
 
-    /// The impulse at the multiplier s, without a division.
+    /// Impulse at the multiplier s, without a division.
     #[inline(always)]
     fn sliding(&self, p: [R; 2], push: R, s: R) -> Sliding<R> {
         let (d0, d1) = (self.a[0] + s, self.a[1] + s);
@@ -132,8 +132,8 @@ impl<R: Real> LocalSolver<R, 3> for SlidingSolver<R> {
         (solver, trace)
     }
 
-    /// Sliding is Newton's method on `mu lambda_n(s) / |lambda_t(s)| = 1`, which is linear in s when A is round and uncoupled, kept
-    /// inside a bracket; `guess` starts it.
+    /// Sliding is Newton's method on `mu lambda_n(s) / |lambda_t(s)| = 1`, inside a bracket and from `guess`. The equation is linear in s
+    /// if A is isotropic and uncoupled.
     #[inline(always)]
     fn solve(&self, mu: R, v: [R; 3], lambda: [R; 3], guess: R, lanes: R::Mask) -> ([R; 3], R) {
         let zero = R::zero();
@@ -217,13 +217,13 @@ impl<R: Real> LocalSolver<R, 3> for SlidingSolver<R> {
 
 /// Impulse of a sliding contact at some multiplier s, times d.
 struct Sliding<R: Real> {
-    /// Tangential impulse in the principal axes of A; its derivative over s is -p.
+    /// Tangential impulse in the principal axes of A. Its derivative with respect to s is -p.
     x: [R; 2],
     /// Normal impulse.
     n: R,
-    /// Derivative of the normal impulse over s.
+    /// Derivative of the normal impulse with respect to s.
     dn: R,
-    /// det(A + s).
+    /// Determinant det(A + s).
     d: R,
 }
 

@@ -1,8 +1,8 @@
 //! Anderson's acceleration on top of sweeps (Anderson 1965; the type II form of Walker & Ni 2011, equation 2.2).
 //!
-//! A sweep takes x to T(x). With f = T(x) - x, the next sweep starts from `T(x) - sum_j c_j dT_j`, where c minimises `|f - sum_j c_j df_j|`
+//! A sweep maps x to T(x). With f = T(x) - x, the next sweep starts from `T(x) - sum_j c_j dT_j`. Here c minimises `|f - sum_j c_j df_j|`
 //! over the changes of f and of T(x) between the last sweeps. Lengths are those of w, so |f|^2 is twice the kinetic energy of the change. A
-//! lane whose sweeps change more than the one before forgets the past.
+//! lane discards its history if a sweep changes more than the previous one.
 
 use crate::constraints::constraint_set::Impulse;
 use crate::constraints::each_kind;
@@ -37,8 +37,10 @@ pub(super) fn recompute_w<R: Real>(iterate: &mut Iterate<R>, problem: &Problem<R
     }
 }
 
-/// Replaces the unknowns that a sweep left by those from which the next one starts, in the lanes `running`. Returns the lanes in which they
-/// differ: there, w and the impulses are summed separately, so that w is no longer the sum over the impulses to the last bit.
+/// Replaces the unknowns after a sweep by those from which the next one starts, in the lanes `running`. Returns the lanes in which they
+/// differ.
+///
+/// In these lanes w and the impulses are summed separately, so that w is no longer the sum over the impulses to the last bit.
 #[inline(always)]
 pub(super) fn accelerate<R: Real>(iterate: &mut Iterate<R>, running: R::Mask) -> R::Mask {
     let Iterate { w, history, .. } = iterate;
@@ -61,7 +63,7 @@ pub(super) fn accelerate<R: Real>(iterate: &mut Iterate<R>, running: R::Mask) ->
 }
 
 impl<R: Real> Iterate<R> {
-    /// Records the unknowns that the sweep left, and subtracts the combination of the last `N` changes from them.
+    /// Records the unknowns after the sweep, and subtracts the combination of the last `N` changes from them.
     #[inline(always)]
     fn extrapolate<const N: usize>(&mut self, change: &SweepChange<R>) {
         let c = self.history.coefficients::<N>(change);

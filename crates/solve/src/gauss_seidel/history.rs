@@ -4,32 +4,40 @@ use crate::cone::masked;
 use crate::lane_map::LaneMap;
 use stepper_real::{Mask, Real, Scalar};
 
-/// Number of changes that are remembered.
+/// Number of stored changes.
 ///
-/// Measured on 128 dm_control humanoids at 5 ms, sweeps alone, at most 50 (mean sweeps, unsolved %), under random control and then at rest:
-/// none of this but nonlinear conjugate gradients 12.5, 2.5 and 26.8, 20.7; one change 7.5, 1.5 and 19.5, 10.2; two 6.3, 0.8 and 15.7, 6.4;
-/// three 6.0, 0.8 and 13.8, 4.9; four 6.0, 0.8 and 13.2, 4.3; six 6.0, 0.7 and 12.5, 3.5. Forgetting later, when a sweep changes four times
-/// what the last one did, gains nothing.
+/// Measured on 128 dm_control humanoids at 5 ms, sweeps alone, at most 50 (mean sweeps, unsolved %), under random control and then at rest.
+///
+/// | changes | random control | at rest |
+/// |---|---|---|
+/// | none, but nonlinear conjugate gradients | 12.5, 2.5 | 26.8, 20.7 |
+/// | 1 | 7.5, 1.5 | 19.5, 10.2 |
+/// | 2 | 6.3, 0.8 | 15.7, 6.4 |
+/// | 3 | 6.0, 0.8 | 13.8, 4.9 |
+/// | 4 | 6.0, 0.8 | 13.2, 4.3 |
+/// | 6 | 6.0, 0.7 | 12.5, 3.5 |
+///
+/// Discarding the history only when a sweep changes four times as much as the last one gains nothing.
 pub(super) const MEMORY: usize = 4;
 
-/// Changes of the last sweeps, the newest first. A lane's own history is as old as it has been running without a break.
+/// Changes of the last sweeps, the newest first. The history of a lane begins when the lane last started to run.
 #[derive(Clone, Debug)]
 pub(crate) struct History<R: Real> {
     /// Scaled velocity change w before the sweep.
     pub(super) start: Vec<R>,
-    /// Change f of w by the sweep before.
+    /// Change f of w by the previous sweep.
     pub(super) f: Vec<R>,
     /// Squared length |f|^2 of that change.
     pub(super) length: R,
-    /// Unknowns (w and all impulses) after the sweep before.
+    /// Unknowns (w and all impulses) after the previous sweep.
     pub(super) image: Vec<R>,
-    /// Lanes that made the sweep before.
+    /// Lanes that made the previous sweep.
     pub(super) ran: R::Mask,
     /// Changes of f.
     pub(super) df: [Vec<R>; MEMORY],
     /// Changes of all unknowns.
     pub(super) dt: [Vec<R>; MEMORY],
-    /// Lanes in which each of these changes is known.
+    /// Lanes that have each of these changes.
     pub(super) known: [R::Mask; MEMORY],
     /// Products df . df.
     pub(super) gram: [[R; MEMORY]; MEMORY],
@@ -46,7 +54,7 @@ pub(super) struct SweepChange<R> {
 }
 
 impl<R: Real> History<R> {
-    /// Reserves memory for so many coordinates of w, and so many unknowns, w included.
+    /// Reserves memory for `dimension` coordinates of w, and `unknowns` unknowns, w included.
     pub(crate) fn new(dimension: usize, unknowns: usize) -> Self {
         let unknowns = || Vec::with_capacity(unknowns);
         let coordinates = || vec![R::zero(); dimension];
@@ -63,7 +71,7 @@ impl<R: Real> History<R> {
         }
     }
 
-    /// Gathers some lanes, as far as any of them remembers.
+    /// Gathers the history of some lanes, as far as any of them has it.
     #[inline(always)]
     pub(crate) fn gather(&self, map: &LaneMap, out: &mut History<R::Half>) {
         map.gather_slice(&self.start, &mut out.start);
@@ -96,7 +104,7 @@ impl<R: Real> History<R> {
         }
     }
 
-    /// Number of changes that any lane may know once that of the sweep just made is known.
+    /// Number of changes that any lane has, with that of the present sweep.
     #[inline(always)]
     pub(super) fn remembered(&self) -> usize {
         if self.ran.any() { 1 + self.known[1..].iter().take_while(|known| known.any()).count() } else { 0 }
@@ -126,8 +134,8 @@ impl<R: Real> History<R> {
         change
     }
 
-    /// Forgets all changes in lanes that are not `running`, and in those whose sweep changed more than the one before. Returns the number
-    /// of changes that are known in any lane.
+    /// Clears the history of lanes that are not `running`, and of those whose sweep changed more than the previous one. Returns the number
+    /// of changes in any lane.
     #[inline(always)]
     pub(super) fn forget(&mut self, running: R::Mask, length: R) -> usize {
         let goes = running.and(length.le(self.length));
@@ -140,8 +148,9 @@ impl<R: Real> History<R> {
         self.known.iter().take_while(|known| known.any()).count()
     }
 
-    /// Records the unknowns `part`, which a sweep left and which are at the place `at` among all, and subtracts the combination `c` of the
-    /// last `N` changes from them. `at` becomes the place after them.
+    /// Records the unknowns `part` after a sweep, and subtracts the combination `c` of the last `N` changes from them.
+    ///
+    /// `at` is their place among all unknowns; it becomes the place after them.
     #[inline(always)]
     pub(super) fn extrapolate<const N: usize>(&mut self, c: &[R; N], part: &mut [R], at: &mut usize) {
         let (known, place) = (self.known[0], *at..*at + part.len());
@@ -152,9 +161,9 @@ impl<R: Real> History<R> {
         for (i, x) in part.iter_mut().enumerate() {
             let now = *x;
             if N > 0 {
-                // Zero, and never what is not a number, where a lane is not to use it.
+                // Zero, and never NaN, in lanes without this change.
                 newest[i] = masked(known, now - image[i]);
-                // From zero, which is no -0: where a neighbour remembers more, nothing changes.
+                // The sum starts from +0, never -0, so that a longer history of a neighbour changes nothing.
                 let mut sum = R::zero();
                 for k in 0..N {
                     sum += c[k] * if k == 0 { newest[i] } else { older[k - 1][i] };
@@ -165,7 +174,7 @@ impl<R: Real> History<R> {
         }
     }
 
-    /// Coefficients c of least squares over the last `N` changes; 0 for a change that a lane does not know.
+    /// Least-squares coefficients c over the last `N` changes; 0 for a change that a lane does not have.
     #[inline(always)]
     pub(super) fn coefficients<const N: usize>(&mut self, change: &SweepChange<R>) -> [R; N] {
         let Self { known, gram, .. } = self;
@@ -173,8 +182,9 @@ impl<R: Real> History<R> {
         let mut c = [R::zero(); N];
         c.copy_from_slice(&change.with_f[..N]);
         gram[0][..N].copy_from_slice(&change.with_newest[..N]);
-        // Elimination, the newest first; a change that is nearly a sum of newer ones is left out: its large c would magnify rounding. So is
-        // one whose square underflows (1e-19 in 32 bits), where sweeps stall above the tolerance: its inverse is no number.
+        // Elimination, the newest first. A change that is nearly a sum of newer ones is left out, because its large c would magnify
+        // rounding. So is one whose square underflows (1e-19 in 32 bits), where sweeps stall above the tolerance and the inverse is not
+        // finite.
         let mut a = *gram;
         let epsilon = <R::Scalar as Scalar>::EPSILON.to_f64();
         let least = if epsilon > 1e-12 { f64::from(f32::MIN_POSITIVE) } else { f64::MIN_POSITIVE };

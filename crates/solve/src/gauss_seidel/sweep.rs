@@ -1,4 +1,4 @@
-//! One accelerated sweep, and how far the sweeps of each lane are.
+//! One accelerated sweep, and the progress of each lane.
 
 use crate::cone::masked;
 use crate::constraints::constraint_set::SweepLanes;
@@ -7,11 +7,11 @@ use crate::iterate::Iterate;
 use crate::problem::System;
 use stepper_real::{Mask, Real};
 
-/// Number of sweeps with the exact solution of every contact; lanes that are not solved by then continue with the weaker update.
+/// Number of sweeps with the exact solution of every contact. Lanes that are not solved by then continue with the weaker update.
 ///
-/// Against limits of light joints the exact solutions of a contact can cycle. Measured on 64 humanoids under random control at 5 ms with
-/// 200 sweeps: the worst residual of a step falls from 7 m/s to 2 mm/s, and steps above 1e-6 m/s from 1.06 to 0.84 %; with the weaker
-/// update from the beginning they are 2.7 %.
+/// Exact solutions of a contact can cycle against limits of light joints. Measured on 64 humanoids under random control at 5 ms with 200
+/// sweeps: the worst residual of a step falls from 7 m/s to 2 mm/s. Steps above 1e-6 m/s fall from 1.06 to 0.84 %. With the weaker update
+/// from the beginning they are 2.7 %.
 const EXACT_SWEEPS: f64 = 25.0;
 
 /// Progress of the sweeps of each lane.
@@ -24,7 +24,7 @@ pub(super) struct Progress<R: Real> {
     pub(super) sweeps: R,
     /// Largest number of sweeps.
     pub(super) most_sweeps: f64,
-    /// Lanes in which acceleration moved w and the impulses, each by a sum of its own.
+    /// Lanes in which acceleration moved w and the impulses, each by a separate sum.
     pub(super) extrapolated: R::Mask,
 }
 
@@ -35,7 +35,7 @@ impl<R: Real> Progress<R> {
         Self { running, threshold, sweeps: R::zero(), most_sweeps: f64::from(most_sweeps), extrapolated: R::Mask::splat(false) }
     }
 
-    /// Sweeps once over the lanes that are running.
+    /// Makes one sweep over the running lanes.
     #[inline(always)]
     pub(super) fn sweep(&mut self, system: System<'_, R>, iterate: &mut Iterate<R>) {
         let lanes = SweepLanes { running: self.running, exact: self.sweeps.lt(R::of(EXACT_SWEEPS)) };

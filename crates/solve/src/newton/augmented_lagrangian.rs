@@ -1,11 +1,11 @@
-//! The augmented Lagrangian: one step of the proximal method is its minimum, found by Newton's method in the space of w.
+//! Augmented Lagrangian. Its minimum is one step of the proximal method, and Newton's method finds it in the space of w.
 //!
-//! With x_i = c_i lambda_i - rho_i (Y_i w + g_i + s_i) and z_i = P_K(x_i), the function whose gradient is `w - sum_i Y_i^T z_i` is convex
-//! and once differentiable; its Hessian is `I + sum_i rho_i Y_i^T DP_K Y_i`. Compliance R of a row makes `c = 1 / (1 + rho R)` and weakens
-//! rho by as much.
+//! With x_i = c_i lambda_i - rho_i (Y_i w + g_i + s_i) and z_i = P_K(x_i), the gradient `w - sum_i Y_i^T z_i` belongs to a convex function
+//! that is once differentiable. Its Hessian is `I + sum_i rho_i Y_i^T DP_K Y_i`. Compliance R of a row gives `c = 1 / (1 + rho R)` and
+//! reduces rho by the same factor.
 //!
-//! De Saxce's s_i = mu |v_t| is held, or ("implicit") taken at the present w. Then the equation is the exact law's, its matrix is not
-//! symmetric and nothing is minimised any more, but near the answer Newton's method converges on it at once.
+//! De Saxce's s_i = mu |v_t| is constant, or ("implicit") evaluated at the present w. The implicit equation is the exact law's. Its matrix
+//! is not symmetric and no function is minimised, but close to the solution Newton's method converges at once.
 
 use crate::admissible_set::Product;
 use crate::newton::dense::Dense;
@@ -14,7 +14,7 @@ use crate::newton::skyline::Skyline;
 use crate::vectors::{add_scaled, inner, norm};
 use stepper_real::Real;
 
-/// Least size of a pivot of an implicit step: the identity less what friction may take from it (Painleve's paradox takes all).
+/// Least size of a pivot of an implicit step. Friction may reduce the pivots of the identity, to zero in Painleve's paradox.
 const LEAST_PIVOT: f64 = 1e-3;
 
 /// Augmented Lagrangian at one w, and Newton's method on it.
@@ -22,24 +22,24 @@ const LEAST_PIVOT: f64 = 1e-3;
 pub(super) struct AugmentedLagrangian {
     /// Ratio kappa of rho_i to the step of the natural map.
     pub(super) kappa: f64,
-    /// De Saxce's term of every block, m/s, where it is held.
+    /// De Saxce's term of every block, m/s, while it is constant.
     pub(super) slip: Vec<f64>,
-    /// z of every row, N s.
+    /// Projection z of every row, N s.
     pub(super) z: Vec<f64>,
     /// Velocities Y w + g.
     v: Vec<f64>,
     x: Vec<f64>,
-    /// Y direction.
+    /// Product of Y and the direction.
     dv: Vec<f64>,
     gradient: Vec<f64>,
     direction: Vec<f64>,
     trial: Vec<f64>,
     /// Product rho DP Y of a block.
     product: Product,
-    /// Length of the longest row, with its fellows in a block.
+    /// Length of the longest row, with the other rows of its block.
     longest: f64,
     matrix: Skyline,
-    /// The matrix of an implicit step where the skyline has pivots that are too small.
+    /// Matrix of an implicit step, if the skyline has pivots that are too small.
     dense: Dense,
 }
 
@@ -52,13 +52,13 @@ impl AugmentedLagrangian {
         }
         self.matrix.complete_pattern();
         self.longest = rows.blocks.iter().fold(0.0, |most: f64, block| most.max(block.trace)).sqrt();
-        for room in [&mut self.z, &mut self.x, &mut self.trial] {
-            room.clear();
-            room.resize(rows.g.len(), 0.0);
+        for buffer in [&mut self.z, &mut self.x, &mut self.trial] {
+            buffer.clear();
+            buffer.resize(rows.g.len(), 0.0);
         }
     }
 
-    /// Evaluates impulses and gradient at w; returns a bound of the velocities that the gradient is in the rows, m/s.
+    /// Evaluates impulses and gradient at w. Returns a bound of the gradient as a velocity of the rows, m/s.
     pub(super) fn evaluate(&mut self, rows: &Island, implicit: bool) -> f64 {
         rows.multiply(&rows.w, &mut self.v);
         for (v, g) in self.v.iter_mut().zip(&rows.g) {
@@ -68,7 +68,7 @@ impl AugmentedLagrangian {
         self.compute_gradient(rows)
     }
 
-    /// Projects: x and z at the velocities v.
+    /// Computes x and their projections z at the velocities v.
     #[inline(always)]
     fn project(&mut self, rows: &Island, implicit: bool) {
         for (i, block) in rows.blocks.iter().enumerate() {
@@ -82,7 +82,7 @@ impl AugmentedLagrangian {
         }
     }
 
-    /// Computes the gradient at w, when z is taken there.
+    /// Computes the gradient at w, with z evaluated there.
     #[inline(always)]
     fn compute_gradient(&mut self, rows: &Island) -> f64 {
         self.gradient.clone_from(&rows.w);
@@ -90,10 +90,10 @@ impl AugmentedLagrangian {
         self.longest * norm(&self.gradient)
     }
 
-    /// Moves w by Newton's step, as far along it as the function falls, and evaluates there; returns what [`AugmentedLagrangian::evaluate`]
-    /// does, infinity when the matrix has no factors.
+    /// Moves w along Newton's step as far as the function decreases, and evaluates there. Returns the result of
+    /// [`AugmentedLagrangian::evaluate`], or infinity if the matrix has no factors.
     ///
-    /// This is nearly all of the time, so it runs with the instructions of the lanes.
+    /// It takes nearly all of the time, so it runs with the instructions of the lanes.
     pub(super) fn advance<R: Real>(&mut self, rows: &mut Island, implicit: bool) -> f64 {
         R::vectorize(
             #[inline(always)]
@@ -128,7 +128,7 @@ impl AugmentedLagrangian {
             self.project(rows, implicit);
             return self.compute_gradient(rows);
         }
-        // Where the full step makes it worse, half of it, and half again.
+        // If the full step increases the error, the length is halved repeatedly.
         let before = self.longest * norm(&self.gradient);
         let mut length = 1.0;
         self.move_along(rows, length);
@@ -143,7 +143,7 @@ impl AugmentedLagrangian {
         }
     }
 
-    /// Factorises an implicit step's matrix with pivoting; false when it has no factors.
+    /// Factorises an implicit step's matrix with pivoting. Returns false if it has no factors.
     #[inline(always)]
     fn factor_dense(&mut self, rows: &Island) -> bool {
         self.dense.set_identity(rows.w.len());
@@ -165,7 +165,7 @@ impl AugmentedLagrangian {
         }
     }
 
-    /// Computes rho DP Y of a block into `product`; false when it is zero.
+    /// Computes rho DP Y of a block into `product`. Returns false if it is zero.
     #[inline(always)]
     fn compute_curvature(&mut self, rows: &Island, block: &Block, implicit: bool) -> bool {
         let (_, rho) = stiffness(block, self.kappa);
@@ -173,7 +173,8 @@ impl AugmentedLagrangian {
         block.set.differentiate(rho, &self.x[block.rows.clone()], v, &rows.y[block.y.clone()], rows.width(block), &mut self.product)
     }
 
-    /// Step length of the line search: where the slope is a hundredth of what it was, by regula falsi (Illinois); 1 if that will do.
+    /// Step length of the line search, at which the slope is a hundredth of the initial one, by regula falsi (Illinois). 1 if that
+    /// suffices.
     #[inline(always)]
     fn search_line(&mut self, rows: &Island) -> f64 {
         let start = inner(&self.gradient, &self.direction);
@@ -194,7 +195,7 @@ impl AugmentedLagrangian {
                 (high, end, begin) = (length, slope, 0.5 * begin);
             }
         }
-        // As far as the function is known to fall all the length.
+        // Up to this length the function is known to decrease.
         if low > 0.0 { low } else { length }
     }
 
@@ -215,8 +216,10 @@ impl AugmentedLagrangian {
     }
 }
 
-/// Largest island whose matrix is factorised with pivoting where the skyline has no factors. It has them with pivots of either sign: with
-/// pivoting instead, 280 problems of robots, grasps and heaps, and 29 of a struck wall, are solved in as many steps.
+/// Largest island whose matrix is factorised with pivoting if the skyline factorisation fails.
+///
+/// The skyline accepts pivots of either sign. With pivoting instead, 280 problems of robots, grasps and heaps, and 29 of a wall hit by a
+/// ball, take the same number of steps.
 const LARGEST_DENSE: usize = 256;
 /// Least step length of an implicit step.
 const LEAST_LENGTH: f64 = 0.125;

@@ -21,7 +21,7 @@ impl Dense {
         self.entries.iter_mut().step_by(dimension + 1).for_each(|x| *x = 1.0);
     }
 
-    /// Adds `sum_r a_r^T b_r` between the coordinates of the tiles `tiles`; a and b hold rows with the numbers of their tiles, one after
+    /// Adds `sum_r a_r^T b_r` between the coordinates of the tiles `tiles`. The rows of a and b have the numbers of their tiles, one after
     /// the other.
     #[inline(always)]
     pub(super) fn add_product(&mut self, tiles: &[usize], a: &[f64], b: &[f64]) {
@@ -42,7 +42,7 @@ impl Dense {
         }
     }
 
-    /// Factorises; false when the matrix is singular to rounding, or not finite.
+    /// Factorises the matrix. Returns false if it is singular to rounding, or not finite.
     #[inline(always)]
     pub(super) fn factor(&mut self) -> bool {
         let n = self.dimension;
@@ -77,7 +77,7 @@ impl Dense {
         true
     }
 
-    /// x <- A^-1 x with the factors.
+    /// Solves x <- A^-1 x with the factors.
     #[inline(always)]
     pub(super) fn solve(&self, x: &mut [f64]) {
         let n = self.dimension;

@@ -13,13 +13,13 @@ use crate::vectors::{TILE, add_to_tiles, dot, inner};
 pub(super) struct Block {
     /// Set of its admissible impulses.
     pub(super) set: AdmissibleSet,
-    /// Places of the tiles that its rows touch in [`Island::tiles`].
+    /// Range of the tiles that its rows touch in [`Island::tiles`].
     tiles: Range<usize>,
-    /// Places of its entries in [`Island::y`], one row after the other, tile by tile.
+    /// Range of its entries in [`Island::y`], one row after the other, tile by tile.
     pub(super) y: Range<usize>,
-    /// Its rows, as places in [`Island::g`] and [`Island::lambda`].
+    /// Range of its rows in [`Island::g`] and [`Island::lambda`].
     pub(super) rows: Range<usize>,
-    /// Which of the constraint's rows they are, as bits: those that do nothing (kinds of friction that a contact lacks) are left out.
+    /// Rows of the constraint in this block, as bits. Rows without effect (kinds of friction that a contact lacks) are left out.
     kept: u32,
     /// Trace of its block of G, before elimination of equality rows.
     pub(super) trace: f64,
@@ -27,9 +27,9 @@ pub(super) struct Block {
     pub(super) rho: f64,
     /// Compliance R >= 0 on the diagonal of G, the same for all of its rows.
     pub(super) compliance: f64,
-    /// Step of the natural map by which the residual is measured: of a block without the first row's own compliance.
+    /// Step of the natural map for the residual: that of a block without the compliance of the first row.
     natural_step: f64,
-    /// Part of an error in the first row that no compliance of its own takes up.
+    /// Fraction of an error in the first row that no compliance of the contact absorbs.
     rigid_fraction: f64,
 }
 
@@ -50,7 +50,7 @@ pub(super) struct Island {
 }
 
 impl Island {
-    /// Gathers the blocks `members` of a lane, whose coordinates are `coordinates` in this order; `number` is its inverse.
+    /// Gathers the blocks `members` of a lane, whose coordinates are `coordinates` in this order. `number` is the inverse of the order.
     pub(super) fn gather(&mut self, lane: &Lane, members: &[usize], coordinates: &[u32], number: &[u32]) {
         self.blocks.clear();
         self.tiles.clear();
@@ -137,7 +137,7 @@ impl Island {
         self.y[block.y.clone()].chunks_exact(self.width(block))
     }
 
-    /// out = Y x, for all rows.
+    /// Computes out = Y x, for all rows.
     #[inline(always)]
     pub(super) fn multiply(&self, x: &[f64], out: &mut Vec<f64>) {
         out.clear();
@@ -149,7 +149,7 @@ impl Island {
         }
     }
 
-    /// out += sign Y^T x.
+    /// Adds out += sign Y^T x.
     #[inline(always)]
     pub(super) fn add_transposed(&self, x: &[f64], sign: f64, out: &mut [f64]) {
         for block in &self.blocks {
@@ -168,8 +168,7 @@ impl Island {
         self.w = w;
     }
 
-    /// Natural-map residual of the exact Coulomb problem, m/s, as [`crate::residual()`] has it; leaves the velocities Y w + R lambda + g in
-    /// `v`.
+    /// Natural-map residual of the exact Coulomb problem, m/s, as [`crate::residual()`]. Writes the velocities Y w + R lambda + g to `v`.
     pub(super) fn residual(&self, v: &mut Vec<f64>) -> f64 {
         self.multiply(&self.w, v);
         let mut worst = 0.0;
@@ -183,7 +182,7 @@ impl Island {
                 block.natural_step,
                 block.rigid_fraction,
             );
-            // A NaN stays.
+            // This form propagates a NaN.
             worst = if own <= worst { worst } else { own };
         }
         worst

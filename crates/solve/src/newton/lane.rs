@@ -1,6 +1,6 @@
 //! Rows of one lane, gathered from the lanes' problem, and its impulses scattered back.
 //!
-//! Exact zeros are dropped, so that a lane does not see what the other lanes touch.
+//! Exact zeros are dropped, so that a lane does not depend on the contacts of other lanes.
 
 use std::ops::Range;
 
@@ -21,11 +21,11 @@ pub(super) struct LaneBlock {
     pub(super) source: usize,
     support: Range<usize>,
     y: usize,
-    /// Its rows, as places in [`Lane::g`] and [`Lane::lambda`].
+    /// Range of its rows in [`Lane::g`] and [`Lane::lambda`].
     pub(super) rows: Range<usize>,
     /// Compliance R >= 0 on the diagonal of G, the same for all of its rows.
     pub(super) compliance: f64,
-    /// What the first row has besides: the square of the last coordinate's entry, 0 where it has no coordinate of its own.
+    /// Additional compliance of the first row: the square of the last coordinate's entry, 0 without a separate coordinate.
     pub(super) normal_compliance: f64,
     /// Ratio of trace(G_ii) before elimination of equality rows to that after it, at least 1.
     pub(super) trace_ratio: f64,
@@ -48,13 +48,14 @@ pub(super) struct Lane {
     pub(super) w: Vec<f64>,
     /// Part of w from the eliminated rows. They are solved, and no other row depends on it.
     eliminated: Vec<f64>,
-    /// Coordinates of w that are none of the lanes' problem: one for each normal row with a compliance R of its own, with the entry
-    /// sqrt(R), which no other row sees. Newton's method knows compliances that are the same for all rows of a cone.
+    /// Coordinates of w that only this problem has: one for each normal row with a compliance R, with the entry sqrt(R).
+    ///
+    /// No other row has an entry there. Newton's method supports only compliances that are the same for all rows of a cone.
     own: Vec<f64>,
 }
 
 impl Lane {
-    /// Gathers the rows of lane `lane` but for the eliminated ones, kind by kind.
+    /// Gathers the rows of lane `lane` without the eliminated ones, kind by kind.
     pub(super) fn gather<R: Real>(&mut self, system: System<'_, R>, iterate: &Iterate<R>, lane: usize) {
         self.blocks.clear();
         self.support.clear();
@@ -85,7 +86,7 @@ impl Lane {
         &self.support[block.support.clone()]
     }
 
-    /// Rows of a block that do anything, as bits: those with entries, and the first.
+    /// Rows of a block with an effect, as bits: those with entries, and the first.
     pub(super) fn busy_rows(&self, block: &LaneBlock) -> u32 {
         let (_, entries) = self.entries(block);
         let dim = block.rows.len();
@@ -125,7 +126,7 @@ impl Lane {
 }
 
 impl LaneReceiver for Lane {
-    /// Adds a block. One that cannot move is left out: its impulses do nothing.
+    /// Adds a block. An immovable block is left out, because its impulses have no effect.
     fn add<const N: usize>(&mut self, constraint: LaneConstraint<N>, support: &[u32], entries: impl Iterator<Item = [f64; N]>) {
         let LaneConstraint { set, source, g, lambda, compliance, normal_compliance, trace_ratio } = constraint;
         let (s0, y0, row) = (self.support.len(), self.y.len(), self.g.len());

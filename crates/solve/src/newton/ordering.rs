@@ -1,12 +1,12 @@
 //! Islands, and an order of the coordinates that keeps the skyline low.
 //!
-//! Rows join the coordinates that they touch. What they join is an island; within it the reverse Cuthill-McKee order (Cuthill & McKee 1969,
-//! George 1971) from an end of the island puts joined coordinates side by side. The graph is never made: from a coordinate the search goes
-//! to its rows, and from them to their coordinates.
+//! Rows join the coordinates that they touch, and joined coordinates form an island. Within it the reverse Cuthill-McKee order (Cuthill &
+//! McKee 1969, George 1971) from an end of the island puts joined coordinates side by side. The graph is implicit: the search goes from a
+//! coordinate to its rows, and from them to their coordinates.
 
 use crate::newton::lane::Lane;
 
-/// Number of a coordinate that has none yet.
+/// Number of a coordinate without a number yet.
 const NONE: u32 = u32::MAX;
 
 /// Islands of one lane's rows. Coordinates without rows belong to none.
@@ -14,7 +14,7 @@ const NONE: u32 = u32::MAX;
 pub(super) struct Islands {
     /// Parent of every coordinate in the forest of the union.
     parent: Vec<u32>,
-    /// Island of every root.
+    /// Island of every root of that forest.
     name: Vec<u32>,
     /// Island of every block.
     pub(super) of_block: Vec<u32>,
@@ -103,10 +103,10 @@ impl Ordering {
         self.begin[c as usize] as usize..self.begin[c as usize + 1] as usize
     }
 
-    /// Orders the island that the block `any` is in.
+    /// Orders the island of the block `any`.
     pub(super) fn order_island(&mut self, lane: &Lane, any: usize) {
         self.search(lane, lane.support(&lane.blocks[any])[0]);
-        // From the end that is farthest, twice, so that the levels are narrow.
+        // The search starts twice from the farthest end, so that the levels are narrow.
         for _ in 0..2 {
             let last = *self.coordinates.last().expect("a block has coordinates");
             self.search(lane, last);
@@ -117,7 +117,7 @@ impl Ordering {
         }
     }
 
-    /// Numbers the coordinates breadth first from `start`: of the rows of a coordinate, those with fewer coordinates first.
+    /// Numbers the coordinates breadth first from `start`. Rows of a coordinate with fewer coordinates come first.
     fn search(&mut self, lane: &Lane, start: u32) {
         self.seen.clear();
         self.seen.resize(lane.blocks.len(), false);

@@ -1,75 +1,77 @@
-//! The outer loop: proximal steps of one island, from its warm start to the tolerance.
+//! Outer loop: proximal steps of one island, from its warm start to the tolerance.
 //!
-//! With De Saxce's terms held the problem is convex, and proximal steps converge on it whatever it is, if it has an answer: after k of them
-//! the residual is at most the distance from the first impulses to the nearest answer, over kappa and the root of k (Rockafellar 1976,
-//! theorem 1; Guler 1991, theorem 2.1). Rows that are nearly multiples of others have answers that are far away, so kappa grows until the
-//! residual falls by a factor at every step. What bounds kappa is rounding, see [`largest_kappa`].
+//! With De Saxce's terms constant the problem is convex, and proximal steps converge if it has a solution. After k steps the residual is at
+//! most `D / (kappa sqrt(k))`, where D is the distance from the first impulses to the nearest solution (Rockafellar 1976, theorem 1; Guler
+//! 1991, theorem 2.1). The solutions of nearly dependent rows are far away. Kappa therefore grows until the residual falls by a factor at
+//! every step. Rounding bounds kappa, see [`largest_kappa`].
 //!
-//! Every loop has a bound: a search makes at most `Criteria::steps` Newton steps ([`EXACT_RATIO`] times as many of the exact law) and as
-//! many rounds, of which each evaluates the problem at most twice besides, and it ends where a round changes nothing.
+//! Every loop has a bound. A search makes at most `Criteria::steps` Newton steps, [`EXACT_RATIO`] times as many for the exact law, and as
+//! many rounds. Each round evaluates the problem at most twice more. The search ends when a round changes nothing.
 
 use crate::newton::anderson::Anderson;
 use crate::newton::augmented_lagrangian::AugmentedLagrangian;
 use crate::newton::island::Island;
 use stepper_real::Real;
 
-/// Ratios kappa of the first proximal step, which corrects what sweeps left, and of the others.
+/// Ratios kappa of the first proximal step, which corrects the result of sweeps, and of the later steps.
 ///
-/// Measured on 1,202 problems that sweeps left of humanoids: beginning with 10 or with 1e5 takes 10 to 20 % more Newton steps; 1e4 and 1e6
-/// at the end as many, 1e7 twice as many.
+/// Measured on 1,202 problems of humanoids that sweeps did not solve: a first kappa of 10 or 1e5 takes 10 to 20 % more Newton steps. A
+/// later kappa of 1e4 or 1e6 takes as many, 1e7 twice as many.
 const KAPPA: [f64; 2] = [1e3, 1e5];
-/// Largest kappa, where proximal steps are too short (mass ratios beyond 1e5, rows that are nearly multiples of others): the matrix is the
-/// identity and some kappa of it, and what is left of the identity after rounding is still above zero.
+/// Largest kappa, for proximal steps that are too short (mass ratios beyond 1e5, nearly dependent rows).
+///
+/// The matrix is the identity plus a multiple kappa of another. With this kappa the identity is still above the rounding error.
 const MOST_KAPPA: f64 = 1e12;
-/// Least kappa, however tight the tolerance.
+/// Least kappa for any tolerance.
 const LEAST_KAPPA: f64 = 1e2;
 
-/// Ratio kappa of the first steps of [`ProximalPoint::solve_exact`], in islands of at most [`SMALL`] coordinates and in larger ones, of the
-/// shortest, and of the longest.
+/// Ratio kappa of the first steps of [`ProximalPoint::solve_exact`], in islands of at most [`SMALL`] coordinates and in larger ones.
 ///
-/// Measured on 53 problems of a struck wall and of a heap of thirty boxes that sweeps and steps with De Saxce's terms held had left: a
-/// first kappa of 10 or 1000, growth by 4, or 10 instead of [`MOST_STEPS`] take within 15 % as many Newton steps, and leave none either.
-/// In small islands, of 280 problems, 300 or 3000 take up to 20 % more.
+/// Measured on 53 problems of a wall hit by a ball and of a heap of thirty boxes that sweeps and convex steps had not solved. A first kappa
+/// of 10 or 1000, growth by 4, or 10 instead of [`MOST_STEPS`] take within 15 % as many Newton steps. They also solve all problems. In
+/// small islands, of 280 problems, 300 or 3000 take up to 20 % more.
 const FIRST_EXACT_KAPPA: [f64; 2] = [1e3, 1e2];
 const LEAST_EXACT_KAPPA: f64 = 0.3;
 const MOST_EXACT_KAPPA: f64 = 1e6;
-/// Number of Newton steps of a proximal step at the most, and of one after which the next is longer.
+/// Largest number of Newton steps of a proximal step, and number below which the next step is longer.
 const MOST_STEPS: u32 = 6;
 const FEW_STEPS: u32 = 4;
-/// Number of Newton steps at the most of the proximal step after one that meets the tolerance.
+/// Largest number of Newton steps of the proximal step after one that meets the tolerance.
 const LAST_STEPS: u32 = 2;
-/// Ratio of the Newton steps that a search with the exact law gets to those that are asked for: half of those 53 problems need more than
-/// 75, the hardest 280.
+/// Ratio of the Newton steps of a search with the exact law to the limit in the settings.
+///
+/// Half of those 53 problems need more than 75 steps, the hardest 280.
 pub const EXACT_RATIO: u32 = 6;
 
-/// Number of steps of a try of the exact law that need not lower its error.
+/// Number of steps in an attempt of the exact law that need not lower its error.
 const PATIENCE: u32 = 3;
 
-/// Number of coordinates of a small island: of larger ones (a struck wall, a heap of thirty boxes) hundreds of contacts switch at once.
+/// Number of coordinates of a small island. In larger ones (a wall hit by a ball, a heap of thirty boxes) hundreds of contacts switch at
+/// once.
 pub(super) const SMALL: usize = 64;
 
-/// Which law Newton's steps are of.
+/// Law that Newton's steps solve.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Terms {
-    /// De Saxce's terms are held, which leaves convex problems, and renewed.
+    /// De Saxce's terms are constant in each convex problem, and recomputed between problems.
     Held,
-    /// De Saxce's terms are held, and where that does not solve an island, the law is exact; in islands with many contacts it is from the
-    /// beginning.
+    /// De Saxce's terms are constant first. If that does not solve an island, the law is exact. In islands with many contacts it is exact
+    /// from the beginning.
     HeldThenExact,
-    /// The exact law.
+    /// The law is exact.
     Exact,
 }
 
 /// Criteria at which a search stops.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Criteria {
-    /// Residual that is enough, m/s.
+    /// Residual at which the search stops, m/s.
     pub(super) tolerance: f64,
-    /// Largest number of Newton steps, and of rounds of the outer loop; of the exact law [`EXACT_RATIO`] times as many.
+    /// Largest number of Newton steps, and of rounds of the outer loop; [`EXACT_RATIO`] times as many for the exact law.
     pub(super) steps: u32,
-    /// Whether, of many possible impulses, those of least norm are sought, instead of those near the start.
+    /// Whether to find the impulses of least norm among many possible ones, instead of those near the start.
     pub(super) least_norm: bool,
-    /// Which law the steps are of.
+    /// Law that the steps solve.
     pub(super) terms: Terms,
 }
 
@@ -80,9 +82,9 @@ pub(super) struct ProximalPoint {
     anderson: Anderson,
     v: Vec<f64>,
     image: Vec<f64>,
-    /// Answer with the least residual.
+    /// Impulses with the least residual.
     best: Answer,
-    /// Answer before an implicit try.
+    /// Impulses before an implicit attempt.
     before: Answer,
     /// Residual of the last impulses.
     now: f64,
@@ -113,8 +115,9 @@ impl Answer {
 }
 
 impl ProximalPoint {
-    /// Improves `rows`; returns the Newton steps that it took. What it leaves is never worse than what it found, unless those of least
-    /// norm are sought.
+    /// Improves `rows`. Returns the number of Newton steps.
+    ///
+    /// The result is never worse than the start, unless impulses of least norm are sought.
     pub(super) fn solve<R: Real>(&mut self, rows: &mut Island, criteria: Criteria) -> u32 {
         self.lagrangian.reset(rows);
         (self.steps, self.rounds) = (0, 0);
@@ -124,15 +127,14 @@ impl ProximalPoint {
         let mut most = largest_kappa(&self.lagrangian.slip, criteria.tolerance);
         let mut kappa = KAPPA[0].min(most);
         if criteria.least_norm {
-            // A proximal step from zero; the search for it begins at the motion that is known.
+            // A proximal step from zero, whose search begins at the present motion.
             rows.lambda.fill(0.0);
             self.best.residual = f64::INFINITY;
             kappa = kappa.max(KAPPA[1].min(most));
         }
         let mut implicit_kappa = kappa;
-        // A try of the exact law that fails makes the next one rounds_to_try twice as long and begin with a smaller kappa; one that
-        // succeeds is a proximal step that the next one lengthens, also where its residual has not fallen: what has friction need not fall
-        // all the way.
+        // A failed attempt of the exact law doubles the wait for the next one (`rounds_to_try`) and reduces its kappa. A successful one is
+        // a proximal step and lengthens the next. With friction it may succeed without reducing the residual.
         let (mut rounds_to_try, mut next_wait) = (1, 1);
         // Kappa at which the matrix had no factors.
         let mut broken = f64::INFINITY;
@@ -154,7 +156,7 @@ impl ProximalPoint {
             self.lagrangian.kappa = kappa;
             let before = self.now;
             if !self.minimise::<R>(rows, criteria) {
-                // Again with a kappa whose matrix has factors, from the last finite answer.
+                // Repeats the step with a kappa whose matrix has factors, from the last finite result.
                 rows.w.clone_from(&self.best.w);
                 broken = kappa;
                 kappa *= 0.01;
@@ -164,8 +166,8 @@ impl ProximalPoint {
                 continue;
             }
             let moved = self.accept_step(rows);
-            let off = self.renew_slip(rows);
-            // A residual that stays though the slips are right is left by proximal steps that are too short.
+            let off = self.recompute_slip(rows);
+            // A residual that stays although the slips are right is caused by proximal steps that are too short.
             let short = self.now > 0.1 * before && off < 0.1 * self.now;
             most = largest_kappa(&self.lagrangian.slip, criteria.tolerance).min(0.01 * broken);
             let last = kappa;
@@ -178,19 +180,19 @@ impl ProximalPoint {
         self.steps
     }
 
-    /// Improves `rows` as [`ProximalPoint::solve`] does, by proximal steps of the exact law throughout, whose length follows from how well
-    /// Newton's method takes them.
+    /// Improves `rows` as [`ProximalPoint::solve`] does, but by proximal steps of the exact law. Their length depends on how well Newton's
+    /// method converges.
     ///
-    /// With De Saxce's terms held, their fixed point is what does not converge where hundreds of contacts stick, slip and open at once; and
-    /// a long step of the exact law switches so many of them that Newton's method loses its way. A short one is a small correction of where
-    /// it stands, and unlike a sweep it moves all contacts together: pseudo-transient continuation (Kelley & Keyes 1998).
+    /// With De Saxce's terms constant, the fixed-point iteration does not converge if hundreds of contacts stick, slip and open at once. A
+    /// long step of the exact law switches too many of them for Newton's method. A short step is a small correction, and unlike a sweep it
+    /// moves all contacts together: pseudo-transient continuation (Kelley & Keyes 1998).
     pub(super) fn solve_exact<R: Real>(&mut self, rows: &mut Island, criteria: Criteria) -> u32 {
         self.lagrangian.reset(rows);
         (self.steps, self.rounds) = (0, 0);
         self.now = rows.residual(&mut self.v);
         self.best.save(rows, self.now);
         let small = rows.w.len() <= SMALL;
-        // The others were for terms that are held.
+        // The other part of the steps is for constant terms.
         let ratio = if small && criteria.terms == Terms::HeldThenExact { EXACT_RATIO - 1 } else { EXACT_RATIO };
         let most_steps = criteria.steps.saturating_mul(ratio);
         let mut kappa = FIRST_EXACT_KAPPA[usize::from(!small)];
@@ -205,7 +207,7 @@ impl ProximalPoint {
                 None => kappa = (0.3 * kappa).max(LEAST_EXACT_KAPPA),
             }
         }
-        // What is left of a contact that holds would add up while it holds: a long step more takes nearly all of it.
+        // The remaining error of a contact that holds would accumulate while it holds. One more long step removes nearly all of it.
         if self.steps > 0 && self.best.residual <= criteria.tolerance {
             self.rounds += 1;
             self.lagrangian.kappa = MOST_EXACT_KAPPA;
@@ -215,8 +217,10 @@ impl ProximalPoint {
         self.steps
     }
 
-    /// Makes a proximal step of the exact law, to an error no larger than a tenth of the present residual; returns its Newton steps and
-    /// whether it changed any impulse. None where Newton's method does not get there: nothing has changed then.
+    /// Makes a proximal step of the exact law, to an error of at most a tenth of the present residual. Returns its Newton steps and whether
+    /// it changed any impulse.
+    ///
+    /// Returns `None`, and changes nothing, if Newton's method does not converge.
     fn step_exactly<R: Real>(&mut self, rows: &mut Island, criteria: Criteria, most_steps: u32) -> Option<(u32, bool)> {
         self.before.save(rows, self.now);
         let start = self.lagrangian.evaluate(rows, true);
@@ -230,7 +234,7 @@ impl ProximalPoint {
             if error <= enough {
                 return Some((taken, self.accept_step(rows)));
             }
-            // Also where it is NaN.
+            // This form also holds for a NaN.
             if error.partial_cmp(&(10.0 * start)) != Some(std::cmp::Ordering::Less) {
                 break;
             }
@@ -247,8 +251,8 @@ impl ProximalPoint {
         self.anderson.restart(rows.blocks.len());
     }
 
-    /// Renews De Saxce's terms; returns the largest error of the last ones, m/s.
-    fn renew_slip(&mut self, rows: &Island) -> f64 {
+    /// Recomputes De Saxce's terms. Returns the largest error of the last ones, m/s.
+    fn recompute_slip(&mut self, rows: &Island) -> f64 {
         self.image.clear();
         self.image.extend(rows.blocks.iter().map(|block| block.set.slip(&self.v[block.rows.clone()])));
         let off = self.image.iter().zip(&self.lagrangian.slip).fold(0.0, |most: f64, (a, b)| most.max((a - b).abs()));
@@ -256,12 +260,13 @@ impl ProximalPoint {
         off
     }
 
-    /// Solves the convex problem, with De Saxce's terms held. While they are far from right it need not be exact. False when the matrix has
-    /// no factors, or numbers have grown beyond all bounds.
+    /// Solves the convex problem, with constant De Saxce's terms, and inexactly while they are far from right.
+    ///
+    /// Returns false if the matrix has no factors, or if numbers have diverged.
     fn minimise<R: Real>(&mut self, rows: &mut Island, criteria: Criteria) -> bool {
         let enough = 0.1 * criteria.tolerance.max(0.1 * self.now.min(1e-3));
         let mut error = self.lagrangian.evaluate(rows, false);
-        // An error that is not a number ends it too.
+        // A NaN error ends the loop too.
         while error > enough && error.is_finite() && self.steps < criteria.steps {
             self.steps += 1;
             error = self.lagrangian.advance::<R>(rows, false);
@@ -269,7 +274,7 @@ impl ProximalPoint {
         error.is_finite()
     }
 
-    /// Tries a proximal step on the exact law; true when it has an answer, else nothing has changed.
+    /// Attempts a proximal step on the exact law. Returns true if it converges, else nothing has changed.
     fn try_implicit<R: Real>(&mut self, rows: &mut Island, criteria: Criteria) -> bool {
         self.before.save(rows, self.now);
         let mut error = self.lagrangian.evaluate(rows, true);
@@ -277,7 +282,7 @@ impl ProximalPoint {
         while error > 0.1 * criteria.tolerance {
             self.steps += 1;
             error = self.lagrangian.advance::<R>(rows, true);
-            // Which contacts slip is found by steps that need not fall.
+            // Steps that find which contacts slip need not reduce the error.
             if error < 0.9 * least {
                 least = error;
             } else if patience > 0 && error.is_finite() {
@@ -296,7 +301,7 @@ impl ProximalPoint {
         true
     }
 
-    /// Accepts the impulses of the proximal step as the present ones; the best are saved. Returns whether any has changed.
+    /// Accepts the impulses of the proximal step, and saves the best ones. Returns whether any has changed.
     fn accept_step(&mut self, rows: &mut Island) -> bool {
         let moved = rows.lambda != self.lagrangian.z;
         rows.lambda.copy_from_slice(&self.lagrangian.z);
@@ -311,9 +316,9 @@ impl ProximalPoint {
 
 /// Largest kappa whose rounding leaves velocities within the tolerance.
 ///
-/// Velocities of rows that push are small at the end of a proximal step, and they are sums of ever smaller changes, so that their rounding
-/// is small too, however fast the rest moves. But where a contact slips, rho times De Saxce's term cancels against mu times the length of
-/// x's tangential part: what is left has lost rho times the rounding of the slip.
+/// Velocities of rows that push are small at the end of a proximal step. They are sums of ever smaller changes, so that their rounding is
+/// small however fast the rest moves. In a slipping contact, rho times De Saxce's term cancels against mu times the length of x's
+/// tangential part. The difference has a rounding error of rho times that of the slip.
 fn largest_kappa(slip: &[f64], tolerance: f64) -> f64 {
     let fastest = slip.iter().fold(0.0, |most: f64, s| most.max(*s));
     (0.1 * tolerance / (f64::EPSILON * fastest)).clamp(LEAST_KAPPA, MOST_KAPPA)

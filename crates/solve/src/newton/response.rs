@@ -1,4 +1,5 @@
-//! How the impulses of a solved problem follow its rows while no mode changes: the implicit function theorem, lane by lane in scalar f64.
+//! Response of the impulses of a solved problem to its rows while no mode changes, by the implicit function theorem. It works lane by lane
+//! in scalar f64.
 //!
 //! The impulses are a zero of the natural map, with v = G lambda + g and De Saxce's terms s:
 //!
@@ -7,8 +8,8 @@
 //! (I - DP + rho DP (I + S) G) dlambda = -rho DP (I + S) dv
 //! ```
 //!
-//! where dv is what the rows' velocities change by while the impulses are held: a change of the free velocity, of what the rows demand, or
-//! of the rows themselves. The matrix is made once; each change is then a product (Le Lidec et al. 2024).
+//! Here dv is the change of the rows' velocities at constant impulses, by the free velocity, the targets or the Jacobians. The matrix is
+//! computed once; each change is then a product (Le Lidec et al. 2024).
 
 use crate::admissible_set::{AdmissibleSet, Piece, Product};
 use crate::constraints::constraint_set::{ConstraintSet, Impulse, number_of};
@@ -19,45 +20,47 @@ use crate::problem::System;
 use crate::vectors::{TILE, add_scaled, inner, inner_of_tiles, norm};
 use stepper_real::{Mask, Real, Scalar};
 
-/// Pivot relative to the largest, below which rows depend on those before: separate directions of a robot's rows differ by far less.
+/// Pivot relative to the largest, below which a row depends on those before. Independent directions of a robot's rows have far larger
+/// pivots.
 const DEPENDENT: f64 = 1e-10;
 
-/// Motion by impulses, relative to what they would make alone, that is none.
+/// Ratio of the motion by all impulses to that by each alone, below which it counts as no motion.
 const IDLE: f64 = 1e-7;
 
-/// Ratio of a compliance to what it was, below which it is that of another mode: a row has none, or at least a thousandth of its mobility.
+/// Ratio of a compliance to the previous one, below which it belongs to another mode: a row has none, or at least a thousandth of its
+/// mobility.
 const SAME_COMPLIANCE: f64 = 0.5;
 
-/// Number of rows of one constraint at the most, and a number for each.
+/// Largest number of rows of one constraint, and an array with a number for each.
 const MAX_ROWS: usize = 6;
 type Rows = [f64; MAX_ROWS];
 
 /// Number of kinds of constraints.
 const KINDS: usize = 3;
 
-/// Why a derivative ends: the mode of a constraint that changes.
+/// Mode of a constraint that changes, at which a derivative ends.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Switch {
     /// A contact begins or ceases to push.
     Contact,
     /// A contact begins or ceases to slip.
     Slip,
-    /// A row with one bound reaches or leaves it.
+    /// A row with one bound reaches or leaves its bound.
     Limit,
-    /// A row with two bounds does.
+    /// A row with two bounds reaches or leaves a bound.
     DryFriction,
-    /// A row of the position solve begins or ceases to correct something, and with that to be damped.
+    /// A row of the position solve begins or ceases to correct, and thereby to be damped.
     Gap,
 }
 
-/// How near a change has brought a constraint to another mode.
+/// Distance of a constraint from its next mode under a change.
 #[derive(Clone, Copy, Debug)]
 pub struct Followed {
-    /// Lane.
+    /// Lane of the constraint.
     pub lane: usize,
-    /// What would change next.
+    /// Mode that would change next.
     pub switch: Switch,
-    /// How far away that is, as a multiple of the change: at most 1 where it has happened. Infinite where the change leads away from it.
+    /// Distance to the switch, as a multiple of the change: at most 1 if it has happened, infinite if the change leads away from it.
     pub distance: f64,
 }
 
@@ -85,13 +88,13 @@ struct LaneResponse {
     /// Impulse of every row at the solution, and velocity there.
     lambda: Vec<f64>,
     velocity: Vec<f64>,
-    /// Rows that are not open.
+    /// Indices of the rows that are not open.
     active: Vec<usize>,
-    /// Their impulses by their velocities, row by row, each filled up to whole tiles.
+    /// Derivative of the impulses with respect to the velocities, row by row, each filled up to whole tiles.
     matrix: Vec<f64>,
-    /// Changes of their impulses that the rows leave open, one after the other: they move nothing.
+    /// Changes of their impulses that the rows leave open, one after the other. They cause no motion.
     open: Vec<f64>,
-    /// First row of every block in the problem that is asked about, none where it is not there.
+    /// First row of every block in the present problem, `None` if it is not there.
     found: Vec<Option<usize>>,
     change: Vec<f64>,
 }
@@ -101,7 +104,7 @@ struct LaneResponse {
 struct Block {
     set: AdmissibleSet,
     piece: Piece,
-    /// See [`AdmissibleSet::margin`].
+    /// Margin of the impulses, see [`AdmissibleSet::margin`].
     margin: f64,
     kind: usize,
     source: usize,
@@ -109,18 +112,18 @@ struct Block {
     first: usize,
     dim: usize,
     rho: f64,
-    /// Compliance of all rows, what the normal one has besides not included.
+    /// Compliance of all rows, without the additional one of the normal row.
     compliance: f64,
 }
 
 impl Block {
-    /// Whether rows of so much compliance are damped where those of the solution were not, or the other way round.
+    /// Whether rows of this compliance are damped and those of the solution were not, or the reverse.
     fn switches_damping(&self, compliance: f64) -> bool {
         self.compliance.min(compliance) < SAME_COMPLIANCE * self.compliance.max(compliance)
     }
 }
 
-/// Linear system of a lane, and room to make it.
+/// Linear system of a lane, with its workspace.
 #[derive(Clone, Debug, Default)]
 struct Linear {
     /// Rows of the active constraints over all coordinates.
@@ -150,10 +153,12 @@ impl<R: Real> Default for Response<R> {
 }
 
 impl<R: Real> Response<R> {
-    /// Takes up the solution of the lanes `lanes` (bits). `name` says which constraint a kind's constraint of some index is in a lane, by
-    /// a number that it has in other problems too. Returns the lanes whose motion follows from their rows: not those in which contacts
-    /// share loads while they slip about a point, say, where it depends on loads that the rows leave open. The compliance of a position
-    /// solve counts from the impulses of `before`, the solution of the velocities: what that leaves open may move nothing here either.
+    /// Stores the solution of the lanes `lanes` (bits). Returns the lanes whose motion follows from their rows.
+    ///
+    /// The motion does not follow if, for example, contacts share loads while they slip about a point, because the rows leave the loads
+    /// open. `name` returns a number for a constraint of a kind in a lane, which identifies it in other problems. The compliance of a
+    /// position solve counts from the impulses `before`, the solution of the velocities. The loads that this solution leaves open must move
+    /// nothing here either.
     pub fn settle<'a>(
         &mut self,
         system: impl Into<System<'a, R>>,
@@ -184,9 +189,10 @@ impl<R: Real> Response<R> {
         sound
     }
 
-    /// Replaces the impulses of a problem near the one that was solved by what follows from it to first order, in the lanes `lanes` (bits).
-    /// Returns the lanes in which a constraint that pushed is not there any more. Of a position solve `before` is the solution of the
-    /// velocities, which has responded: rows that were damped are, and no others.
+    /// Replaces the impulses of a problem close to the solved one by the solution to first order, in the lanes `lanes` (bits).
+    ///
+    /// Returns the lanes in which a constraint that pushed no longer exists. For a position solve `before` is the solution of the
+    /// velocities after its response. Rows that were damped stay damped, and no others.
     pub fn respond<'a>(
         &mut self,
         system: impl Into<System<'a, R>>,
@@ -201,7 +207,7 @@ impl<R: Real> Response<R> {
         let total = self.impulses.len();
         let end = |kind: usize| self.kinds.get(kind + 1).map_or(total, |next| next[0]);
         let counts: [usize; KINDS] = std::array::from_fn(|kind| (end(kind) - self.kinds[kind][0]) / self.kinds[kind][1]);
-        // Separate rows keep what they have, which is made right below.
+        // Eliminated rows keep their impulses, which are computed right below.
         self.impulses[self.eliminated.min(counts[0])..].fill(R::zero());
         for l in (0..R::LANES).filter(|l| lanes >> l & 1 == 1) {
             let Self { lanes: all, kinds, impulses, .. } = self;
@@ -238,7 +244,7 @@ impl<R: Real> Response<R> {
         lost
     }
 
-    /// Calls `f` with every constraint that the last [`Response::respond`] has brought nearer to another mode.
+    /// Calls `f` for every constraint that the last [`Response::respond`] has brought closer to another mode.
     pub fn compare<'a>(&mut self, system: impl Into<System<'a, R>>, iterate: &Iterate<R>, lanes: u32, mut f: impl FnMut(Followed)) {
         let system = system.into();
         self.find_velocities(system, iterate);
@@ -270,7 +276,7 @@ impl<R: Real> Response<R> {
         }
     }
 
-    /// Copies the impulses of all kinds one after the other.
+    /// Copies the impulses of all kinds into one list.
     fn lay_out(&mut self, iterate: &Iterate<R>) {
         let Self { kinds, impulses, .. } = self;
         impulses.clear();
@@ -281,7 +287,7 @@ impl<R: Real> Response<R> {
         });
     }
 
-    /// Gives the iterate the impulses, and solves the eliminated rows.
+    /// Writes the impulses to the iterate, and solves the eliminated rows.
     fn take_up(&self, system: System<'_, R>, iterate: &mut Iterate<R>) {
         let mut rest = &self.impulses[..];
         each_kind!([own: &mut iterate] => {
@@ -300,7 +306,7 @@ impl<R: Real> Response<R> {
         );
     }
 
-    /// Velocities of all rows at the impulses of an iterate.
+    /// Computes the velocities of all rows at the impulses of an iterate.
     fn find_velocities(&mut self, system: System<'_, R>, iterate: &Iterate<R>) {
         self.lay_out(iterate);
         self.velocities.clear();
@@ -328,7 +334,7 @@ fn set_lanes<R: Real>(to: &mut [R], lane: usize, from: impl Iterator<Item = f64>
     }
 }
 
-/// lambda - rho (v + s)
+/// Argument lambda - rho (v + s) of the projection.
 fn moved(block: &Block, lambda: &[f64], v: &[f64]) -> Rows {
     let mut z = [0.0; MAX_ROWS];
     for (z, (l, v)) in z.iter_mut().zip(lambda.iter().zip(v)) {
@@ -339,7 +345,7 @@ fn moved(block: &Block, lambda: &[f64], v: &[f64]) -> Rows {
 }
 
 impl LaneResponse {
-    /// Takes up the constraints of a lane.
+    /// Stores the constraints of a lane.
     fn begin(&mut self, lane: &Lane, name: impl Fn(usize, usize) -> u64) {
         self.blocks.clear();
         self.lambda.clear();
@@ -375,8 +381,10 @@ impl LaneResponse {
         }
     }
 
-    /// Gives rows of the lane `l` that were damped at the solution and are not now, or the other way round, the velocities that they have
-    /// with the damping of the solution. `compliances` are those of now, and `before` the impulses that damping counts from.
+    /// Corrects the velocities of rows of the lane `l` whose damping differs from that at the solution: damped there and not now, or the
+    /// reverse.
+    ///
+    /// `compliances` are the present ones, and `before` the impulses from which damping counts.
     fn hold_damping<R: Real>(&self, velocities: &mut [R], compliances: &[R], before: &[R], l: usize) {
         for (block, first) in self.blocks.iter().zip(&self.found) {
             let Some(first) = *first else { continue };
@@ -391,13 +399,13 @@ impl LaneResponse {
         }
     }
 
-    /// Changes the impulses of the lane `l` by what the velocities say.
+    /// Changes the impulses of the lane `l` in response to the velocities.
     fn follow<R: Real>(&mut self, velocities: &[R], impulses: &mut [R], l: usize) {
         let Self { blocks, lambda, velocity, matrix, found, change, .. } = self;
         change.clear();
         let active = |block: &Block| matches!(block.piece, Piece::Held | Piece::Sliding);
         for (block, first) in blocks.iter().zip(found.iter()).filter(|(block, _)| active(block)) {
-            // What is not there has been reported.
+            // A constraint that no longer exists has been reported already.
             change
                 .extend((0..block.dim).map(|i| first.map_or(0.0, |first| number_of(velocities[first + i], l) - velocity[block.first + i])));
         }
@@ -414,7 +422,7 @@ impl LaneResponse {
     }
 }
 
-/// Step of the natural map, as the residual has it: `dim / trace(G_ii)`, compliance included.
+/// Step of the natural map, as in the residual: `dim / trace(G_ii)`, compliance included.
 fn natural_step(lane: &Lane, block: &LaneBlock) -> f64 {
     let (_, entries) = lane.entries(block);
     let dim = block.rows.len() as f64;
@@ -422,7 +430,7 @@ fn natural_step(lane: &Lane, block: &LaneBlock) -> f64 {
 }
 
 impl Linear {
-    /// Finds the response of a lane whose pieces are known; false where the rows leave impulses open that the motion depends on.
+    /// Computes the response of a lane with known pieces. Returns false if the rows leave impulses open on which the motion depends.
     fn solve(&mut self, lane: &Lane, own: &mut LaneResponse, dimension: usize) -> bool {
         let n = own.active.len();
         let active = |block: &(&Block, &LaneBlock)| matches!(block.0.piece, Piece::Held | Piece::Sliding);
@@ -464,7 +472,7 @@ impl Linear {
             let (dim, rows) = (block.dim, block.first..block.first + block.dim);
             let (lambda, v) = (&own.lambda[rows.clone()], &own.velocity[rows]);
             let z = &moved(block, lambda, v)[..dim];
-            // What holds has no velocity: its direction is rounding.
+            // A constraint that holds has no velocity: its direction would be rounding.
             let v = Some(v).filter(|v| block.piece == Piece::Sliding && norm(&v[1..]) > 0.0);
             let own_width = dim.next_multiple_of(TILE);
             let mut unit = [0.0; MAX_ROWS * (MAX_ROWS + TILE)];
@@ -499,7 +507,7 @@ impl Linear {
         })
     }
 
-    /// Impulses that the equations leave open with the unknown in place `k` beyond the rank.
+    /// Impulses that the equations leave open, with the unknown in place `k` beyond the rank.
     fn open_impulses(&self, stride: usize, rank: usize, k: usize) -> Vec<f64> {
         let Self { left, rows, columns, .. } = self;
         let mut impulses = vec![0.0; columns.len()];
@@ -512,8 +520,10 @@ impl Linear {
         impulses
     }
 
-    /// Whether impulses of the active rows move nothing, beside what `size` N s would move alone, so that the motion is determined whatever
-    /// they are: loads that are shared while all sticks, or slips along one line, and rows along which nothing can move.
+    /// Whether the impulses of the active rows cause no motion compared with that by `size` N s alone. The motion is then determined
+    /// whatever they are.
+    ///
+    /// Examples are loads that are shared while all contacts stick or slip along one line, and immovable rows.
     fn is_idle(&self, impulses: &[f64], size: f64) -> bool {
         let Self { dense, .. } = self;
         let width = dense.len() / impulses.len().max(1);
@@ -525,7 +535,8 @@ impl Linear {
         norm(&motion) <= IDLE * size * largest.sqrt()
     }
 
-    /// Whether loads that another solution of the same rows leaves open, from which the compliance of these counts, move anything here.
+    /// Whether loads that another solution of the same rows leaves open cause motion here. The compliance of these rows counts from that
+    /// solution.
     fn is_moved_by_loads(&self, own: &LaneResponse, before: &LaneResponse) -> bool {
         let [n, stride] = [own.active.len(), own.active.len().next_multiple_of(TILE)];
         let mut compliance = vec![0.0; own.lambda.len()];
@@ -544,7 +555,7 @@ impl Linear {
         })
     }
 
-    /// Gauss's elimination with the largest pivot of all that is left; returns the rank.
+    /// Gaussian elimination with complete pivoting. Returns the rank.
     fn eliminate(&mut self, n: usize, stride: usize) -> usize {
         let Self { left, right, rows, columns, .. } = self;
         rows.clear();
@@ -583,8 +594,8 @@ impl Linear {
         n
     }
 
-    /// Solution of the first `rank` equations in the first unknowns; the others are 0: where rows depend on one another while all hold,
-    /// whatever impulses solve them make the same motion.
+    /// Solution of the first `rank` equations in the first unknowns, with 0 for the others. If rows depend on each other while all hold,
+    /// all solutions cause the same motion.
     fn substitute(&self, n: usize, stride: usize, rank: usize, out: &mut Vec<f64>) {
         let Self { left, right, rows, columns, .. } = self;
         out.clear();

@@ -1,16 +1,16 @@
-//! Factors of a matrix whose pattern is symmetric, kept between the first entry of every row and the diagonal (Jennings 1966).
+//! Factors of a matrix with a symmetric pattern, stored between the first entry of every row and the diagonal (Jennings 1966).
 //!
-//! Elimination fills nothing outside this skyline, so that its area is all the memory, and an order of the coordinates that keeps it low
-//! ([`crate::newton::order`]) is all the sparsity. `A = L U` with a unit diagonal in U; L is kept by rows, U by columns, both below the
-//! same skyline, four of them at a time: for each coordinate the four numbers of a tile lie side by side. There is no pivoting: the
-//! matrices are the identity plus a positive semidefinite part, or near that; who factors others looks at the pivots.
+//! Elimination fills nothing outside this skyline. Its area is all the memory, and an order of the coordinates that keeps it low
+//! ([`crate::newton::ordering`]) is all the sparsity. `A = L U` with a unit diagonal in U. L is stored by rows, U by columns, both below
+//! the same skyline, in tiles of four rows or columns. There is no pivoting, because the matrices are the identity plus a positive
+//! semidefinite part, or close to that. For other matrices the caller checks the pivots.
 
 use crate::vectors::{TILE, tile};
 
 /// Numbers of four rows in one column.
 type Tile = [f64; TILE];
 
-/// A matrix, then its factors.
+/// Matrix in skyline storage, replaced by its factors.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Skyline {
     /// First column of every tile of rows, a multiple of four.
@@ -49,7 +49,7 @@ impl Skyline {
         self.upper.resize(next, [0.0; TILE]);
     }
 
-    /// Sets the identity.
+    /// Sets the matrix to the identity.
     #[inline(always)]
     pub(super) fn set_identity(&mut self) {
         self.lower.fill([0.0; TILE]);
@@ -68,12 +68,12 @@ impl Skyline {
         self.start[j] + c - self.first[j]
     }
 
-    /// Adds `sum_r a_r^T b_r` between the coordinates of the tiles `tiles` (ascending); a and b hold some rows, one after the other, each
+    /// Adds `sum_r a_r^T b_r` between the coordinates of the tiles `tiles` (ascending). a and b have some rows, one after the other, each
     /// with the numbers of its tiles.
     #[inline(always)]
     pub(super) fn add_product(&mut self, tiles: &[usize], a: &[f64], b: &[f64], symmetric: bool) {
         let n = TILE * tiles.len();
-        // Three rows at a time, which is a contact.
+        // Three rows at a time, the rows of a contact.
         let (mut at, rows) = (0, a.len() / n);
         while at < rows {
             let some = if rows - at >= 3 { 3 } else { 1 };
@@ -87,7 +87,7 @@ impl Skyline {
         }
     }
 
-    /// [`Skyline::add_product`] of N rows.
+    /// Adds the product of [`Skyline::add_product`] for N rows.
     #[inline(always)]
     fn add_rows<const N: usize>(&mut self, tiles: &[usize], a: &[f64], b: &[f64], symmetric: bool) {
         let n = TILE * tiles.len();
@@ -103,8 +103,10 @@ impl Skyline {
         }
     }
 
-    /// Factorises A = L U; false when a pivot (its size, if it may be `indefinite`) is not above `least`, and the factors are of no use.
-    /// Of a symmetric matrix only L is read.
+    /// Factorises A = L U. Returns false if a pivot (its size, if it may be `indefinite`) is not above `least`; the factors are then
+    /// invalid.
+    ///
+    /// For a symmetric matrix only L is read.
     #[inline(always)]
     pub(super) fn factor(&mut self, least: f64, symmetric: bool, indefinite: bool) -> bool {
         for j in 0..self.first.len() {
@@ -170,10 +172,10 @@ impl Skyline {
         for (l, u) in self.lower[first..here].iter().zip(&self.upper[first..here]) {
             subtract_outer(&mut d, l, u);
         }
-        // d[c][r] is row r, column c.
+        // Entry `d[c][r]` is row r, column c.
         for c in 0..TILE {
             let pivot = d[c][c];
-            // Also where it is NaN.
+            // This form also holds for a NaN.
             let size = if indefinite { pivot.abs() } else { pivot };
             if size.partial_cmp(&least) != Some(std::cmp::Ordering::Greater) {
                 return false;
@@ -194,7 +196,7 @@ impl Skyline {
         true
     }
 
-    /// x <- A^-1 x with the factors.
+    /// Solves x <- A^-1 x with the factors.
     #[inline(always)]
     pub(super) fn solve(&self, x: &mut [f64]) {
         for j in 0..self.first.len() {
@@ -232,7 +234,7 @@ impl Skyline {
     }
 }
 
-/// d[c][r] -= a[r] b[c].
+/// Subtracts `d[c][r] -= a[r] b[c]`.
 #[inline(always)]
 fn subtract_outer(d: &mut [Tile; TILE], a: &Tile, b: &Tile) {
     for c in 0..TILE {
@@ -242,10 +244,10 @@ fn subtract_outer(d: &mut [Tile; TILE], a: &Tile, b: &Tile) {
     }
 }
 
-/// out[c][k] += sum_r a_r[k] b_r[column + c], over N rows, of which those of b have n numbers.
+/// Adds `out[c][k] += sum_r a_r[k] b_r[column + c]`, over N rows; those of b have n numbers.
 #[inline(always)]
 fn add_tile<const N: usize>(out: &mut [Tile], a: &[Tile; N], b: &[f64], n: usize, column: usize) {
-    // Four by four in registers: over single columns the compiler would make vectors of the wrong dimension.
+    // Four by four in registers. Over single columns the compiler would vectorise the wrong dimension.
     let mut d: [Tile; TILE] = std::array::from_fn(|c| out[c]);
     for (r, a) in a.iter().enumerate() {
         let b = tile(b, r * n + column);

@@ -1,4 +1,4 @@
-//! What the lanes' problem cannot say yet: equalities, compliance, and cones with any number of tangents.
+//! Cases beyond the lanes' problem: equalities, compliance, and cones with any number of tangents.
 
 use crate::admissible_set::AdmissibleSet;
 use crate::constraints::constraint_set::{LaneConstraint, LaneReceiver};

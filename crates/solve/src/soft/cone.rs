@@ -8,29 +8,29 @@ use crate::soft::contact::SoftContact;
 /// Shape of the friction cone.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Cone {
-    /// Pyramid whose edges are n + mu_k t_k and n - mu_k t_k, each with a force of its own.
+    /// Pyramid whose edges are n + mu_k t_k and n - mu_k t_k, each with a separate force.
     #[default]
     Pyramidal,
     /// Ellipse `sum (f_k / mu_k)^2 <= f_n^2`.
     Elliptic,
 }
 
-/// Where the velocity-like argument of an elliptic contact is, seen from its cone.
+/// Zone of the velocity-like argument of an elliptic contact, relative to its cone.
 struct Zone<R: Real> {
-    /// The force is linear in every row.
+    /// Lanes in which the force is linear in every row.
     sticks: R::Mask,
-    /// The force is on the surface of the cone.
+    /// Lanes in which the force is on the surface of the cone.
     slides: R::Mask,
     /// Normal component, in the space in which the cone is circular.
     n: R,
-    /// Length of the tangential components there, and its inverse; 1 where it is zero.
+    /// Length of the tangential components in that space, and its inverse; 1 where it is zero.
     t: R,
     inv_t: R,
-    /// Tangential components there.
+    /// Tangential components in that space.
     tangents: [R; 6],
 }
 
-/// Zone of the argument `u` = J a - r, of whose rows the first `U` are in use.
+/// Zone of the argument `u` = J a - r, whose first `U` rows are in use.
 #[inline(always)]
 fn zone<R: Real, const N: usize, const U: usize>(contact: &SoftContact<R, N>, u: &[R; N]) -> Zone<R> {
     let mu = contact.scale[0];
@@ -173,7 +173,7 @@ impl Cone {
                 if zone.slides.none() {
                     return sum;
                 }
-                // Of the change of U, as in the curvature: its part along t, and the square of what is across.
+                // Change of U, as in the curvature: its part along t, and the square of the part across.
                 let (mut along, mut square) = (R::zero(), R::zero());
                 for k in 1..U {
                     let change = contact.scale[k] * du[k];

@@ -1,4 +1,4 @@
-//! One soft contact: what its force is made from.
+//! Soft contact, with the inputs of its force.
 
 use std::ops::Range;
 
@@ -11,21 +11,22 @@ use crate::constraints::constraint_set::is_nonzero;
 pub struct SoftContact<R: Real, const N: usize> {
     /// Range of its coordinates and entries among those of all contacts of the kind.
     pub(super) entries: Range<usize>,
-    /// Acceleration that every row refers to.
+    /// Reference acceleration of every row.
     pub reference: [R; N],
-    /// Inverse regularisation: of every row of an elliptic cone; of a pyramid's two edges along each friction row, the first unused. All
-    /// are 0 in lanes that do not have the contact.
+    /// Inverse regularisation of every row of an elliptic cone, or of the two edges along each friction row of a pyramid.
+    ///
+    /// The first entry of a pyramid is unused. All are 0 in lanes without the contact.
     pub weight: [R; N],
     /// Friction of the regularised cone, then the coefficient of friction of every other row; (1, 0, ...) without friction.
     pub scale: [R; N],
-    /// Whether it does not roll in any lane: the last two of six rows are empty.
+    /// Whether the contact does not roll in any lane, so that the last two of six rows are empty.
     pub(super) spins: bool,
     /// Weight of the cone's surface, D_n / (mu^2 (1 + mu^2)).
     pub(super) cone_weight: R,
 }
 
 impl<R: Real, const N: usize> SoftContact<R, N> {
-    /// A contact with these entries among those of its kind.
+    /// Contact with these entries among those of its kind.
     #[inline(always)]
     pub(super) fn new(entries: Range<usize>, reference: [R; N], weight: [R; N], scale: [R; N]) -> Self {
         let mu = scale[0] * scale[0];

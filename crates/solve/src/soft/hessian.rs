@@ -1,8 +1,8 @@
 //! Hessian M + J^T D J of the soft problem and its sparse factors L^T D L, from the last place to the first, over lanes.
 //!
-//! Without constraints between branches of a tree there is no fill-in (Featherstone 2008, section 6.5), and none where what touches many
-//! others comes first. Its pattern is that of all lanes: a lane that lacks an entry has a zero there, which changes none of its other
-//! numbers.
+//! Without constraints between branches of a tree there is no fill-in (Featherstone 2008, section 6.5). There is also none if coordinates
+//! with many connections come first. The pattern is that of all lanes. A lane without an entry has a zero there, which changes none of its
+//! other numbers.
 
 use std::ops::Range;
 
@@ -22,21 +22,22 @@ pub(super) struct Hessian<R: Real> {
     entries: Vec<R>,
     /// Columns left of the diagonal that each row has, as a set, in words of 64 bits.
     sets: Vec<u64>,
-    /// The same as ranges, ascending: of a tree's row there are few, and what is done to a range needs no index for every entry.
+    /// Columns as ranges, ascending. A tree's row has few, and work on a range needs no index for every entry.
     runs: Vec<Vec<Range<usize>>>,
-    /// Whether a row has the columns of the row before it, that row's own, and no others: the joints of a body, or of a limb.
+    /// Whether a row has the columns of the previous row, that row's index, and no others. The joints of a body or of a limb have such
+    /// rows.
     follows: Vec<bool>,
-    /// See [`Hessian::work`].
+    /// Multiplications of a factorisation, see [`Hessian::work`].
     work: usize,
     /// A vector in the order of the rows.
     ordered: Vec<R>,
 }
 
-/// Rows that are eliminated together at the most: entries of the rows above are then read and written once for all of them.
+/// Largest number of rows that are eliminated together. Entries of the rows above are then read and written once for all of them.
 const BLOCK: usize = 3;
 
 impl<R: Real> Hessian<R> {
-    /// Room for a matrix whose rows are the coordinates in the order `order`.
+    /// Workspace for a matrix whose rows are the coordinates in the order `order`.
     pub(super) fn new(order: &[u32]) -> Self {
         let dimension = order.len();
         let mut places = vec![0; dimension];
@@ -71,7 +72,7 @@ impl<R: Real> Hessian<R> {
         problem.rows.iter().for_each(|row| couple(problem.entries(row).0));
         problem.contacts.items.iter().for_each(|contact| couple(problem.contacts.entries(contact).0));
         problem.rolling_contacts.items.iter().for_each(|contact| couple(problem.rolling_contacts.entries(contact).0));
-        // Elimination of a row couples the others of its columns: the last of them takes the rest up.
+        // Elimination of a row couples its other columns. The last of them receives the rest of the set.
         self.work = 0;
         for i in (0..self.dimension).rev() {
             let runs = &mut self.runs[i];
@@ -87,19 +88,19 @@ impl<R: Real> Hessian<R> {
                 for (target, own) in target.iter_mut().zip(&*own) {
                     *target |= own;
                 }
-                // What lies between the two has taken up what it can: the row before is complete.
+                // The rows between the two are complete, and so is the previous row.
                 self.follows[i] = parent + 1 == i && target == own;
                 own[parent / 64] |= 1 << (parent % 64);
             }
         }
     }
 
-    /// Multiplications that the factors of the last pattern and a solution with them take.
+    /// Number of multiplications of a factorisation with the last pattern and a solution with it.
     pub(super) fn work(&self) -> usize {
         self.work
     }
 
-    /// Makes the matrix: `argument` is where the rows of the problem are.
+    /// Assembles the matrix at the arguments `argument` of the rows.
     #[inline(always)]
     pub(super) fn assemble(&mut self, problem: &SoftProblem<R>, metric: &impl Metric<R>, argument: &Argument<R>) {
         self.copy_metric(metric);
@@ -119,8 +120,8 @@ impl<R: Real> Hessian<R> {
         self.add_contacts(&problem.rolling_contacts, problem.cone, &argument.rolling_contacts);
     }
 
-    /// Makes the metric with the couplings among the rows, those from `first` on; `lumped`, with no more of each than its diagonal. The
-    /// pattern must be that of the problem.
+    /// Assembles the metric with the couplings among the rows, those from `first` on. With `lumped` only their diagonals count. The pattern
+    /// must be that of the problem.
     #[inline(always)]
     pub(super) fn assemble_metric(&mut self, problem: &SoftProblem<R>, metric: &impl Metric<R>, first: usize, lumped: bool) {
         self.copy_metric(metric);
@@ -135,7 +136,7 @@ impl<R: Real> Hessian<R> {
         }
     }
 
-    /// Begins with the metric.
+    /// Copies the metric to the entries.
     #[inline(always)]
     fn copy_metric(&mut self, metric: &impl Metric<R>) {
         for (i, runs) in self.runs.iter().enumerate() {
@@ -152,7 +153,7 @@ impl<R: Real> Hessian<R> {
         }
     }
 
-    /// The entry of two coordinates.
+    /// Entry of two coordinates.
     #[inline(always)]
     fn entry(&mut self, a: u32, b: u32) -> &mut R {
         let (a, b) = (self.places[a as usize] as usize, self.places[b as usize] as usize);
@@ -163,7 +164,7 @@ impl<R: Real> Hessian<R> {
     fn add_contacts<const N: usize>(&mut self, contacts: &SoftContacts<R, N>, cone: Cone, u: &[[R; N]]) {
         for (contact, u) in contacts.items.iter().zip(u) {
             let ((support, jacobian), curvature) = (contacts.entries(contact), cone.curvature(contact, u));
-            // Where a contact is open in every lane there is nothing to add, and what is not open moves along the normal.
+            // A contact that is open in every lane adds nothing, and an active one has a curvature along the normal.
             if !is_nonzero(curvature[0][0]) {
                 continue;
             }
@@ -175,7 +176,7 @@ impl<R: Real> Hessian<R> {
         }
     }
 
-    /// Adds what the first `U` rows of a contact make.
+    /// Adds the terms of the first `U` rows of a contact.
     #[inline(always)]
     fn add_contact<const N: usize, const U: usize>(&mut self, support: &[u32], jacobian: &[[R; N]], curvature: &[[R; N]; N]) {
         for (k, (&d, j)) in support.iter().zip(jacobian).enumerate() {
@@ -215,8 +216,9 @@ impl<R: Real> Hessian<R> {
         }
     }
 
-    /// Eliminates `W` rows from `first` on, of which each has the columns of the one before and that one's own. What the last subtracts
-    /// comes first everywhere, as if each were eliminated by itself.
+    /// Eliminates `W` rows from `first` on, each of which has the columns of the previous row and that row's index.
+    ///
+    /// Subtractions start with the last row everywhere, as if each row were eliminated alone.
     #[inline(always)]
     fn eliminate<const W: usize>(&mut self, first: usize) {
         let n = self.dimension;
@@ -255,7 +257,7 @@ impl<R: Real> Hessian<R> {
         }
     }
 
-    /// x <- H^-1 x, once factored.
+    /// Solves x <- H^-1 x with the factors.
     #[inline(always)]
     pub(super) fn solve(&mut self, x: &mut [R]) {
         for (&place, &x) in self.places.iter().zip(&*x) {
@@ -289,7 +291,7 @@ impl<R: Real> Hessian<R> {
     }
 }
 
-/// x -= factor * y
+/// Subtracts x -= factor * y.
 #[inline(always)]
 fn subtract<R: Real>(x: &mut [R], y: &[R], factor: R) {
     for (x, &y) in x.iter_mut().zip(y) {
@@ -297,7 +299,7 @@ fn subtract<R: Real>(x: &mut [R], y: &[R], factor: R) {
     }
 }
 
-/// x -= sum of factors times rows, which are `n` entries apart and begin at `start`; the last first.
+/// Subtracts the sum of factors times rows from x, the last row first. The rows are `n` entries apart and begin at `start`.
 #[inline(always)]
 fn subtract_rows<R: Real, const W: usize>(x: &mut [R], rows: &[R], n: usize, start: usize, factors: [R; W]) {
     let mut parts = [&rows[..0]; W];
@@ -339,7 +341,7 @@ pub(super) struct Argument<R> {
 }
 
 impl<R: Real> Argument<R> {
-    /// J x, less the references if `relative`.
+    /// Computes J x, minus the references if `relative`.
     #[inline(always)]
     pub(super) fn multiply(&mut self, problem: &SoftProblem<R>, x: &[R], relative: bool) {
         problem.multiply_rows(x, relative, &mut self.rows);
@@ -347,7 +349,7 @@ impl<R: Real> Argument<R> {
         problem.rolling_contacts.multiply(x, relative, &mut self.rolling_contacts);
     }
 
-    /// Zeros for all rows of a problem.
+    /// Sets zeros for all rows of a problem.
     pub(super) fn clear_for(&mut self, problem: &SoftProblem<R>) {
         let Self { rows, contacts, rolling_contacts } = self;
         rows.clear();
@@ -358,7 +360,7 @@ impl<R: Real> Argument<R> {
         rolling_contacts.resize(problem.rolling_contacts.items.len(), [R::zero(); 6]);
     }
 
-    /// self += step * change
+    /// Adds self += step * change.
     #[inline(always)]
     pub(super) fn advance(&mut self, change: &Self, step: R) {
         advance(&mut self.rows, &change.rows, step);
@@ -367,7 +369,7 @@ impl<R: Real> Argument<R> {
     }
 }
 
-/// x += step * change
+/// Adds x += step * change.
 #[inline(always)]
 pub(super) fn advance<R: Real>(x: &mut [R], change: &[R], step: R) {
     for (x, &change) in x.iter_mut().zip(change) {

@@ -1,8 +1,8 @@
-//! Soft problems of single lanes, one after the other, in ordinary numbers.
+//! Solver of the soft problems of single lanes, one after the other, in ordinary numbers.
 //!
-//! The rows of all lanes, and the Hessian's pattern, have what any lane has. In heaps, whose bodies touch differently in every environment,
-//! that is many times what one has, and each lane by itself takes less time. The same bits come of it: what a lane lacks is zero among the
-//! rows of all.
+//! The rows of all lanes, and the pattern of the Hessian, contain those of any lane. In heaps, whose bodies touch differently in every
+//! environment, they are many times those of one lane. Solving each lane alone is then faster. The bits are the same, because rows that a
+//! lane lacks are zero among the rows of all.
 
 use std::cell::RefCell;
 
@@ -12,16 +12,16 @@ use crate::soft::cone::Cone;
 use crate::soft::newton::{Effort, SoftOutcome, SoftSolver};
 use crate::soft::problem::{Metric, SoftProblem};
 
-/// Work on one lane that takes the time of one register's on all of them: what lies side by side in a row is worked on together.
+/// Work on one lane that takes the time of one register's work on all lanes. Numbers side by side in a row are processed together.
 const SPEED: f64 = 1.6;
 
 /// Bytes of a register.
 const REGISTER: usize = 64;
 
-/// Contacts below which what begins and ends a solution takes more time than it saves.
+/// Number of contacts below which the overhead of a single-lane solution exceeds its gain.
 const FEWEST: usize = 8;
 
-/// Solutions after which the work is estimated again, and lanes that it is estimated from.
+/// Number of solutions after which the work is estimated again, and number of lanes of an estimate.
 const PERIOD: u32 = 32;
 const SAMPLES: usize = 4;
 
@@ -32,14 +32,14 @@ pub struct LaneSolver<R: Real> {
     problem: SoftProblem<R::Single>,
     /// Places of the lane's rows, contacts and rolling contacts among those of all lanes.
     places: [Vec<u32>; 3],
-    /// Entries of the metric, row by row, and where each row begins.
+    /// Entries of the metric, row by row, and the start of each row.
     metric: Vec<R::Single>,
     starts: Vec<usize>,
     free: Vec<R::Single>,
     acceleration: Vec<R::Single>,
-    /// A vector in lanes.
+    /// Buffer of a vector in lanes.
     buffer: RefCell<Vec<R>>,
-    /// Whether lanes are solved one after the other, and for how many problems that holds.
+    /// Whether lanes are solved one after the other, and the number of problems for which this decision holds.
     pays: bool,
     holds: u32,
 }
@@ -77,7 +77,7 @@ impl<R: Real, M: Metric<R>> Metric<R::Single> for LaneMetric<'_, R, M> {
 }
 
 impl<R: Real> LaneSolver<R> {
-    /// Room for problems of as many coordinates as `order` lists.
+    /// Workspace for problems with the coordinates in `order`.
     pub fn new(order: &[u32]) -> Self {
         let zeros = || vec![R::Single::zero(); order.len()];
         Self {
@@ -94,8 +94,9 @@ impl<R: Real> LaneSolver<R> {
         }
     }
 
-    /// Whether the lanes `lanes` take less time one after the other than `together`. Problems of following steps are alike, and the bits
-    /// are the same, so that not every one is looked at.
+    /// Whether solving the lanes `lanes` one after the other is faster than solving them `together`.
+    ///
+    /// Problems of consecutive steps are similar, and the bits are the same, so that only some of them are estimated.
     pub fn pays(&mut self, problem: &SoftProblem<R>, metric: &impl Metric<R>, together: &mut SoftSolver<R>, lanes: R::Mask) -> bool {
         if problem.contacts.items.len() + problem.rolling_contacts.items.len() < FEWEST {
             return false;
@@ -120,7 +121,7 @@ impl<R: Real> LaneSolver<R> {
         self.pays
     }
 
-    /// Solves the lanes `lanes` as [`SoftSolver::solve`] does, and leaves in `together` what it would.
+    /// Solves the lanes `lanes` as [`SoftSolver::solve`] does, with the same results in `together`.
     #[allow(clippy::too_many_arguments, reason = "the arguments of a solve, and who has its results")]
     pub fn solve(
         &mut self,
@@ -160,7 +161,7 @@ impl<R: Real> LaneSolver<R> {
         outcome
     }
 
-    /// Takes up the rows and the metric of a lane.
+    /// Gathers the rows and the metric of a lane.
     fn gather(&mut self, problem: &SoftProblem<R>, metric: &impl Metric<R>, lane: usize) {
         let Self { problem: own, places, metric: entries, starts, .. } = self;
         own.clear();

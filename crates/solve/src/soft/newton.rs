@@ -1,7 +1,7 @@
 //! Newton's method with an exact line search, over lanes.
 //!
-//! The objective is strictly convex and its gradient is piecewise smooth, so that the method converges from anywhere, at last quadratically
-//! (Boyd & Vandenberghe 2004, section 9.5, for exact line search).
+//! The objective is strictly convex and its gradient is piecewise smooth. The method therefore converges from any start, and at last
+//! quadratically (Boyd & Vandenberghe 2004, section 9.5, for exact line search).
 
 use stepper_real::{Mask, Real};
 
@@ -9,21 +9,21 @@ use crate::soft::hessian::{Argument, Hessian, advance};
 use crate::soft::noslip::{ContactVisit, NoSlip, Responds, SlipCapacity, SlipEffort};
 use crate::soft::problem::{Metric, SoftProblem};
 
-/// What a solve may cost, and how good it is to be.
+/// Limit of the effort and tolerance of a solve.
 #[derive(Clone, Copy, Debug)]
 pub struct Effort<R> {
-    /// Steps at the most.
+    /// Largest number of steps.
     pub steps: u32,
     /// Residual at which a lane stops, in units of acceleration.
     pub tolerance: R,
 }
 
-/// What a solve says of itself.
+/// Outcome of a solve.
 #[derive(Clone, Copy, Debug)]
 pub struct SoftOutcome<R> {
-    /// Acceleration that the remaining imbalance M (a - a0) - J^T f makes, largest component: 0 for the exact solution.
+    /// Acceleration by the remaining imbalance M (a - a0) - J^T f, largest component: 0 for the exact solution.
     pub residual: R,
-    /// Steps.
+    /// Number of steps.
     pub steps: R,
 }
 
@@ -33,34 +33,36 @@ pub struct SoftSolver<R: Real> {
     hessian: Hessian<R>,
     argument: Argument<R>,
     change: Argument<R>,
-    /// Gradient, and the acceleration that it makes.
+    /// Gradient, and the acceleration by it.
     gradient: Vec<R>,
     imbalance: Vec<R>,
     direction: Vec<R>,
-    /// M (a - a0), and M times the direction.
+    /// Products M (a - a0), and M times the direction.
     inertial: Vec<R>,
     inertial_change: Vec<R>,
     forces: Vec<R>,
-    /// Sweeps after the solution, where friction is not to slip, and whether forces are those that they left.
+    /// Sweeps after the solution, if friction must not slip, and whether the present forces are theirs.
     noslip: Option<Box<NoSlip<R>>>,
     without_slip: bool,
 }
 
-/// Evaluations of the slope in a line search at the most. Newton's method on a convex piecewise quadratic takes two to four.
+/// Largest number of evaluations of the slope in a line search. Newton's method on a convex piecewise quadratic takes two to four.
 const LINE_SEARCH_STEPS: u32 = 16;
 
-/// Slope along the direction, relative to that at its beginning, at which a line search ends.
+/// Ratio of the slope along the direction to the initial one at which a line search ends.
 const LINE_SEARCH_TOLERANCE: f64 = 1e-2;
 
-/// Multiplications that a contact takes in a step, beside those of the factors.
+/// Multiplications of a contact in a step, in addition to those of the factors.
 const CONTACT_WORK: usize = 300;
 
-/// Steps of [`SoftSolver::respond`].
+/// Number of Newton steps of [`SoftSolver::respond`].
 const RESPONSE_STEPS: usize = 2;
 
 impl<R: Real> SoftSolver<R> {
-    /// Room for problems of as many coordinates as `order` lists, each once. They are eliminated from the last to the first: what rows
-    /// join to many others belongs in front. Coordinates of one tree stay together and in their own order.
+    /// Workspace for problems with the coordinates in `order`, each once.
+    ///
+    /// They are eliminated from the last to the first. Coordinates that rows join to many others belong in front. Those of one tree stay
+    /// together and in order.
     pub fn new(order: &[u32]) -> Self {
         let zeros = || vec![R::zero(); order.len()];
         Self {
@@ -78,14 +80,14 @@ impl<R: Real> SoftSolver<R> {
         }
     }
 
-    /// With buffers for [`SoftSolver::remove_slip`].
+    /// Solver with buffers for [`SoftSolver::remove_slip`].
     #[must_use]
     pub fn with_noslip(mut self, capacity: SlipCapacity) -> Self {
         self.noslip = Some(Box::new(NoSlip::new(self.forces.len(), capacity)));
         self
     }
 
-    /// Solves the lanes `lanes` from the acceleration `a`, which becomes the solution; `free` is a0.
+    /// Solves the lanes `lanes` from the acceleration `a`, which becomes the solution. `free` is a0.
     pub fn solve(
         &mut self,
         problem: &SoftProblem<R>,
@@ -131,14 +133,14 @@ impl<R: Real> SoftSolver<R> {
         outcome
     }
 
-    /// Sweeps over the forces of friction after [`SoftSolver::solve`] found the solution `a` of the same problem in the lanes `lanes`; it
-    /// becomes the acceleration with the new forces; see the module of the sweeps. `visits` are the contacts in their order. Rows from
-    /// `constraints` on are couplings of the metric. Returns the sweeps of each lane.
+    /// Sweeps over the friction forces after [`SoftSolver::solve`] has found the solution `a` of the same problem in the lanes `lanes`.
     ///
-    /// With couplings the sweeps take no more of each than its diagonal, as MuJoCo's do; the acceleration at last has all of it.
+    /// `a` becomes the acceleration with the new forces (see the module `noslip`). `visits` are the contacts in their order. Rows from
+    /// `constraints` on are couplings of the metric. Returns the sweeps of each lane. The sweeps use only the diagonal of each coupling, as
+    /// MuJoCo's do. The final acceleration uses all of it.
     ///
     /// # Panics
-    /// If it was made without [`SoftSolver::with_noslip`].
+    /// If the solver was made without [`SoftSolver::with_noslip`].
     #[allow(clippy::too_many_arguments, reason = "the arguments of a solve, and those of the sweeps")]
     pub fn remove_slip(
         &mut self,
@@ -157,7 +159,7 @@ impl<R: Real> SoftSolver<R> {
         if coupled {
             self.hessian.find_pattern(problem, metric);
         }
-        // `inertial` is the acceleration without constraints, `direction` that with them.
+        // Here `inertial` is the acceleration without constraints, `direction` that with them.
         R::vectorize(
             #[inline(always)]
             || {
@@ -211,19 +213,19 @@ impl<R: Real> SoftSolver<R> {
         sweeps
     }
 
-    /// Factors the metric with the couplings, of which `lumped` leaves the diagonals.
+    /// Factors the metric with the couplings; `lumped` keeps only their diagonals.
     #[inline(always)]
     fn factor_metric(&mut self, problem: &SoftProblem<R>, metric: &impl Metric<R>, constraints: usize, lumped: bool) {
         self.hessian.assemble_metric(problem, metric, constraints, lumped);
         self.hessian.factor();
     }
 
-    /// The sweeps whose forces are the present ones, if there were any.
+    /// Sweeps whose forces are the present ones, if any.
     fn slipless(&self) -> Option<&NoSlip<R>> {
         self.noslip.as_deref().filter(|_| self.without_slip)
     }
 
-    /// Keeps the factors of the Hessian at the solution `a`, for [`SoftSolver::respond`].
+    /// Stores the factors of the Hessian at the solution `a`, for [`SoftSolver::respond`].
     pub fn settle(&mut self, problem: &SoftProblem<R>, metric: &impl Metric<R>, free: &[R], a: &[R]) {
         self.hessian.find_pattern(problem, metric);
         R::vectorize(
@@ -239,8 +241,9 @@ impl<R: Real> SoftSolver<R> {
         );
     }
 
-    /// Replaces the acceleration `a`, the solution of the problem that was settled, by that of a problem near it: steps of Newton's method
-    /// with the Hessian that was kept. The first is the implicit function theorem, the second takes up how cones bend between the two.
+    /// Replaces the acceleration `a`, the stored solution, by that of a problem close to it, with Newton steps and the stored Hessian.
+    ///
+    /// The first step is the implicit function theorem. The second adds the effect of the cones' curvature between the two problems.
     pub fn respond(&mut self, problem: &SoftProblem<R>, metric: &impl Metric<R>, free: &[R], a: &mut [R]) {
         R::vectorize(
             #[inline(always)]
@@ -257,23 +260,23 @@ impl<R: Real> SoftSolver<R> {
         );
     }
 
-    /// Forces of the constraints at the solution, as generalized forces.
+    /// Constraint forces at the solution, as generalized forces.
     pub fn forces(&self) -> &[R] {
         &self.forces
     }
 
-    /// Multiplications of a step for a problem.
+    /// Estimates the multiplications of a step for a problem.
     pub(super) fn estimate_work(&mut self, problem: &SoftProblem<R>, metric: &impl Metric<R>) -> usize {
         self.hessian.find_pattern(problem, metric);
         self.hessian.work() + CONTACT_WORK * (problem.contacts.items.len() + problem.rolling_contacts.items.len())
     }
 
-    /// Where the rows are at the solution.
+    /// Velocity-like arguments of the rows at the solution.
     pub(super) fn argument(&self) -> &Argument<R> {
         &self.argument
     }
 
-    /// Forces of the joints and where the rows are, for a solution that is found elsewhere: nothing acts yet.
+    /// Buffers of the joint forces and of the row arguments, set to zero, for a solution that another solver computes.
     pub(super) fn take_over(&mut self, problem: &SoftProblem<R>) -> (&mut [R], &mut Argument<R>) {
         self.without_slip = false;
         self.forces.fill(R::zero());
@@ -313,7 +316,7 @@ impl<R: Real> SoftSolver<R> {
         multiply(metric, &self.direction, &mut self.inertial);
     }
 
-    /// Gradient M (a - a0) - J^T f, and the residual that it makes.
+    /// Computes the gradient M (a - a0) - J^T f, and its residual.
     #[inline(always)]
     fn find_gradient(&mut self, problem: &SoftProblem<R>, metric: &impl Metric<R>) -> R {
         self.forces.fill(R::zero());
@@ -334,13 +337,13 @@ impl<R: Real> SoftSolver<R> {
         metric.solve(&mut self.imbalance);
         let mut largest = R::zero();
         for &x in &self.imbalance {
-            // Written so that a NaN stays.
+            // This form propagates a NaN.
             largest = R::select(x.abs().le(largest), largest, x.abs());
         }
         largest
     }
 
-    /// A step of Newton's method of the lanes `lanes`.
+    /// Makes a step of Newton's method in the lanes `lanes`.
     #[inline(always)]
     fn descend(&mut self, problem: &SoftProblem<R>, metric: &impl Metric<R>, lanes: R::Mask, a: &mut [R]) {
         for (direction, &gradient) in self.direction.iter_mut().zip(&self.gradient) {
@@ -355,8 +358,9 @@ impl<R: Real> SoftSolver<R> {
         self.argument.advance(&self.change, step);
     }
 
-    /// Step along the direction at which the slope is zero, 0 outside `lanes`: Newton's method on the slope, with bisection where it leaves
-    /// the interval in which the slope changes its sign.
+    /// Step along the direction at which the slope is zero, 0 outside `lanes`.
+    ///
+    /// Newton's method on the slope, with bisection where it leaves the interval in which the slope changes its sign.
     #[inline(always)]
     fn search(&self, problem: &SoftProblem<R>, lanes: R::Mask) -> R {
         let mut quadratic = [R::zero(); 2];
@@ -391,7 +395,7 @@ impl<R: Real> SoftSolver<R> {
 }
 
 impl<R: Real> SoftSolver<R> {
-    /// Slope along the direction after a step, of which `slope` is the part of the accelerations.
+    /// Slope along the direction after a step. `slope` is the part of the accelerations.
     #[inline(always)]
     fn slope(&self, problem: &SoftProblem<R>, mut slope: R, step: R) -> R {
         let (argument, change) = (&self.argument, &self.change);
@@ -402,7 +406,7 @@ impl<R: Real> SoftSolver<R> {
         problem.rolling_contacts.add_slopes(problem.cone, &argument.rolling_contacts, &change.rolling_contacts, step, slope)
     }
 
-    /// Second derivative along the direction after a step, of which `sum` is the part of the accelerations.
+    /// Second derivative along the direction after a step. `sum` is the part of the accelerations.
     #[inline(always)]
     fn curvature(&self, problem: &SoftProblem<R>, mut sum: R, step: R) -> R {
         let (argument, change) = (&self.argument, &self.change);
@@ -431,7 +435,7 @@ impl<R: Real> Responds<R> for Hessian<R> {
     }
 }
 
-/// out = M x
+/// Computes out = M x.
 #[inline(always)]
 fn multiply<R: Real>(metric: &impl Metric<R>, x: &[R], out: &mut [R]) {
     out.fill(R::zero());

@@ -1,13 +1,13 @@
-//! Friction without slip: forces of friction after the solution, without the regularisation that lets them creep (MuJoCo's documentation,
+//! Friction without slip: friction forces after the solution, without the regularisation that lets contacts creep (MuJoCo's documentation,
 //! computation chapter, "Algorithms", NoSlip).
 //!
-//! Sweeps of projected Gauss-Seidel minimise 1/2 f^T A f + f^T b over the forces of dry friction and of the friction rows of contacts, with
-//! A = J M^-1 J^T and all other forces as the solution left them: an elliptic contact's tangents within the ellipse that its normal force
-//! allows, a pyramid's opposing edges with their sum fixed. A is never formed: the acceleration is carried along, and each row has the
-//! acceleration that a unit force makes.
+//! Sweeps of projected Gauss-Seidel minimise 1/2 f^T A f + f^T b with A = J M^-1 J^T. The unknowns are the forces of dry friction and of
+//! the friction rows of contacts. All other forces stay those of the solution. An elliptic contact's tangents stay within the ellipse of
+//! its normal force; opposing edges of a pyramid keep their sum. A is never formed: the sweep updates the acceleration, and each row has
+//! the acceleration of a unit force.
 //!
-//! Rows that share no tree, directly or by others, are an island; islands stop one by one, where a sweep improves the objective by less
-//! than the tolerance, and other islands of the same lane go on.
+//! Rows that share no tree, directly or by others, are separate islands. An island stops when a sweep improves its objective by less than
+//! the tolerance. The others continue.
 
 use std::ops::Range;
 
@@ -18,10 +18,10 @@ use crate::soft::contact::SoftContact;
 use crate::soft::hessian::Argument;
 use crate::soft::problem::{Metric, SoftContacts, SoftProblem};
 
-/// What sweeps of noslip may cost, and where they stop.
+/// Limit of the sweeps of noslip, and their stopping tolerance.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SlipEffort<S> {
-    /// Sweeps at the most.
+    /// Largest number of sweeps.
     pub sweeps: u32,
     /// Improvement of the objective by a sweep at which an island stops, relative to the sum of the diagonal of its part of M.
     pub tolerance: S,
@@ -30,51 +30,51 @@ pub struct SlipEffort<S> {
 /// Sizes of the buffers of sweeps.
 #[derive(Clone, Copy, Debug)]
 pub struct SlipCapacity {
-    /// Scalar rows.
+    /// Capacity of scalar rows.
     pub rows: usize,
-    /// Contacts, and whether any may have six rows.
+    /// Capacity of contacts, and whether any may have six rows.
     pub contacts: usize,
-    /// Degrees of freedom of all trees that a row or a contact joins, in all lanes together.
+    /// Capacity of degrees of freedom: those of all trees that a row or a contact joins, in all lanes together.
     pub support: usize,
-    /// See `contacts`.
+    /// Whether there are contacts with rolling friction, see `contacts`.
     pub rolls: bool,
 }
 
-/// A contact to visit in some lanes.
+/// Contact to visit in some lanes.
 #[derive(Clone, Copy, Debug)]
 pub struct ContactVisit<M> {
-    /// Whether it is one of those with six rows.
+    /// Whether the contact has six rows.
     pub rolling: bool,
-    /// Its index among those of its kind.
+    /// Index among the items of its kind.
     pub index: usize,
     /// Lanes in which it is visited.
     pub lanes: M,
 }
 
-/// Force below which a contact presses no tangents, N.
+/// Force below which a contact has no tangential forces, N.
 const LEAST_FORCE: f64 = 1e-15;
 /// Least diagonal entry of A in a row, 1/kg, of dry friction and of tangents.
 const LEAST_INVERSE_INERTIA: [f64; 2] = [1e-15, 1e-10];
-/// Steps of Newton's method for the multiplier of an ellipse, what it is solved to (N^2), and its least step.
+/// Largest number of Newton steps for the multiplier of an ellipse, its tolerance (N^2), and its least step.
 const MULTIPLIER_STEPS: u32 = 20;
 const MULTIPLIER_TOLERANCE: f64 = 1e-10;
-/// Rise of the objective, J, that undoes the visit of a contact; rounding adds to it.
+/// Rise of the objective, J, above which the visit of a contact is reverted; rounding adds to it.
 const LEAST_RISE: f64 = 1e-10;
-/// Parts of a change of the objective that rounding may make, in units of the last place.
+/// Change of the objective that counts as rounding, in units of the last place.
 const ROUNDING: f64 = 16.0;
 
-/// Forces of a kind of row, and what a unit force of its friction rows does to the acceleration.
+/// Forces of a kind of row, and the response of the acceleration to a unit force of its friction rows.
 #[derive(Clone, Debug)]
 struct Friction<R: Real, const N: usize> {
     force: Vec<[R; N]>,
-    /// Bound on each friction force: of an elliptic contact's first the normal force; of a pyramid's the coefficient times the sum of its
-    /// two edges.
+    /// Bound on each friction force. The first of an elliptic contact is the normal force; that of a pyramid is the coefficient times the
+    /// sum of its two edges.
     bound: Vec<[R; N]>,
-    /// Degrees of freedom that each moves, and their accelerations by a unit force of every row.
+    /// Degrees of freedom that each row moves, and their accelerations by a unit force of every row.
     spans: Vec<Range<usize>>,
     dofs: Vec<u32>,
     response: Vec<[R; N]>,
-    /// A of the rows of one, tangents only.
+    /// Block of A of each item's rows, tangents only.
     inertia: Vec<[[R; N]; N]>,
 }
 
@@ -100,7 +100,7 @@ impl<R: Real, const N: usize> Friction<R, N> {
         self.inertia.clear();
     }
 
-    /// Appends the responses of the rows `rows` whose Jacobian is `jacobian` on `support`; `trees` are those of all degrees of freedom.
+    /// Appends the responses of the rows `rows` with the Jacobian `jacobian` on `support`. `trees` are those of all degrees of freedom.
     #[inline(always)]
     fn push_responses(
         &mut self,
@@ -140,7 +140,7 @@ impl<R: Real, const N: usize> Friction<R, N> {
         self.inertia.push(inertia);
     }
 
-    /// a += what a change of the forces does.
+    /// Adds the response to a change of the forces to a.
     #[inline(always)]
     fn accelerate(&self, i: usize, change: &[R; N], a: &mut [R]) {
         let span = self.spans[i].clone();
@@ -154,9 +154,9 @@ impl<R: Real, const N: usize> Friction<R, N> {
     }
 }
 
-/// What forces do to the acceleration.
+/// Response of the acceleration to forces.
 pub(super) trait Responds<R: Real> {
-    /// x <- M^-1 x
+    /// Solves x <- M^-1 x.
     fn respond(&mut self, x: &mut [R]);
 }
 
@@ -166,12 +166,12 @@ pub(super) struct NoSlip<R: Real> {
     rows: Friction<R, 1>,
     contacts: Friction<R, 3>,
     rolling: Friction<R, 6>,
-    /// Number of the tree of every degree of freedom, and how many there are.
+    /// Number of the tree of every degree of freedom, and number of trees.
     trees: Vec<u32>,
     count: usize,
-    /// Island of every tree in every lane: the least tree of it.
+    /// Island of every tree in every lane: its least tree.
     parents: Vec<u32>,
-    /// Improvement by a sweep, and lanes (bits) that go on, of every island.
+    /// Improvement by a sweep, and running lanes (bits), of every island.
     improvement: Vec<R>,
     running: Vec<u32>,
     /// Sum of the diagonal of M of every tree, then of every island.
@@ -182,7 +182,7 @@ pub(super) struct NoSlip<R: Real> {
 }
 
 impl<R: Real> NoSlip<R> {
-    /// Room for problems of this dimension.
+    /// Workspace for problems of this dimension.
     pub(super) fn new(dimension: usize, capacity: SlipCapacity) -> Self {
         let SlipCapacity { rows, contacts, support, rolls } = capacity;
         let rolling = if rolls { contacts } else { 0 };
@@ -216,8 +216,8 @@ impl<R: Real> NoSlip<R> {
         self.rolling.force[i]
     }
 
-    /// Takes up the forces at a solution where the rows of the problem are `argument`; rows from `constraints` on are no constraints and
-    /// have none.
+    /// Stores the forces at a solution with the arguments `argument` of the rows. Rows from `constraints` on are no constraints and have
+    /// none.
     pub(super) fn begin(&mut self, problem: &SoftProblem<R>, metric: &impl Metric<R>, constraints: usize, argument: &Argument<R>) {
         self.find_trees(metric);
         let Self { rows, contacts, rolling, .. } = self;
@@ -293,8 +293,8 @@ impl<R: Real> NoSlip<R> {
         }
     }
 
-    /// Sweeps in the lanes `lanes`, from the acceleration `a` that the forces make; it follows them. `visits` are the contacts in their
-    /// order. Returns the sweeps of each lane.
+    /// Sweeps in the lanes `lanes`, from the acceleration `a` by the present forces, which follows the changes. `visits` are the contacts
+    /// in their order. Returns the sweeps of each lane.
     pub(super) fn sweep(
         &mut self,
         problem: &SoftProblem<R>,
@@ -324,7 +324,7 @@ impl<R: Real> NoSlip<R> {
             let tolerance = R::splat(effort.tolerance);
             for ((running, improvement), &inertia) in self.running[..self.count].iter_mut().zip(&mut self.improvement).zip(&self.inertia[1])
             {
-                // Written so that an improvement that is no number ends it.
+                // This form ends the island at a NaN.
                 *running &= improvement.ge(tolerance * inertia).bits();
                 *improvement = R::zero();
             }
@@ -332,7 +332,7 @@ impl<R: Real> NoSlip<R> {
         sweeps
     }
 
-    /// What every force that is swept does to the acceleration, by `metric`: once, before [`Noslip::sweep`].
+    /// Computes the response of the acceleration to every swept force, by `metric`: once, before [`NoSlip::sweep`].
     #[inline(always)]
     pub(super) fn find_responses(&mut self, problem: &SoftProblem<R>, metric: &mut impl Responds<R>, constraints: usize) {
         let Self { rows, contacts, rolling, trees, work, .. } = self;
@@ -354,7 +354,7 @@ impl<R: Real> NoSlip<R> {
         }
     }
 
-    /// Adds what leaving the regularisation out improves, which the first sweep counts.
+    /// Adds the improvement by leaving out the regularisation, which the first sweep counts.
     fn add_regularisation(&mut self, problem: &SoftProblem<R>, constraints: usize) {
         let half = R::of(0.5);
         for (i, row) in problem.rows[..constraints].iter().enumerate() {
@@ -386,7 +386,7 @@ impl<R: Real> NoSlip<R> {
         }
     }
 
-    /// Lanes in which the island of an item goes on.
+    /// Lanes in which the island of an item is running.
     #[inline(always)]
     fn goes_on(&self, item: usize) -> R::Mask {
         let islands = &self.islands[item * R::LANES..][..R::LANES];
@@ -439,7 +439,7 @@ impl<R: Real> NoSlip<R> {
         }
     }
 
-    /// Leaves the generalized forces of all rows.
+    /// Adds the generalized forces of all rows.
     #[inline(always)]
     pub(super) fn add_forces(&self, problem: &SoftProblem<R>, out: &mut [R]) {
         out.fill(R::zero());
@@ -468,7 +468,7 @@ impl<R: Real, const N: usize> Friction<R, N> {
         }
     }
 
-    /// Visits contact `i` in the lanes `lanes`; returns by how much that lowers the objective.
+    /// Visits contact `i` in the lanes `lanes`. Returns the decrease of the objective.
     #[inline(always)]
     fn visit(&mut self, cone: Cone, contacts: &SoftContacts<R, N>, i: usize, lanes: R::Mask, a: &mut [R]) -> R {
         let contact = &contacts.items[i];
@@ -500,7 +500,7 @@ impl<R: Real, const N: usize> Friction<R, N> {
                 slip += j[k] * a[d as usize];
             }
             let (inertia, force, most) = (self.inertia[i][k][k], self.force[i][k], self.bound[i][k] * mu);
-            // Both edges move by the difference alone, where that does not move at all.
+            // Both edges move by half the difference if their sum does not move.
             let moves = (R::of(4.0) * mu * mu * inertia).ge(R::of(LEAST_FORCE));
             let next = R::select(moves, (force - slip / inertia).max(-most).min(most), R::zero());
             let mut change = [R::zero(); N];
@@ -528,7 +528,7 @@ impl<R: Real, const N: usize> Friction<R, N> {
                 slip[k] += j[k] * a[d as usize];
             }
         }
-        // In the space in which the ellipse is a circle; a row that a lane does not have, and the normal's, stay at zero.
+        // In the space in which the ellipse is a circle. Missing rows of a lane, and the normal's, stay at zero.
         let (mut matrix, mut linear) = ([[R::zero(); N]; N], [R::zero(); N]);
         matrix[0][0] = R::one();
         for k in 1..N {
@@ -571,10 +571,11 @@ impl<R: Real, const N: usize> Friction<R, N> {
     }
 }
 
-/// Minimises 1/2 x^T A x + b^T x over the ball |x| <= r in the lanes `lanes`: Newton's method for the multiplier from 0, whose equation
-/// |(A + l)^-1 b|^2 = r^2 is convex in it, so that it rises to the solution. What is outside at last is put on the sphere, whatever stopped
-/// the method. Where A is singular to [`LEAST_DETERMINANT`] the answer is 0, as MuJoCo has it: by each pivot in the lanes `single`,
-/// in the others by its determinant.
+/// Minimises 1/2 x^T A x + b^T x over the ball |x| <= r in the lanes `lanes`.
+///
+/// Newton's method finds the multiplier l from 0. Its equation `|(A + l)^-1 b|^2 = r^2` is convex, so that l rises to the solution. A
+/// result outside the ball is scaled to the sphere. Where A is singular to [`LEAST_DETERMINANT`] the result is 0, as in MuJoCo. The test
+/// uses each pivot in the lanes `single`, and the determinant in the others.
 #[inline(always)]
 fn minimise_in_ball<R: Real, const N: usize>(matrix: &[[R; N]; N], b: &[R; N], r: R, lanes: R::Mask, single: R::Mask) -> [R; N] {
     let regular = is_regular(matrix, single);
@@ -638,7 +639,7 @@ fn factor<R: Real, const N: usize>(matrix: &[[R; N]; N], l: R) -> [[R; N]; N] {
         for j in 0..=i {
             let mut sum = if i == j { matrix[i][i] + l } else { matrix[i][j] };
             for k in 0..j {
-                // L_ik D_k L_jk, with L_ik D_k kept above the diagonal.
+                // Product L_ik D_k L_jk, with L_ik D_k stored above the diagonal.
                 sum -= factors[k][i] * factors[j][k];
             }
             if i == j {
@@ -657,7 +658,7 @@ const LEAST_PIVOT: f64 = 1e-30;
 /// Least determinant, or pivot, of a matrix that counts as regular.
 const LEAST_DETERMINANT: f64 = 1e-10;
 
-/// (A + l)^-1 b
+/// Solution (A + l)^-1 b.
 #[inline(always)]
 fn substitute<R: Real, const N: usize>(factors: &[[R; N]; N], b: &[R; N]) -> [R; N] {
     let mut x = *b;
@@ -677,7 +678,7 @@ fn substitute<R: Real, const N: usize>(factors: &[[R; N]; N], b: &[R; N]) -> [R;
     x
 }
 
-/// Sum of R f^2 over the rows of a contact, of a pyramid over its edges, whose sums are `edges`.
+/// Sum of R f^2 over the rows of a contact. For a pyramid it is over its edges, whose sums are `edges`.
 #[inline(always)]
 fn regularisation<R: Real, const N: usize>(cone: Cone, contact: &SoftContact<R, N>, force: &[R; N], edges: &[R; N]) -> R {
     let mut energy = R::zero();
@@ -698,29 +699,29 @@ fn regularisation<R: Real, const N: usize>(cone: Cone, contact: &SoftContact<R, 
     energy
 }
 
-/// 1 / x, 0 where x is not positive.
+/// Inverse 1 / x, 0 where x is not positive.
 #[inline(always)]
 fn inverse<R: Real>(x: R) -> R {
     let positive = x.gt(R::zero());
     R::select(positive, R::one() / R::select(positive, x, R::one()), R::zero())
 }
 
-/// Whether a row with these bounds is one of dry friction: the only one that is bounded on both sides.
+/// Whether a row with these bounds is dry friction, the only kind with two finite bounds.
 #[inline(always)]
 fn is_dry_friction<R: Real>(bounds: [R; 2]) -> bool {
     bounds[0].gt(R::of(f64::NEG_INFINITY)).and(bounds[1].lt(R::of(f64::INFINITY))).any()
 }
 
-/// A row's entries as those of a kind with one row.
+/// Entries of a row as those of a kind with one row.
 #[inline(always)]
 fn as_rows<R: Real>(jacobian: &[R]) -> &[[R; 1]] {
     jacobian.as_chunks::<1>().0
 }
 
-/// Tree of an item in a lane that does not have it.
+/// Tree of an item in a lane without it.
 const NOWHERE: u32 = u32::MAX;
 
-/// Unites the trees that an item joins in every lane, and appends one of them; `is_there` says which of its entries a lane has.
+/// Unites the trees that an item joins in every lane, and appends one of them. `is_there` returns whether a lane has an entry.
 fn unite<R: Real>(trees: &[u32], parents: &mut [u32], islands: &mut Vec<u32>, support: &[u32], is_there: impl Fn(usize, usize) -> bool) {
     for l in 0..R::LANES {
         let mut island = None;
@@ -745,7 +746,7 @@ fn unite<R: Real>(trees: &[u32], parents: &mut [u32], islands: &mut Vec<u32>, su
     }
 }
 
-/// The least tree of the island of a tree in lane `l`.
+/// Least tree of the island of a tree in lane `l`.
 fn find<R: Real>(parents: &[u32], mut tree: u32, l: usize) -> u32 {
     while parents[tree as usize * R::LANES + l] != tree {
         tree = parents[tree as usize * R::LANES + l];

@@ -1,4 +1,4 @@
-//! Rows of the soft problem, with what their forces are made from.
+//! Rows of the soft problem, with the inputs of their forces.
 
 use std::ops::Range;
 
@@ -9,24 +9,24 @@ use crate::soft::contact::SoftContact;
 
 /// Metric of the accelerations: the mass matrix.
 pub trait Metric<R: Real> {
-    /// Dimension.
+    /// Number of coordinates.
     fn dimension(&self) -> usize;
     /// Row `i` up to the diagonal: the columns of its entries, the diagonal first and then descending, and the entries.
     fn row(&self, i: usize) -> (&[u32], &[R]);
-    /// x <- M^-1 x
+    /// Solves x <- M^-1 x.
     fn solve(&self, x: &mut [R]);
 }
 
-/// Scalar row: its force is -D u between two bounds, with u = J a - r. An equality has none, a limit pushes, dry friction has both.
+/// Scalar row with the force -D u between two bounds, u = J a - r. An equality has no bounds, a limit one, dry friction two.
 #[derive(Clone, Debug)]
 pub struct SoftRow<R: Real> {
     /// Range of its coordinates and entries among those of all scalar rows.
     pub(super) entries: Range<usize>,
-    /// Acceleration r that it refers to.
+    /// Reference acceleration r.
     pub reference: R,
-    /// D = 1 / R, the inverse of its regularisation; 0 in lanes that do not have it.
+    /// Weight D = 1 / R, the inverse of the regularisation; 0 in lanes without the row.
     pub weight: R,
-    /// Least and greatest force.
+    /// Least and largest force, N or N m.
     pub bounds: [R; 2],
 }
 
@@ -37,7 +37,7 @@ impl<R: Real> SoftRow<R> {
         (-self.weight * u).max(self.bounds[0]).min(self.bounds[1])
     }
 
-    /// -df/du
+    /// Derivative -df/du.
     #[inline(always)]
     pub(super) fn curvature(&self, u: R) -> R {
         let free = -self.weight * u;
@@ -48,7 +48,7 @@ impl<R: Real> SoftRow<R> {
 /// Contacts of `N` rows.
 #[derive(Clone, Debug)]
 pub struct SoftContacts<R: Real, const N: usize> {
-    /// The contacts.
+    /// Items of the list.
     pub items: Vec<SoftContact<R, N>>,
     pub(super) support: Vec<u32>,
     pub(super) jacobian: Vec<[R; N]>,
@@ -78,7 +78,7 @@ impl<R: Real, const N: usize> SoftContacts<R, N> {
         self.items.push(SoftContact::new(start..self.support.len(), reference, weight, scale));
     }
 
-    /// Appends the contacts that a lane of others has, and their places to `places`.
+    /// Appends the contacts of one lane of others, and their places to `places`.
     pub(super) fn gather<L: Real<Single = R>>(&mut self, from: &SoftContacts<L, N>, lane: usize, places: &mut Vec<u32>) {
         for (i, contact) in from.items.iter().enumerate() {
             let weight = contact.weight.map(|weight| weight.single_lane(lane));
@@ -114,7 +114,7 @@ impl<R: Real, const N: usize> SoftContacts<R, N> {
         touched
     }
 
-    /// `out` = J x, less the references if `relative`.
+    /// Computes `out` = J x, minus the references if `relative`.
     #[inline(always)]
     pub(super) fn multiply(&self, x: &[R], relative: bool, out: &mut Vec<[R; N]>) {
         out.clear();
@@ -135,7 +135,7 @@ impl<R: Real, const N: usize> SoftContacts<R, N> {
         }
     }
 
-    /// `out` += J^T f(u).
+    /// Adds `out` += J^T f(u).
     #[inline(always)]
     pub(super) fn add_forces(&self, cone: Cone, u: &[[R; N]], out: &mut [R]) {
         for (contact, u) in self.items.iter().zip(u) {
@@ -151,7 +151,7 @@ impl<R: Real, const N: usize> SoftContacts<R, N> {
         }
     }
 
-    /// `out` += J^T f of forces f.
+    /// Adds `out` += J^T f of forces f.
     #[inline(always)]
     pub(super) fn add(&self, forces: &[[R; N]], out: &mut [R]) {
         for (contact, force) in self.items.iter().zip(forces) {
@@ -166,7 +166,7 @@ impl<R: Real, const N: usize> SoftContacts<R, N> {
         }
     }
 
-    /// `slope` less f(u + step du) . du of all contacts.
+    /// Subtracts f(u + step du) . du of all contacts from `slope`.
     #[inline(always)]
     pub(super) fn add_slopes(&self, cone: Cone, u: &[[R; N]], du: &[[R; N]], step: R, mut slope: R) -> R {
         for ((contact, u), du) in self.items.iter().zip(u).zip(du) {
@@ -178,7 +178,7 @@ impl<R: Real, const N: usize> SoftContacts<R, N> {
         slope
     }
 
-    /// `sum` and the second derivatives along `du` at u + step du of all contacts.
+    /// Adds the second derivatives along `du` at u + step du of all contacts to `sum`.
     #[inline(always)]
     pub(super) fn add_curvatures(&self, cone: Cone, u: &[[R; N]], du: &[[R; N]], step: R, mut sum: R) -> R {
         for ((contact, u), du) in self.items.iter().zip(u).zip(du) {
@@ -188,7 +188,7 @@ impl<R: Real, const N: usize> SoftContacts<R, N> {
     }
 }
 
-/// u + step du
+/// Sum u + step du.
 #[inline(always)]
 fn moved<R: Real, const N: usize>(u: &[R; N], du: &[R; N], step: R) -> [R; N] {
     let mut at = *u;
@@ -207,15 +207,17 @@ pub struct SoftProblem<R: Real> {
     pub rows: Vec<SoftRow<R>>,
     pub(super) support: Vec<u32>,
     pub(super) jacobian: Vec<R>,
-    /// Contacts that slide at the most.
+    /// Contacts with sliding friction or none.
     pub contacts: SoftContacts<R, 3>,
     /// Contacts with torsional or rolling friction.
     pub rolling_contacts: SoftContacts<R, 6>,
 }
 
 impl<R: Real> SoftProblem<R> {
-    /// An empty problem with room for so many scalar rows and entries of theirs, and for contacts, each of so many coordinates; for those
-    /// with rolling friction too if there can be any.
+    /// Empty problem with capacity for these numbers of scalar rows, of their entries, and of contacts with `contact_support` coordinates
+    /// each.
+    ///
+    /// It also has capacity for contacts with rolling friction, if there can be any.
     pub fn new(cone: Cone, rows: usize, entries: usize, contacts: usize, contact_support: usize, rolls: bool) -> Self {
         Self {
             cone,
@@ -237,7 +239,7 @@ impl<R: Real> SoftProblem<R> {
         self.rolling_contacts.clear();
     }
 
-    /// Whether there is no row at all.
+    /// Whether the problem has no rows.
     pub fn is_empty(&self) -> bool {
         self.rows.is_empty() && self.contacts.items.is_empty() && self.rolling_contacts.items.is_empty()
     }
@@ -248,7 +250,7 @@ impl<R: Real> SoftProblem<R> {
         self.push_entries(support, support.iter().map(|&d| jacobian(d as usize)), reference, weight, bounds);
     }
 
-    /// The same with these entries.
+    /// Appends a row with these entries.
     #[inline(always)]
     pub(super) fn push_entries(&mut self, support: &[u32], entries: impl Iterator<Item = R>, reference: R, weight: R, bounds: [R; 2]) {
         let start = self.support.len();
@@ -283,7 +285,7 @@ impl<R: Real> SoftProblem<R> {
         touched.or(self.contacts.touches(&coordinates)).or(self.rolling_contacts.touches(&coordinates))
     }
 
-    /// `out` = J x of the scalar rows, less the references if `relative`.
+    /// Computes `out` = J x of the scalar rows, minus the references if `relative`.
     #[inline(always)]
     pub(super) fn multiply_rows(&self, x: &[R], relative: bool, out: &mut Vec<R>) {
         out.clear();

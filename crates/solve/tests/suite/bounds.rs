@@ -1,4 +1,4 @@
-//! What is asked for bounds what is done, whatever the numbers are.
+//! Bounds of the effort hold for any numbers.
 
 use crate::common::cases;
 use proptest::prelude::*;
@@ -29,7 +29,7 @@ impl Case {
     }
 }
 
-/// Problems whose coordinates differ by up to 10^`decades`, each way, and whose numbers may be what `odd` says.
+/// Problems whose coordinates differ by up to 10^`decades`, each way, with numbers drawn from `odd` too.
 fn case(decades: f64, odd: impl Strategy<Value = f64> + Clone + 'static) -> impl Strategy<Value = Case> {
     let entry = prop_oneof![2 => Just(0.0), 12 => -1.0..1.0, 1 => odd.clone()];
     let speed = prop_oneof![8 => -2.0..2.0, 1 => odd];
@@ -56,14 +56,14 @@ fn build<R: Real<Scalar = f64>>(case: &Case) -> (Problem<R>, Iterate<R>) {
     (problem, iterate)
 }
 
-/// How Newton's method is asked.
+/// Call of Newton's method.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Way {
     Near(Terms),
     LeastNorm,
 }
 
-/// Fails when more was done than `steps` asks for.
+/// Fails if the work exceeds the limit `steps`.
 fn check(work: Work, steps: u32) -> Result<(), TestCaseError> {
     prop_assert!(work.steps <= steps * work.islands, "{work:?}");
     prop_assert!(work.rounds <= steps * work.islands, "{work:?}");
@@ -76,16 +76,16 @@ fn search(case: &Case, tolerance: f64) -> Result<(), TestCaseError> {
         let (problem, mut iterate) = build::<f64>(case);
         let (mut left, mut taken) = (residual(&problem, &iterate), 0.0);
         let before = left;
-        let mut room = Newton::default();
+        let mut newton = Newton::default();
         let outcome = [&mut left, &mut taken];
         match way {
-            Way::Near(terms) => room.solve(&problem, &mut iterate, Search { steps: STEPS, tolerance, terms }, true, outcome),
-            Way::LeastNorm => room.solve_least_norm(&problem, &mut iterate, STEPS, tolerance, true, outcome),
+            Way::Near(terms) => newton.solve(&problem, &mut iterate, Search { steps: STEPS, tolerance, terms }, true, outcome),
+            Way::LeastNorm => newton.solve_least_norm(&problem, &mut iterate, STEPS, tolerance, true, outcome),
         }
         let exact = matches!(way, Way::Near(Terms::HeldThenExact | Terms::Exact));
         let most = if exact { EXACT_RATIO * STEPS } else { STEPS };
-        check(room.work(), most)?;
-        prop_assert!(taken <= f64::from(most * room.work().islands));
+        check(newton.work(), most)?;
+        prop_assert!(taken <= f64::from(most * newton.work().islands));
         prop_assert!(!left.is_nan() || before.is_nan(), "{before} became no number");
     }
     Ok(())
@@ -100,7 +100,7 @@ fn odd() -> impl Strategy<Value = f64> + Clone {
 proptest! {
     #![proptest_config(cases(400))]
 
-    /// Rounding never lets these be met: the search ends where it stands still, or after so many rounds.
+    /// Rounding never lets these be met: the search ends when it makes no progress, or after the largest number of rounds.
     #[test]
     fn a_tolerance_out_of_reach_ends(case in case(0.0, Just(1.0)), tolerance in prop_oneof![Just(1e-14), Just(1e-17), Just(1e-30), Just(0.0)]) {
         search(&case, tolerance)?;
@@ -117,7 +117,7 @@ proptest! {
         search(&case, 1e-6)?;
     }
 
-    /// Sweeps are as many as asked for at the most, and a lane that blows up leaves its neighbours their bits.
+    /// Sweeps stay within their limit, and a diverging lane leaves its neighbours their bits.
     #[test]
     fn a_lane_that_blows_up_costs_its_neighbours_nothing_but_bounded_time(case in case(0.0, Just(1.0)), at in 0..ROWS, bad in odd()) {
         let (problem, iterate) = build::<F64Lanes>(&case);
@@ -128,9 +128,9 @@ proptest! {
         }
         let settings = Settings { sweeps: 20, newton_steps: STEPS, tolerance: F64Lanes::of(1e-9), newton_threshold: F64Lanes::of(1e-9) };
         let run = |problem: &Problem<F64Lanes>| {
-            let (mut iterate, mut room) = (iterate.clone(), Newton::default());
-            let outcome = solve(problem, &mut iterate, settings, Mask::splat(true), &mut room);
-            (outcome, iterate, room.work())
+            let (mut iterate, mut newton) = (iterate.clone(), Newton::default());
+            let outcome = solve(problem, &mut iterate, settings, Mask::splat(true), &mut newton);
+            (outcome, iterate, newton.work())
         };
         let (well, ill) = (run(&problem), run(&worse));
         check(ill.2, EXACT_RATIO * STEPS)?;

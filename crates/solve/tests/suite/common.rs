@@ -1,4 +1,4 @@
-//! What the property tests share: how many problems they draw, and how many of them they may pass over.
+//! Common parts of the property tests: how many problems they draw, and how many of them they may pass over.
 
 #![allow(dead_code, reason = "not every test file passes draws over")]
 
@@ -6,13 +6,13 @@ use std::cell::Cell;
 
 use proptest::test_runner::Config;
 
-/// Cases of a property test: PROPTEST_CASES, or `usual`. Draws that are passed over have no bound of their own: [`Share`] counts them.
+/// Cases of a property test: PROPTEST_CASES, or `usual`. Draws that are passed over have no separate bound: [`Share`] counts them.
 pub(crate) fn cases(usual: u32) -> Config {
     let asked = std::env::var("PROPTEST_CASES").ok().and_then(|n| n.parse().ok());
     Config { max_global_rejects: u32::MAX, ..Config::with_cases(asked.unwrap_or(usual)) }
 }
 
-/// The draws of which a test says that something holds, most often that they are solved, so that the rest of the test looks at them.
+/// Draws for which a property holds, most often that they are solved, so that the rest of the test examines them.
 #[derive(Debug, Default)]
 pub(crate) struct Share {
     held: Cell<u32>,
@@ -32,7 +32,7 @@ impl Share {
     pub(crate) fn at_least(&self, share: f64, what: &str) {
         let (held, drawn) = (f64::from(self.held.get()), f64::from(self.drawn.get()));
         println!("{what}: {:.5} of {drawn}", held / drawn);
-        // Beside the deviation, one draw, so that a share of 1 less a little stands few draws.
+        // One more draw than the deviation, so that a share slightly below 1 tolerates few draws.
         let chance = 5.0 * (share * (1.0 - share) * drawn).sqrt() + 1.0;
         assert!(held >= share * drawn - chance, "{what}: {held} of {drawn} draws, must be {share}");
     }

@@ -1,4 +1,4 @@
-//! A normal row that gives way: the same as a hard one with a coordinate of its own, the spring's.
+//! Compliant normal row: equivalent to a hard one with an additional coordinate, the spring's.
 
 use crate::common::{Share, cases};
 use proptest::prelude::*;
@@ -28,7 +28,7 @@ fn case() -> impl Strategy<Value = Case> {
     (prop::collection::vec(sliding, 1..4), rolling, 0.0..1.0).prop_map(|(sliding, rolling, mu)| Case { sliding, rolling, mu })
 }
 
-/// The problem with compliances, or with a coordinate of its own for every spring.
+/// The problem with compliances, or with an additional coordinate for every spring.
 fn build<R: Real>(case: &Case, springs_as_coordinates: bool) -> (Problem<R>, Iterate<R>) {
     let contacts = case.sliding.len();
     let mut capacity = Capacity::of_coordinates(N + contacts + 1);
@@ -72,7 +72,7 @@ fn a_spring_is_a_coordinate_that_no_other_contact_sees() {
             prop_assert!((outcome.residual - again).abs() <= 1e-14 * largest + 1e-13 * (1.0 + outcome.residual), "{} {again}", outcome.residual);
             prop_assume!(solved.count(outcome.residual <= 1e-11));
             // The impulses solve the other problem: the velocities of its rows are the same numbers in another order. The motion of the
-            // bodies has G_nn / (G_nn + R) of an error of its springs, which is what the residual of the first says.
+            // bodies has G_nn / (G_nn + R) of an error of its springs, which is the residual of the first.
             let square = |y: f64| y * y;
             let normals = case.sliding.iter().map(|(y, _, r)| (y.iter().map(|y| square(y[0])).sum::<f64>(), *r));
             let rolling = (case.rolling.0.iter().map(|y| square(y[0])).sum::<f64>(), case.rolling.2);

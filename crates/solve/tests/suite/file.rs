@@ -9,8 +9,10 @@ use stepper_solve::{FORMAT_VERSION, Iterate, LoadedProblem, Problem, Settings, S
 const N: usize = 8;
 const SETTINGS: Settings<f64> = Settings { sweeps: 5, newton_steps: 40, tolerance: 1e-9, newton_threshold: 1e-9 };
 
-/// An eliminated equality, a limit with a compliance, and contacts with three and six rows, of which one has a compliance, made of random
-/// numbers in -1 to 1; with impulses to start from.
+/// Random problem with an eliminated equality, a limit with a compliance, and contacts with three and six rows, of which one has a
+/// compliance.
+///
+/// Numbers are in -1 to 1. It has initial impulses.
 fn build(numbers: &[f64]) -> (Problem<f64>, Iterate<f64>) {
     let mut next = numbers.iter().copied().cycle();
     let mut number = || next.next().unwrap();
@@ -23,12 +25,12 @@ fn build(numbers: &[f64]) -> (Problem<f64>, Iterate<f64>) {
     let row: Vec<f64> = (0..N).map(|_| number()).collect();
     problem.scalars.push(&all[1..], |c| row[c], 1.0, true, number(), [0.0, f64::INFINITY]);
     problem.scalars.set_compliance(0.3);
-    problem.scalars.set_position_demand(number());
+    problem.scalars.set_position_target(number());
     for k in 0..2 {
         let y: Vec<[f64; 3]> = (0..N).map(|_| [number(), number(), number()]).collect();
         problem.push_contact(&all[1..], |c| y[c], true, 0.5, [number(), number(), number()]);
         problem.contacts.set_trace_ratio(1.25);
-        problem.contacts.set_position_demand([number(), 0.0, number()]);
+        problem.contacts.set_position_target([number(), 0.0, number()]);
         if k == 1 {
             problem.contacts.set_compliance(0.1);
         }

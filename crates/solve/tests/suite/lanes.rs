@@ -1,5 +1,7 @@
-//! A lane has the bits of the problem alone, also after most of its neighbours are done and the rest has gone on in half the registers, and
-//! where its neighbours have springs and it has none.
+//! A lane has the bits of the problem alone.
+//!
+//! This also holds when most of its neighbours are done and the rest continues in half the registers. It also holds when its neighbours
+//! have springs and it has none.
 
 use crate::common::cases;
 use proptest::prelude::*;
@@ -14,8 +16,10 @@ type Lanes = Two<f64>;
 
 const N: usize = 9;
 const CONTACTS: usize = 3;
-/// Numbers of a problem: of a limit in every coordinate, of contacts with sliding friction, with the compliance of each where it is above
-/// zero, and of one with rolling friction; and whether each is there.
+/// Numbers of a problem: of a limit in every coordinate, of contacts with sliding friction, of one with rolling friction, and whether each
+/// exists.
+///
+/// A contact's compliance counts if it is above zero.
 const NUMBERS: usize = N * (N + 1) + CONTACTS * (3 * N + 4) + 6 * N + 6;
 const ROWS: usize = N + CONTACTS + 1;
 
@@ -37,10 +41,10 @@ fn build<R: Real<Scalar = f64>>(problems: &Problems) -> (Problem<R>, Iterate<R>)
     };
     let active = |row: usize| R::Mask::from_bits(problems.iter().enumerate().fold(0, |bits, (l, p)| bits | u32::from(p.1[row]) << l));
     let keep = |row: usize, x: R| R::select(active(row), x, R::zero());
-    let mut room = stepper_solve::Capacity::of_coordinates(N);
-    (room.scalars, room.scalar_entries, room.contact_support) = (N, N * N, N);
-    (room.contacts, room.rolling_contacts) = (CONTACTS, 1);
-    let (mut problem, mut iterate) = (Problem::new(&room), Iterate::new(&room));
+    let mut capacity = stepper_solve::Capacity::of_coordinates(N);
+    (capacity.scalars, capacity.scalar_entries, capacity.contact_support) = (N, N * N, N);
+    (capacity.contacts, capacity.rolling_contacts) = (CONTACTS, 1);
+    let (mut problem, mut iterate) = (Problem::new(&capacity), Iterate::new(&capacity));
     iterate.clear();
     let support: Vec<u32> = (0..N as u32).collect();
     for row in 0..N {
@@ -53,7 +57,7 @@ fn build<R: Real<Scalar = f64>>(problems: &Problems) -> (Problem<R>, Iterate<R>)
         let y: Vec<[R; 3]> = support.iter().map(|_| [keep(row, next()), keep(row, next()), keep(row, next())]).collect();
         let g = [next(), next(), next()];
         problem.push_contact(&support, |i| y[i], active(row), R::of(0.4), g);
-        // As where some lanes touch what is soft: nobody says of a lane alone that its contact is hard.
+        // As in groups in which some lanes touch soft surfaces, where a rigid contact has a compliance of zero.
         let compliance = keep(row, next().max(R::zero()));
         if compliance.gt(R::zero()).any() {
             problem.contacts.set_compliance(compliance);
@@ -75,7 +79,7 @@ fn bits<R: Real<Scalar = f64>>(more: &[R], iterate: &Iterate<R>) -> Vec<Vec<u64>
     (0..R::LANES).map(|l| all.iter().map(|x| x.lane(l).to_bits()).collect()).collect()
 }
 
-/// What a solve leaves of every lane: of sweeps alone, or of few sweeps and Newton's method.
+/// Result of a solve in every lane: of sweeps alone, or of few sweeps and Newton's method.
 fn left<R: Real<Scalar = f64>>(problems: &Problems, tolerance: f64, sweeps_alone: bool) -> Vec<Vec<u64>> {
     let (problem, mut iterate) = build::<R>(problems);
     let (tolerance, all) = (R::of(tolerance), R::Mask::splat(true));

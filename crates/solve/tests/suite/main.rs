@@ -1,5 +1,5 @@
-//! The tests of this crate in one binary: the generic code that they call is compiled once for all of them. `cargo test --test suite NAME`
-//! runs those of a module. What counts allocations has a binary of its own.
+//! Tests of this crate in one binary: the generic code that they call is compiled once for all of them. `cargo test --test suite NAME` runs
+//! those of a module. The test that counts allocations has a separate binary.
 
 mod bounds;
 mod common;

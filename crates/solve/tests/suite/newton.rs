@@ -106,10 +106,10 @@ proptest! {
         let (problem, mut iterate) = build::<F64Lanes>(&cases);
         let group_settings = Settings { sweeps: 3, newton_steps: 12, tolerance: F64Lanes::of(1e-9), newton_threshold: F64Lanes::of(1e-9) };
         let outcome = solve(&problem, &mut iterate, group_settings, Mask::splat(true), &mut Newton::default());
-        let mut room = Newton::default();
+        let mut newton = Newton::default();
         for (l, case) in cases.iter().enumerate() {
             let (problem, mut alone) = build::<f64>(std::slice::from_ref(case));
-            let single = solve(&problem, &mut alone, settings, true, &mut room);
+            let single = solve(&problem, &mut alone, settings, true, &mut newton);
             prop_assert_eq!(single.residual.to_bits(), outcome.residual.lane(l).to_bits());
             prop_assert_eq!((single.sweeps, single.newton_steps), (outcome.sweeps.lane(l), outcome.newton_steps.lane(l)));
             for (a, b) in alone.w.iter().zip(&iterate.w) {
@@ -137,8 +137,8 @@ proptest! {
     }
 }
 
-/// Mass ratios to 1e4, friction to 1.5, redundant rows. A random problem may have no answer: then the residual says so, and it is no worse
-/// than at the start.
+/// Mass ratios to 1e4, friction to 1.5, redundant rows. A random problem may have no solution. Its residual then shows that, and is no
+/// larger than at the start.
 #[test]
 fn what_is_returned_is_what_the_residual_says() {
     let solved = Share::default();
@@ -173,7 +173,7 @@ fn without_friction_everything_is_solved_in_any_order() {
         let (left, _) = newton(&problem, &mut iterate, 300, 1e-10);
         // Rows that no motion satisfies together have no answer.
         prop_assume!(answered.count(has_an_answer(&case)));
-        // Velocities are sums of impulses times entries of at most one, so that impulses of 1e6 N s and more leave their own rounding.
+        // Velocities are sums of impulses times entries of at most one, so that impulses of 1e6 N s and more add rounding errors.
         prop_assert!(left <= 1e-10 + rounding(&iterate), "{left}");
         let mut turned = case.clone();
         turned.contacts.rotate_left(turn % case.contacts.len());
@@ -200,18 +200,18 @@ fn without_friction_everything_is_solved_in_any_order() {
     swept_too.at_least(0.998, "solved by sweeps too");
 }
 
-/// Of many possible impulses `share` takes the least, from a cold start as from what sweeps left, whichever contact comes first.
+/// Impulses of least norm that `share` selects, from a cold start as from the result of sweeps, in any order of the contacts.
 #[test]
 fn shared_loads_depend_on_neither_start_nor_order() {
     let solved = Share::default();
     proptest!(cases(300), |(case in case(4, 1.0, Just(0.0)), turn in 1usize..8)| {
-        let mut crowded = Case { limits: vec![], ..case };
-        let copies = crowded.contacts.clone();
-        crowded.contacts.extend(copies);
-        let (problem, mut cold) = build::<f64>(std::slice::from_ref(&crowded));
-        let n = crowded.contacts.len();
-        crowded.contacts.rotate_left(turn % n);
-        let (turned, mut other) = build::<f64>(&[crowded]);
+        let mut doubled = Case { limits: vec![], ..case };
+        let copies = doubled.contacts.clone();
+        doubled.contacts.extend(copies);
+        let (problem, mut cold) = build::<f64>(std::slice::from_ref(&doubled));
+        let n = doubled.contacts.len();
+        doubled.contacts.rotate_left(turn % n);
+        let (turned, mut other) = build::<f64>(&[doubled]);
         let mut swept = cold.clone();
         gauss_seidel::solve(&problem, &mut swept, gauss_seidel::SweepSettings { sweeps: 50, tolerance: 1e-10 }, true);
         let share = |problem: &Problem<f64>, iterate: &mut Iterate<f64>| {
@@ -260,8 +260,8 @@ fn rounding(iterate: &Iterate<f64>) -> f64 {
     4.0 * f64::EPSILON * iterate.contacts.iter().map(|l| l[0]).chain(iterate.scalars.iter().copied()).sum::<f64>()
 }
 
-/// Whether rows are fewer than coordinates and, but for copies, far from dependent: then there is a motion for whatever they demand. Fewer
-/// rows alone do not make it certain: a contact that touches two coordinates can demand what limits of these two forbid.
+/// Whether rows are fewer than coordinates and, except for copies, far from dependent. Then a motion exists for any targets. Fewer rows
+/// alone do not suffice: limits of two coordinates can forbid the target of a contact that touches both.
 fn has_an_answer(case: &Case) -> bool {
     let contacts = case.contacts.iter().map(|c| c.y.iter().map(|y| y[0]).collect::<Vec<f64>>());
     let mut rows: Vec<Vec<f64>> = case.limits.iter().map(|l| l.0.clone()).chain(contacts).collect();
@@ -280,8 +280,8 @@ fn problems(count: usize, most: usize, ratio: f64, mu: impl Strategy<Value = f64
     (0..count).map(|_| strategy.new_tree(&mut runner).unwrap().current()).collect()
 }
 
-/// Random rows may demand what no motion can, and couple normal and tangent as no machine does. With friction to 0.3 an answer nearly
-/// always exists; up to 1.5 it often does not, and sweeps (20,000) find a few that are missed here and miss as many that are found.
+/// Random rows may have infeasible targets, and couple normal and tangent as no machine does. With friction to 0.3 a solution nearly always
+/// exists; up to 1.5 it often does not. Sweeps (20,000) find a few solutions that are missed here, and miss as many that are found.
 #[test]
 fn nearly_all_random_problems_are_solved() {
     for (mu, most) in [(0.3, MOST_LEFT[0]), (1.5, MOST_LEFT[1])] {
@@ -346,13 +346,13 @@ fn running_out_of_steps_is_reported_and_no_worse_than_sweeps() {
 fn a_solved_lane_keeps_its_bits() {
     let cases = problems(F64Lanes::LANES, 6, 1e1, 0.0..0.5);
     let (problem, mut iterate) = build::<F64Lanes>(&cases);
-    let mut room = Newton::default();
+    let mut newton = Newton::default();
     let settings = Settings { sweeps: 200, newton_steps: 100, tolerance: F64Lanes::of(1e-8), newton_threshold: F64Lanes::of(1e-8) };
-    let outcome = solve(&problem, &mut iterate, settings, Mask::splat(true), &mut room);
+    let outcome = solve(&problem, &mut iterate, settings, Mask::splat(true), &mut newton);
     let (mut left, mut taken) = (outcome.residual, F64Lanes::zero());
     let before = iterate.clone();
     let search = Search { steps: 10, tolerance: F64Lanes::of(1e-9), terms: Terms::HeldThenExact };
-    room.solve(&problem, &mut iterate, search, Mask::from_bits(0b10), [&mut left, &mut taken]);
+    newton.solve(&problem, &mut iterate, search, Mask::from_bits(0b10), [&mut left, &mut taken]);
     for l in (0..F64Lanes::LANES).filter(|&l| l != 1) {
         assert!(iterate.w.iter().zip(&before.w).all(|(a, b)| a.lane(l).to_bits() == b.lane(l).to_bits()));
         assert_eq!(taken.lane(l), 0.0);

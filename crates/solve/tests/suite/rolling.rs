@@ -34,8 +34,8 @@ fn case() -> impl Strategy<Value = Case> {
 
 fn build(case: &Case) -> (Problem<f64>, Iterate<f64>) {
     let contacts = case.y.len();
-    let room = Capacity { dimension: case.n, rolling_contacts: contacts, contact_support: case.n, ..Capacity::default() };
-    let (mut problem, mut iterate) = (Problem::new(&room), Iterate::new(&room));
+    let capacity = Capacity { dimension: case.n, rolling_contacts: contacts, contact_support: case.n, ..Capacity::default() };
+    let (mut problem, mut iterate) = (Problem::new(&capacity), Iterate::new(&capacity));
     let support: Vec<u32> = (0..case.n as u32).collect();
     for k in 0..contacts {
         problem.push_rolling_contact(&support, |i| case.y[k][i], true, case.mu[k], case.g[k]);
@@ -68,8 +68,8 @@ proptest! {
         let one = Case { y: vec![case.y[0].clone()], mu: vec![case.mu[0]], g: vec![case.g[0]], ..case };
         let (problem, mut iterate) = build(&one);
         let outcome = solve(&problem, &mut iterate, SweepSettings { sweeps: 1, tolerance: 1e-9 }, true);
-        // Rounding of G and what Jacobi's method leaves of rows that are short against the others; and what a direction in which nothing
-        // moves gives way under the impulse in the first sweep: its mobility counts as 1e-8 of the trace.
+        // Rounding of G and the error of Jacobi's method in rows that are short compared with the others. An immovable direction also moves
+        // under the impulse in the first sweep: its mobility counts as 1e-8 of the trace.
         let trace: f64 = one.y[0].iter().flatten().map(|y| y * y).sum();
         let least = 1e-8 * trace * length(&iterate.rolling_contacts[0]);
         prop_assert!(outcome.residual < 1e-8 + least, "residual {}", outcome.residual);

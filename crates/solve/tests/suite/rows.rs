@@ -8,7 +8,7 @@ use stepper_solve::{EntryScales, Iterate, Problem, RowScales, residual};
 
 const FREE: [f64; 2] = [f64::NEG_INFINITY, f64::INFINITY];
 
-/// Equalities y . w + g = 0 in `n` coordinates; the last is the sum of the others, so that it asks for nothing new.
+/// Equalities y . w + g = 0 in `n` coordinates; the last is the sum of the others, so that it adds no condition.
 fn equalities() -> impl Strategy<Value = (usize, Vec<Vec<f64>>, Vec<f64>)> {
     (1usize..6, 6usize..9).prop_flat_map(|(rows, n)| {
         let y = prop::collection::vec(prop::collection::vec(-1.0..1.0f64, n), rows);
@@ -92,7 +92,7 @@ proptest! {
         others in prop::collection::vec(any::<bool>(), 5),
     ) {
         let some: Vec<bool> = std::iter::once(true).chain(others).collect();
-        // Sparse rows, as of bodies in a chain, each with a coordinate of its own, so that all but the last are independent.
+        // Sparse rows, as of bodies in a chain, each with one exclusive coordinate, so that all but the last are independent.
         let rows = y.len() - 1;
         let mut jacobian: Vec<Vec<f64>> = (0..rows).map(|k| (0..n).map(|i| y[k][i] * signs[k * 9 + i]).collect()).collect();
         for (k, row) in jacobian.iter_mut().enumerate() {
@@ -124,17 +124,17 @@ proptest! {
             problem
         });
         together.scalars.push(&support, |i| limit[i], 1.0, true, free, limits);
-        let (mut rest, mut demand) = (limit.clone(), free);
+        let (mut rest, mut target) = (limit.clone(), free);
         for row in apart.scalars.iter() {
             let (_, entries) = apart.scalars.entries(row);
             let share = row.projection(dot(entries, &rest[..n]));
             entries.iter().zip(&mut rest).for_each(|(y, x)| *x -= share * y);
-            demand -= share * row.g;
+            target -= share * row.g;
         }
         let (whole, left) = (dot(&limit[..n], &limit[..n]), dot(&rest[..n], &rest[..n]));
         prop_assume!(left > 1e-2 * whole);
         apart.scalars.mark_eliminated();
-        apart.scalars.push(&support, |i| rest[i], 1.0, true, demand, limits);
+        apart.scalars.push(&support, |i| rest[i], 1.0, true, target, limits);
         apart.scalars.set_trace_ratio(whole / left);
         // One sweep is enough where the rows are apart; together they go to and fro.
         let [one, many] = [(&apart, 1), (&together, 20_000)].map(|(problem, sweeps)| {
@@ -144,8 +144,8 @@ proptest! {
             let outcome = solve(problem, &mut iterate, SweepSettings { sweeps, tolerance: 1e-12 }, true);
             (iterate, outcome)
         });
-        // Rounding, divided by the sine between nearly dependent rows, twice. w goes with one over that sine, so some 1e-16 w^2 is to be
-        // expected: 1.7e-10 at the w of 577 of the seed that is kept.
+        // Rounding, divided by the sine between nearly dependent rows, twice. w is proportional to one over that sine, so an error of some
+        // 1e-16 w^2 is expected: 1.7e-10 at the w of 577 of the stored seed.
         let largest = one.0.w.iter().fold(1.0, |most: f64, w| most.max(w.abs()));
         prop_assert!(one.1.residual < 1e-12 * largest, "residual {} of {largest}", one.1.residual);
         prop_assert!(many.1.residual < 1e-9, "residual {}", many.1.residual);

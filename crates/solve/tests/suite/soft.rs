@@ -184,8 +184,8 @@ fn one_by_one(numbers: &[f64]) -> impl FnMut() -> f64 {
 proptest! {
     #![proptest_config(cases(300))]
 
-    /// M (a - a0) = J^T f, where minus J^T f is the slope of the cost by central differences, whose error is of the order 1e-10 of the
-    /// largest slope here.
+    /// M (a - a0) = J^T f. Minus J^T f is the slope of the cost by central differences, whose error is of the order 1e-10 of the largest
+    /// slope here.
     #[test]
     fn forces_are_the_slope_of_the_cost_and_balance(case in case()) {
         let (a, forces, residual) = case.solve::<f64>();
@@ -218,8 +218,8 @@ proptest! {
         prop_assert_eq!(alone.1, together.1);
     }
 
-    /// A solver that has seen other bodies touch has the bits of a fresh one, and the solution of any order of the bodies, up to rounding
-    /// and the residual.
+    /// A solver with a history of other contacts has the bits of a fresh one. The solution does not depend on the order of the bodies, up
+    /// to rounding and the residual.
     #[test]
     fn what_touched_before_leaves_nothing(
         touches in prop::collection::vec(prop::collection::vec((0..BODIES, 0..BODIES), 1..7), 2..6),
@@ -253,8 +253,9 @@ proptest! {
         }
     }
 
-    /// Lanes in which other bodies touch, each a few of many contacts, have the bits of each alone: accelerations, forces of the joints and
-    /// of the contacts.
+    /// Lanes in which other bodies touch, each a few of many contacts, have the bits of each alone.
+    ///
+    /// These are accelerations, forces of the joints and of the contacts.
     #[test]
     fn lanes_that_touch_differently_are_as_each_alone(
         touches in prop::collection::vec(prop::collection::vec((0..BODIES, 0..BODIES), 1..7), F64Lanes::LANES),

@@ -1,4 +1,4 @@
-//! Calls for all environments of a simulation: steps, rollouts, readings of sensors, and what they are given.
+//! Calls for all environments of a simulation: steps, rollouts, sensor readings, and their inputs.
 
 use crate::batch::call::Schedule;
 use crate::batch::inputs::{AppliedInput, StepInputs};
@@ -8,13 +8,14 @@ use crate::batch::stepping::Watch;
 use crate::error::check_length;
 
 impl Simulation {
-    /// Controls in force, (num_envs, nu): those of the last step, of the keyframe that was started from, or zero after a reset.
+    /// Controls in force, (num_envs, nu): those of the last step or of the initial keyframe, or zero after a reset.
     pub fn ctrl(&self) -> &[f64] {
         &self.ctrl
     }
 
-    /// Takes controls that `nstep` steps are to be made with, a row for each environment, or one for all: they stay in force until others
-    /// are given. Controls that no step is made with are checked, and never in force.
+    /// Sets the controls of the next `nstep` steps, a row for each environment or one for all. They stay in force until they are replaced.
+    ///
+    /// With zero steps the controls are checked and not stored.
     ///
     /// # Errors
     /// [`Error::Length`] when there are more or fewer numbers.
@@ -22,7 +23,7 @@ impl Simulation {
         self.set_ctrl_of(rows, nstep, &[])
     }
 
-    /// The same for the environments of a mask; none is all.
+    /// Sets the controls of the environments of a mask; an empty mask is all.
     fn set_ctrl_of(&mut self, rows: &[f64], nstep: usize, mask: &[bool]) -> Result<(), Error> {
         let nu = self.model.nu();
         if rows.len() != self.ctrl.len() && rows.len() != nu {
@@ -45,13 +46,14 @@ impl Simulation {
         Ok(())
     }
 
-    /// Applies forces, poses of mocap bodies or which equalities act, (num_envs, ...): every call reads them from now on. A reset of an
-    /// environment takes its part back. Positions of mocap bodies can be given without orientations, and the reverse; no numbers at all
-    /// take back what was applied.
+    /// Sets applied forces, poses of mocap bodies or the activity of equalities, (num_envs, ...), for all calls from now on.
+    ///
+    /// The reset of an environment clears its part. Positions of mocap bodies may be given without orientations, and the reverse. An empty
+    /// array clears the input.
     ///
     /// # Errors
-    /// [`Error::Length`] when there are more or fewer numbers; [`Error::Model`] for an equality that closes a loop in which a force sensor
-    /// is.
+    /// [`Error::Length`] when there are more or fewer numbers; [`Error::Model`] for an equality that closes a loop with a force sensor in
+    /// it.
     pub fn apply(&mut self, input: AppliedInput, values: &[f64]) -> Result<(), Error> {
         if !values.is_empty() {
             let row: usize = input.shape(&self.model).iter().product();
@@ -67,12 +69,12 @@ impl Simulation {
         Ok(())
     }
 
-    /// Whether so many steps take so short, two or three microseconds, that letting another thread run meanwhile costs more than it gives.
+    /// Whether `nstep` steps take at most two or three microseconds, so that releasing the interpreter for them costs more than it gains.
     pub fn is_brief(&self, nstep: usize) -> bool {
         self.engine.is_brief(nstep)
     }
 
-    /// Makes `nstep` steps in every environment. Slices are environment-major, empty ones say nothing: what is in force stays.
+    /// Makes `nstep` steps in every environment. Slices are environment-major. An empty slice keeps the input in force.
     ///
     /// # Errors
     /// [`Error::Length`] when a slice has the wrong length, [`Error::MocapPoses`] for half of the poses of mocap bodies, [`Error::Threads`]
@@ -81,9 +83,10 @@ impl Simulation {
         self.make_steps(inputs, nstep, None).map(|_| ())
     }
 
-    /// The same for as long as `watch`, which is asked now and then on the thread that calls, says true. Returns how many steps were made,
-    /// in every environment the same number: what is left is what [`Simulation::step`] leaves of so many steps, but that mocap bodies are
-    /// where the longer way has brought them.
+    /// Makes `nstep` steps, but stops when `watch` returns false. Returns the number of steps made, the same in every environment.
+    ///
+    /// The calling thread calls `watch` from time to time. The result is that of [`Simulation::step`] with this number of steps, except
+    /// that mocap bodies are where the longer motion has moved them.
     ///
     /// # Errors
     /// Those of [`Simulation::step`].
@@ -101,8 +104,9 @@ impl Simulation {
         self.engine.make_steps(&inputs, Schedule { controls: 1, nstep }, None, watch)
     }
 
-    /// Makes `nstep` steps with each of `controls` controls, (controls, num_envs, nu) or (controls, nu), and writes down what follows each:
-    /// the same bits as that many calls of [`Simulation::step`], in one. Flags are kept over all steps.
+    /// Makes `nstep` steps with each of `controls` controls, (controls, num_envs, nu) or (controls, nu), and records the state after each.
+    ///
+    /// The bits are the same as those of separate calls of [`Simulation::step`]. Flags accumulate over all steps.
     ///
     /// # Errors
     /// Those of [`Simulation::step`], and [`Error::ArrayPrecision`] for an array of the recording in the wrong precision.
@@ -110,8 +114,10 @@ impl Simulation {
         self.roll_out(inputs, Schedule { controls, nstep }, recording, None).map(|_| ())
     }
 
-    /// The same for as long as `watch` says true, see [`Simulation::step_watched`]. Returns how many steps were made, over all controls.
-    /// What follows controls without any is not written; of a control that only a part of the steps was made with, what followed those.
+    /// Makes a rollout, but stops when `watch` returns false (see [`Simulation::step_watched`]). Returns the number of steps made over all
+    /// controls.
+    ///
+    /// Rows of controls without any step are not written. The row of an interrupted control has the state after its last step.
     ///
     /// # Errors
     /// Those of [`Simulation::rollout`].
@@ -154,10 +160,10 @@ impl Simulation {
         Ok(steps)
     }
 
-    /// Readings of all sensors of all environments, (num_envs, nsensordata): those of ideal ones, or those of the last step after the
-    /// transfer functions, which are the same however often they are read.
+    /// Reads all sensors of all environments, (num_envs, nsensordata).
     ///
-    /// Of the inputs, controls are not read: they are those in force.
+    /// These are ideal readings if `truth`. Otherwise they are those of the last step after the transfer functions, the same at every call.
+    /// Controls of `inputs` are ignored: those in force count.
     ///
     /// # Errors
     /// Those of [`Simulation::step`], and [`Error::Length`] for `out`.
@@ -169,7 +175,7 @@ impl Simulation {
         if !truth {
             return self.engine.read_sensors(&inputs, false, out);
         }
-        let same = self.truth.known && self.truth.applied.iter().zip(inputs.applied()).all(|(then, now)| then == now);
+        let same = self.truth.is_cached && self.truth.applied.iter().zip(inputs.applied()).all(|(then, now)| then == now);
         if !same {
             self.truth.readings.resize(must, 0.0);
             self.engine.read_sensors(&inputs, true, &mut self.truth.readings)?;
@@ -177,7 +183,7 @@ impl Simulation {
                 then.clear();
                 then.extend_from_slice(now);
             }
-            self.truth.known = true;
+            self.truth.is_cached = true;
         }
         out.copy_from_slice(&self.truth.readings);
         Ok(())

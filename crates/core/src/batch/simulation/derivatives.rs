@@ -8,12 +8,12 @@ use crate::options::{ContactLaw, Integrator, StepSettings};
 use crate::step_derivative::{DerivativeQuery, DerivativeRows, StatePart};
 
 impl Simulation {
-    /// Differentiates the step that would be made from the present state with the controls `ctrl`, (num_envs, nu), by the implicit function
-    /// theorem. Nothing advances.
+    /// Differentiates the step from the present state with the controls `ctrl`, (num_envs, nu), by the implicit function theorem. The state
+    /// stays the same.
     ///
     /// # Errors
-    /// [`Error::Option`] for settings of which implicit derivatives there are none, [`Error::Length`] for arrays of the wrong length,
-    /// [`Error::Threads`] when threads cannot be started.
+    /// [`Error::Option`] for settings without implicit derivatives, [`Error::Length`] for arrays of the wrong length, [`Error::Threads`]
+    /// when threads cannot be started.
     pub fn differentiate(&mut self, ctrl: &[f64], query: &DerivativeQuery<'_>, rows: DerivativeRows<'_>) -> Result<(), Error> {
         self.check_implicit()?;
         let (n, model) = (self.num_envs, &self.model);
@@ -40,7 +40,7 @@ impl Simulation {
         self.engine.differentiate(&inputs, query, rows)
     }
 
-    /// Checks that the settings are among those whose step has one solution that all else follows from.
+    /// Checks that the settings have implicit derivatives: the step must have one solution that determines all else.
     fn check_implicit(&self) -> Result<(), Error> {
         let StepSettings { contact, integrator, .. } = *self.engine.settings();
         let wrong = |name, found: &str, must| Err(Error::Option { name, found: found.to_owned(), must });

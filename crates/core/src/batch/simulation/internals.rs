@@ -1,4 +1,4 @@
-//! What benches and tests of this workspace ask besides, with the feature `internals`.
+//! Interface for benches and tests of this workspace, with the feature `internals`.
 
 use std::sync::Arc;
 
@@ -12,8 +12,8 @@ use crate::model::Model;
 use crate::options::{Options, StepSettings};
 
 impl Simulation {
-    /// As [`Simulation::new`] on a CPU level that this machine has, whatever the environment variable says; options are taken without a
-    /// check of their ranges.
+    /// Simulation on a given CPU level of this machine, whatever the environment variable selects. The ranges of the options are not
+    /// checked.
     ///
     /// # Panics
     /// When `num_envs` is 0.
@@ -30,25 +30,25 @@ impl Simulation {
         Self::make(model, options, num_envs, precision, threads, level, false).expect("nothing is checked")
     }
 
-    /// Says who makes workers from now on: those with a probe in their steps.
+    /// Sets the functions that create workers: those with a probe in their steps.
     #[doc(hidden)]
     pub fn set_workers(&mut self, makers: &WorkerMakers) {
         self.engine_mut().set_workers(makers);
     }
 
-    /// The settings in force.
+    /// Settings in force.
     #[doc(hidden)]
     pub fn settings(&self) -> &StepSettings {
         self.engine.settings()
     }
 
-    /// Has steps begin with NaN in what they are to compute, so that a number that is read before it was made blows the environment up.
+    /// Fills the buffers of each step with NaN, so that the environment diverges if a step reads a number before it has computed it.
     #[doc(hidden)]
     pub fn poison(&mut self) {
         self.engine_mut().settings_mut().poison = true;
     }
 
-    /// The model as the step reads it, in f64.
+    /// Compiled model in f64.
     #[doc(hidden)]
     pub fn compiled(&self) -> &LaneModel<f64> {
         self.lane_model()

@@ -1,9 +1,9 @@
-//! Kinks of a step: what is active in perturbed copies of an environment beside the environment itself.
+//! Kinks of a step, from the active sets of an environment and its perturbed copies.
 //!
-//! A step with contact is differentiable where the same contacts push, stick and slip, the same joints are at their limits or held by dry
-//! friction, and the same actuators are saturated on all sides. Copies of an environment that differ in any of these have a kink between
-//! them. How far it is, in widths of the difference, follows to first order from numbers that are zero at a switch: a normal force, the
-//! force that a bound of friction leaves, a gap.
+//! A step with contact is differentiable if all copies have the same active set. These are the contacts that push, stick and slip, the
+//! joints at their limits or held by dry friction, and the saturated actuators. Copies that differ have a kink between them. Its distance,
+//! in widths of the difference, follows to first order from numbers that are zero at a switch. Examples are a normal force, the margin to a
+//! bound of friction, and a gap.
 
 use std::cmp::Ordering;
 
@@ -16,27 +16,29 @@ use crate::options::ContactLaw;
 use crate::stages::s10_record::Status;
 use crate::step_derivative::kink::*;
 
-/// Kinds of which lists are compared.
+/// Kinds of kinks with a list to compare.
 const LISTED: [u32; 6] = [CONTACT, SLIP, GAP, LIMIT, DRY_FRICTION, SATURATION];
 
-/// Normal force relative to the largest of the environment, above which a contact pushes.
+/// Normal force above which a contact counts as pushing, relative to the largest of the environment.
 const PUSHES: f64 = 1e-9;
-/// Contacts slip whose friction is nearer to the bound than this share of it: solutions are on the bound to 1e-12.
+/// Distance of friction from its bound below which a contact counts as slipping, as a fraction of the bound. Solutions are on the bound to
+/// 1e-12.
 const SLIPS: f64 = 1e-6;
-/// Distance from the end of its range, rad or m, at which a joint is held there: the position solve of a step ends within 1e-7.
+/// Distance from the end of its range at which a joint counts as being at its limit, rad or m. The position solve of a step ends within
+/// 1e-7.
 const AT_LIMIT: f64 = 1e-6;
 /// Speed below which dry friction holds a joint, m/s or rad/s.
 const HELD: f64 = 1e-9;
 
-/// Perturbed copies of environments in a batch, and what their comparison reads besides the state.
+/// Perturbed copies of environments in a batch, and the inputs of their comparison besides the state.
 ///
-/// Environment row e * count + k is copy k of environment e. Copy 0 is the environment itself; copy 1 + side * columns + column, with the
-/// first of two sides or the only one, is perturbed along a column, and copies behind those are only compared.
+/// Environment row e * count + k is copy k of environment e. Copy 0 is the environment. Copy 1 + side * columns + column is perturbed along
+/// a column, on one of at most two sides. Copies behind those are only compared.
 #[derive(Clone, Copy, Debug)]
 pub struct PerturbedCopies<'a> {
     /// Copies of each environment.
     pub count: usize,
-    /// Columns.
+    /// Number of columns.
     pub columns: usize,
     /// Sides on which a column has a copy: 2, or 1.
     pub sides: usize,
@@ -44,13 +46,13 @@ pub struct PerturbedCopies<'a> {
     pub one_sided: &'a [bool],
     /// Places in qpos and qvel of the joints whose limits are read.
     pub limited: &'a [[usize; 2]],
-    /// Their ranges, (num_envs, joints, 2) or (joints, 2) for all.
+    /// Ranges of these joints, (num_envs, joints, 2) or (joints, 2) for all.
     pub ranges: &'a [f64],
-    /// Where the step took them, (num_envs, joints).
+    /// Positions of these joints at which the step evaluated their limits, (num_envs, joints).
     pub taken: &'a [f64],
     /// Degrees of freedom whose dry friction is read.
     pub rubbing: &'a [usize],
-    /// Whether gaps and overlaps have one and the same demand.
+    /// Whether gaps and overlaps have the same target velocity.
     pub smooth_at_rest: bool,
     /// Residual above which a step counts as not solved, m/s.
     pub tolerance: f64,
@@ -61,16 +63,16 @@ pub struct PerturbedCopies<'a> {
 pub struct Kinks {
     /// Flags of every column, (environments, columns), as Python's `stepper.derivatives.Kink` has them.
     pub causes: Vec<u32>,
-    /// Distance to the nearest kink whose distance can be stated, in widths of the difference; infinite where there is none.
+    /// Distance to the nearest kink with a known distance, in widths of the difference; infinite without any.
     pub distance: Vec<f64>,
 }
 
-/// What is active in one environment.
+/// Active set of one environment.
 #[derive(Clone, Debug, Default)]
 struct ActiveSet {
-    /// For each of [`LISTED`].
+    /// Indices of the active constraints, for each of [`LISTED`].
     lists: [Vec<usize>; 6],
-    /// Numbers that are zero at a switch, NaN where they say nothing: three for every contact that pushes, then those of the joints.
+    /// Numbers that are zero at a switch, NaN where there are none: three for every contact that pushes, then those of the joints.
     contacts: Vec<[f64; 3]>,
     joints: Vec<f64>,
     unsolved: bool,
@@ -80,7 +82,7 @@ impl Simulation {
     /// Compares copies of environments after a step.
     ///
     /// # Errors
-    /// [`Error::Length`] for an array of the wrong length; [`Error::Element`] for a degree of freedom that there is not.
+    /// [`Error::Length`] for an array of the wrong length; [`Error::Element`] for a degree of freedom that does not exist.
     pub fn find_kinks(&self, copies: &PerturbedCopies<'_>) -> Result<Kinks, Error> {
         self.check_copies(copies)?;
         let PerturbedCopies { count, columns, sides, .. } = *copies;
@@ -101,7 +103,7 @@ impl Simulation {
                 let differs = nominal.difference(&copy);
                 causes[column] |= differs | if copy.unsolved { UNSOLVED } else { 0 };
                 if differs != 0 {
-                    // What switches between the copies is within their reach, whatever first order says of it from the nominal one.
+                    // A switch between the copies is within their reach, whatever the first-order estimate from the nominal copy is.
                     *distance = distance.min(1.0);
                 }
                 let side = (k - 1) / columns;
@@ -146,7 +148,7 @@ impl Simulation {
         let status = self.status(env);
         let harmful = Status::NON_FINITE | Status::CONTACTS_FULL | Status::UNRESOLVED | Status::INFEASIBLE;
         let loose = self.certificate(env).residual > copies.tolerance;
-        // A residual that the step of the differences is made for does no harm, however tight the tolerance was.
+        // The differences are made for steps with this residual, so that it does no harm, however small the tolerance was.
         out.unsolved = status.intersects(harmful) || (loose && status.intersects(Status::NOT_CONVERGED));
         self.read_contacts(copies, env, hard, out);
         self.read_joints(copies, env, hard, out);
@@ -208,7 +210,7 @@ impl Simulation {
 /// Friction of the contacts of one environment.
 struct ContactFriction<'a> {
     model: &'a Model,
-    /// (ngeom, 3) and (npair, 3) numbers that the environment has of its own.
+    /// Per-environment numbers of geoms (ngeom, 3) and of pairs (npair, 3).
     geoms: Option<&'a [f64]>,
     pairs: Option<&'a [f64]>,
 }
@@ -245,7 +247,7 @@ impl ContactFriction<'_> {
         }
     }
 
-    /// Force that the bound of friction leaves, N; infinite without friction.
+    /// Force between friction and its bound, N; infinite without friction.
     fn slack(&self, Contact { geoms, force, torque, .. }: &Contact) -> f64 {
         let (condim, mu) = self.of(*geoms);
         if condim == 1 {
@@ -256,7 +258,7 @@ impl ContactFriction<'_> {
     }
 }
 
-/// Row of one environment in an array of rows, or of one for all.
+/// Row of one environment in an array with a row for each, or with one row for all.
 fn row_of(all: &[f64], env: usize, width: usize) -> &[f64] {
     if all.len() == width { all } else { &all[env * width..(env + 1) * width] }
 }
@@ -269,33 +271,34 @@ impl ActiveSet {
         self.unsolved = false;
     }
 
-    /// Flags of what is active in one and not in the other.
+    /// Flags of the constraints that are active in one set only.
     fn difference(&self, other: &Self) -> u32 {
         let pairs = self.lists.iter().zip(&other.lists).zip(LISTED);
         pairs.fold(0, |flags, ((own, other), flag)| if own == other { flags } else { flags | flag })
     }
 
-    /// Numbers of a set of the same joints, one after the other; those of contacts that it has not are NaN.
+    /// Numbers of a set of the same joints, one after the other; NaN for contacts that it does not have.
     fn numbers<'a>(&self, of: &'a Self) -> impl Iterator<Item = f64> + 'a {
         let contacts = (0..self.contacts.len()).flat_map(|i| of.contacts.get(i).copied().unwrap_or([f64::NAN; 3]));
         contacts.chain(of.joints.iter().copied())
     }
 
-    /// Changes of the numbers from here to another set.
+    /// Changes of the numbers from this set to another.
     fn changes(&self, other: &Self, out: &mut Vec<f64>) {
         out.clear();
         out.extend(self.numbers(self).zip(self.numbers(other)).map(|(now, there)| there - now));
     }
 
-    /// Widths of a column's difference to the nearest switch along it, to first order: the slope is the sum of the changes at the first
-    /// place (of `first`, if there are two) and at the last, times their weights.
+    /// Distance to the nearest switch along a column, in widths of its difference, to first order.
+    ///
+    /// The slope is the sum of the changes at the first place (of `first`, if there are two) and at the last, times their weights.
     fn widths(&self, first: &[f64], last: &Self, weights: [f64; 2]) -> f64 {
         let first = first.iter().copied().chain(std::iter::repeat(0.0));
         let widths = self.numbers(self).zip(self.numbers(last)).zip(first).map(|((now, there), first)| {
             let slope = (there - now) * weights[1] + if weights[0] == 0.0 { 0.0 } else { first * weights[0] };
             (now / slope).abs()
         });
-        // What is not a number says nothing.
+        // A NaN gives no distance.
         widths.fold(f64::INFINITY, f64::min)
     }
 }

@@ -1,4 +1,4 @@
-//! The same in nalgebra's types, with the feature `nalgebra`.
+//! Matrices of a simulation in nalgebra's types, with the feature `nalgebra`.
 
 use nalgebra::{DMatrix, DVector, Isometry3, Matrix3, Point3, Quaternion, UnitQuaternion, Vector3};
 
@@ -6,7 +6,7 @@ use crate::batch::inputs::{Field, StepInputs};
 use crate::batch::simulation::{BodyPose, Contact, Simulation};
 
 impl Simulation {
-    /// A field of one environment: nq, nv or na numbers. [`Simulation::set`] takes one back, as its `as_slice()`.
+    /// Field of one environment: nq, nv or na numbers. [`Simulation::set`] accepts its `as_slice()`.
     ///
     /// # Panics
     /// When there is no such environment.
@@ -16,7 +16,7 @@ impl Simulation {
         self.values(field, env).into()
     }
 
-    /// A field of all environments, a column for each: (nq, num_envs), (nv, num_envs) or (na, num_envs).
+    /// Field of all environments, a column for each: (nq, num_envs), (nv, num_envs) or (na, num_envs).
     pub fn matrix(&self, field: Field) -> DMatrix<f64> {
         let mut all = DMatrix::zeros(field.width(self.model()), self.num_envs());
         for (env, mut column) in all.column_iter_mut().enumerate() {
@@ -25,8 +25,9 @@ impl Simulation {
         all
     }
 
-    /// Mass matrix of one environment at its present configuration, (nv, nv): kg, kg m and kg m^2, armature included, without terms that
-    /// depend on the time step. Mocap bodies are where the user has them.
+    /// Mass matrix of one environment at its present configuration, (nv, nv): kg, kg m and kg m^2.
+    ///
+    /// It includes armature, and no terms that depend on the time step. Mocap bodies have the poses that the user set.
     ///
     /// # Panics
     /// When there is no such environment.
@@ -40,10 +41,10 @@ impl Simulation {
 }
 
 impl BodyPose {
-    /// From the body's frame to the world's.
+    /// Transform from the body's frame to the world's.
     pub fn isometry(&self) -> Isometry3<f64> {
         let [w, x, y, z] = self.quat;
-        // It has length 1 to rounding, and keeps its bits.
+        // The quaternion has length 1 to rounding, and keeps its bits.
         Isometry3::from_parts(self.pos.into(), UnitQuaternion::new_unchecked(Quaternion::new(w, x, y, z)))
     }
 }
@@ -60,7 +61,7 @@ impl Contact {
         self.pos.into()
     }
 
-    /// From the contact's axes to the world's: its columns are the normal and the two tangents.
+    /// Rotation from the contact's axes to the world's. Its columns are the normal and the two tangents.
     pub fn rotation(&self) -> Matrix3<f64> {
         Matrix3::from_columns(&self.frame().map(Vector3::from))
     }

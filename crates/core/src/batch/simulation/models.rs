@@ -1,4 +1,4 @@
-//! Models of sensors and actuators that a simulation is given.
+//! Models of sensors and actuators of a simulation.
 
 use std::sync::OnceLock;
 
@@ -7,11 +7,11 @@ use crate::batch::simulation::{Error, Simulation};
 use crate::sensing::errors::Transfer;
 
 impl Simulation {
-    /// Gives the sensors transfer functions, one entry for every sensor, `None` for ideal ones.
+    /// Sets the transfer functions of the sensors, one entry for every sensor, `None` for ideal ones.
     ///
     /// # Errors
-    /// [`Error::Count`] when there is not one for every sensor, [`Error::Sensor`] for a number out of its range, with the sensor's name;
-    /// [`Error::Memory`] when there is no room for what the sensors of all environments remember.
+    /// [`Error::Count`] when there is not one for every sensor, [`Error::Sensor`] for a number out of its range, with the sensor's name.
+    /// [`Error::Memory`] when there is not enough memory for the sensors of all environments.
     pub fn set_sensor_models(&mut self, transfers: &[Option<Transfer>]) -> Result<(), Error> {
         let (found, must) = (transfers.len(), self.model.sensors.len());
         if found != must {
@@ -21,12 +21,12 @@ impl Simulation {
         self.engine.set_sensor_models(&self.model, transfers)
     }
 
-    /// Gives the actuators dynamics, one spec for every actuator, `None` to those without. All environments are reset.
+    /// Sets the actuator dynamics, one spec for every actuator, `None` for those without. All environments are reset.
     ///
     /// # Errors
-    /// [`Error::Count`] when there is not one for every actuator; [`Error::DrivesAfterParameters`] when environments have parameters of
-    /// their own; [`Error::Actuator`] for a number out of its range, or what an actuator cannot have, with the actuator's name;
-    /// [`Error::Memory`] when there is no room for what the actuators of all environments remember.
+    /// [`Error::Count`] when there is not one for every actuator; [`Error::DrivesAfterParameters`] when there are per-environment
+    /// parameters. [`Error::Actuator`] for a number out of its range or an unsupported setting, with the actuator's name. [`Error::Memory`]
+    /// when there is not enough memory for the actuators of all environments.
     pub fn set_actuator_models(&mut self, specs: &[Option<ActuatorSpec>]) -> Result<(), Error> {
         let (found, must) = (specs.len(), self.model.nu());
         if found != must {

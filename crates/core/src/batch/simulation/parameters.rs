@@ -1,4 +1,4 @@
-//! Parameters that environments have of their own.
+//! Per-environment parameters.
 
 use std::borrow::Cow;
 
@@ -9,36 +9,36 @@ use crate::compile::LaneModel;
 use crate::math::precision::Precision;
 use crate::model::{Model, ModelError, Parameter};
 
-/// What becomes of the numbers of actuator dynamics in a call of [`Simulation::randomize_all`].
+/// Change of the numbers of actuator dynamics in a call of [`Simulation::randomize_all`].
 #[derive(Clone, Copy, Debug)]
 pub enum ActuatorNumbers<'a> {
-    /// They stay as they are.
+    /// Keeps the present numbers.
     Kept,
-    /// Those that [`Simulation::set_actuator_models`] gave.
+    /// Restores the numbers of [`Simulation::set_actuator_models`].
     Original,
     /// An entry for every actuator, with lists of one number or one for each of the environments; `None` leaves an actuator as it is.
     Given(&'a [Option<ActuatorSpec>]),
 }
 
 impl Simulation {
-    /// Gives the environments `envs`, ascending, numbers of their own in some fields. Other fields and the state stay what they are.
+    /// Sets per-environment values of some fields in the environments `envs`, ascending. Other fields and the state stay the same.
     ///
-    /// Arrays have rows for all environments, in the shape that each [`Parameter`] says; rows of environments that are not in `envs` are
-    /// not read. `None` gives the model's own numbers back.
+    /// Arrays have rows for all environments, in the shape of each [`Parameter`]. Rows of environments outside `envs` are not read. `None`
+    /// restores the numbers of the model.
     ///
     /// # Errors
     /// [`Error::Environment`] or [`Error::Order`] for `envs`; [`Error::Length`] for an array of the wrong length;
-    /// [`Error::ParameterTooLarge`]; [`Error::Model`] for numbers that make no model or one of another structure, with the environment.
-    /// Nothing is changed then.
+    /// [`Error::ParameterTooLarge`]. [`Error::Model`] for numbers that make an invalid model or one of another structure, with the
+    /// environment. Nothing is changed then.
     pub fn randomize(&mut self, assigned: &[(Parameter, Option<&[f64]>)], envs: &[usize]) -> Result<(), Error> {
         self.randomize_all(assigned, ActuatorNumbers::Kept, envs)
     }
 
-    /// The same, and other numbers of actuator dynamics. What the dynamics remember, and the rest of the state, stays.
+    /// Sets per-environment values of fields and of actuator dynamics. The memory of the dynamics and the rest of the state stay the same.
     ///
     /// # Errors
-    /// Those of [`Simulation::randomize`]; [`Error::Count`] when there is not one entry for every actuator; [`Error::Actuator`] for a
-    /// number out of its range, or what the actuator was not made for, with its name. Nothing is changed then.
+    /// Those of [`Simulation::randomize`]; [`Error::Count`] when there is not one entry for every actuator. [`Error::Actuator`] for a
+    /// number out of its range or an unsupported setting, with its name. Nothing is changed then.
     pub fn randomize_all(
         &mut self,
         assigned: &[(Parameter, Option<&[f64]>)],
@@ -58,8 +58,7 @@ impl Simulation {
         Ok(())
     }
 
-    /// Gives all of the model's own numbers back to the environments `envs`, ascending, and those that [`Simulation::set_actuator_models`]
-    /// gave.
+    /// Restores the model's numbers and those of [`Simulation::set_actuator_models`] in the environments `envs`, ascending.
     ///
     /// # Errors
     /// [`Error::Environment`] or [`Error::Order`] for `envs`.
@@ -81,7 +80,7 @@ impl Simulation {
         Ok(())
     }
 
-    /// What comes of other numbers of actuator dynamics for the environments `envs`; nothing is changed.
+    /// Resampled actuator dynamics for the environments `envs`; the simulation stays the same.
     fn resampled(&self, actuators: ActuatorNumbers<'_>, envs: &[usize]) -> Result<Option<ResampledActuators>, Error> {
         let specs = match actuators {
             ActuatorNumbers::Kept => return Ok(None),
@@ -96,7 +95,7 @@ impl Simulation {
             (Some(actuator_models), _) => Ok(Some(actuator_models.resample_actuators(&self.model, specs, envs, self.num_envs, h)?)),
             (None, None) => Ok(None),
             (None, Some(specs)) => {
-                // Actuators that were made without dynamics, so that whoever is given some hears of it.
+                // Actuators that were made without dynamics, so that a spec for one of them is an error.
                 let none = ActuatorModels::new(&self.model, &vec![None; specs.len()], self.num_envs, h)?;
                 none.resample_actuators(&self.model, Some(specs), envs, self.num_envs, h)?;
                 Ok(None)
@@ -104,8 +103,7 @@ impl Simulation {
         }
     }
 
-    /// Actuator specs as environments have them of their own, with lists of one number or one for each environment; `None` where none has
-    /// any.
+    /// Per-environment actuator specs, with lists of one number or one for each environment; `None` without any.
     pub fn own_actuators(&self) -> Option<&[Option<ActuatorSpec>]> {
         self.actuator_models.as_ref()?.drawn()
     }
@@ -115,7 +113,7 @@ impl Simulation {
             return self.randomization.differences(&self.model, self.lane_model(), None, assigned, envs);
         };
         let actuator_models = |variant: &Model| {
-            // The dynamics have taken over the delays already.
+            // The dynamics include the delays already.
             let folded = ActuatorSpec::fold(&variant.without_actuator_delays(), specs, self.num_envs, self.timestep());
             folded.expect("actuator dynamics were checked with the model, and a variant has its structure").0
         };
@@ -135,17 +133,17 @@ impl Simulation {
         }
     }
 
-    /// Parameters that environments have of their own, (num_envs, numbers of the parameter) each.
+    /// Per-environment parameters, (num_envs, numbers of the parameter) each.
     pub fn own_parameters(&self) -> impl Iterator<Item = (Parameter, &[f64])> {
         self.randomization.fields().map(|(name, values)| (name.parse().expect("the name of a parameter"), values))
     }
 
-    /// Memory of parameters that environments have of their own, and of the numbers of actuator dynamics, bytes.
+    /// Memory of per-environment parameters and of the numbers of actuator dynamics, bytes.
     pub fn parameter_bytes(&self) -> usize {
         self.randomization.bytes() + self.engine.parameter_bytes() + self.actuator_models.as_ref().map_or(0, ActuatorModels::bytes)
     }
 
-    /// The compiled model of one environment, in f64.
+    /// Compiled model of one environment, in f64.
     pub(super) fn lane_model_of(&self, env: usize) -> Cow<'_, LaneModel<f64>> {
         let shared = self.lane_model();
         if self.randomization.is_empty() {

@@ -10,8 +10,10 @@ use crate::integrators::inputs::Inputs;
 use crate::math::precision::Precision;
 
 impl Simulation {
-    /// One environment, to ask about its mass matrix, energy and the like. Inputs are those of that environment alone, over what is in
-    /// force; controls are what actuator dynamics hand on, where there are any.
+    /// Snapshot of one environment, for its mass matrix, energy and similar quantities.
+    ///
+    /// `inputs` are those of this environment alone, and replace those in force. Controls are the outputs of the actuator dynamics, if
+    /// there are any.
     ///
     /// # Errors
     /// [`Error::Environment`] when there is no such environment, [`Error::Length`] and [`Error::MocapPoses`] for the inputs.
@@ -35,8 +37,9 @@ impl Simulation {
         })
     }
 
-    /// Derives a quantity of all environments, (num_envs, ...) with the [shape](DerivedQuantity::shape) of one environment's part. What is
-    /// applied and the controls in force are read; nothing changes.
+    /// Computes a derived quantity of all environments, (num_envs, ...) with the [shape](DerivedQuantity::shape) of one environment's part.
+    ///
+    /// It reads the applied inputs and the controls in force. The state stays the same.
     ///
     /// # Errors
     /// [`Error::Element`] for a body or site that does not exist, [`Error::Length`] for `out`, [`Error::Threads`] when threads cannot be
@@ -51,8 +54,9 @@ impl Simulation {
         Ok(())
     }
 
-    /// Derives several quantities of all environments in one pass, which shares what they have in common, to arrays in the precision of
-    /// the simulation; see [`Simulation::derive`].
+    /// Computes several derived quantities of all environments in one pass, which shares intermediate results.
+    ///
+    /// The arrays are in the precision of the simulation; see [`Simulation::derive`].
     ///
     /// # Errors
     /// Those of [`Simulation::derive`], and [`Error::ArrayPrecision`] for an array in another precision.
@@ -80,7 +84,7 @@ impl Simulation {
         Ok(())
     }
 
-    /// Poses of the mocap bodies of one environment, the model's where `pos` is empty.
+    /// Poses of the mocap bodies of one environment; those of the model if `pos` is empty.
     pub(super) fn mocap_poses<'a>(&'a self, pos: &'a [f64], quat: &'a [f64]) -> impl Iterator<Item = ([f64; 3], [f64; 4])> + 'a {
         let (pos, quat) = (pos.as_chunks::<3>().0, quat.as_chunks::<4>().0);
         self.lane_model().mocap.iter().enumerate().map(|(k, m)| if pos.is_empty() { (m.pos, m.quat) } else { (pos[k], quat[k]) })

@@ -9,16 +9,17 @@ use crate::error::check_length;
 use crate::math::precision::Precision;
 
 impl Simulation {
-    /// Distances (m) to what rays of all environments meet in the present states, and its geom's index in the model, (num_envs, count)
-    /// each; -1 where nothing is met. Distances are in the precision of the simulation. Nothing changes.
+    /// Casts rays in all environments. Writes the distance to the first hit, m, and the index of its geom, (num_envs, count) each; -1
+    /// without a hit.
     ///
-    /// A plane is met from its front, without end. Of a mesh its triangles are met, whether it collides as these or as its hull, of a
-    /// height field also its sides and base. What begins inside of something meets it where it leaves.
+    /// Distances are in the precision of the simulation. The state stays the same. A plane is hit from its front and has no end. A mesh is
+    /// hit on its triangles, also if its hull collides. A height field is hit also on its sides and base. A ray that begins inside a geom
+    /// hits the point where it leaves.
     ///
     /// # Errors
-    /// [`Error::Element`] and [`Error::NoForm`] for a geom that does not exist or has no form here, [`Error::Length`] and
-    /// [`Error::ArrayPrecision`] for the arrays, [`Error::NotFinite`] and [`Error::TooLarge`] for a point, [`Error::Direction`] for a
-    /// direction that is none, [`Error::Threads`] when threads cannot be started.
+    /// [`Error::Element`] and [`Error::NoForm`] for a geom that does not exist or has no form here. [`Error::Length`] and
+    /// [`Error::ArrayPrecision`] for the arrays, [`Error::NotFinite`] and [`Error::TooLarge`] for a point. [`Error::Direction`] for an
+    /// invalid direction, [`Error::Threads`] when threads cannot be started.
     pub fn cast_rays(&mut self, rays: &RayCast<'_>, distances: Numbers<'_>, geoms: &mut [i32]) -> Result<(), Error> {
         let (n, count) = (self.num_envs, rays.count);
         check_length("distances", distances.len(), n * count)?;
@@ -64,11 +65,11 @@ impl Simulation {
     }
 }
 
-/// The directions of rays, each of unit length.
+/// Directions of rays, scaled to unit length.
 fn directions(rays: &RayCast<'_>) -> Result<Vec<f64>, Error> {
     let mut all = Vec::with_capacity(rays.directions.len());
     for (i, &d) in rays.directions.as_chunks::<3>().0.iter().enumerate() {
-        // Of the largest's size first, so that no square overflows or vanishes.
+        // Division by the largest component first, so that no square overflows or underflows.
         let most = d.iter().fold(0.0, |most: f64, x| most.max(x.abs()));
         let d = d.map(|x| x / most);
         let length = (d[0] * d[0] + d[1] * d[1] + d[2] * d[2]).sqrt();

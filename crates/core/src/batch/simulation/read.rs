@@ -1,4 +1,4 @@
-//! What can be read of a simulation: state, flags, contacts and poses, environment by environment.
+//! Accessors of a simulation: state, flags, contacts and poses, environment by environment.
 
 use std::path::Path;
 
@@ -11,13 +11,13 @@ use crate::math::spatial::contact_frame;
 use crate::model::write_whole;
 use crate::stages::s10_record::Status;
 
-/// A contact of the last step, in the world frame.
+/// Contact of the last step, in the world frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct Contact {
-    /// The two geoms, as indices in the model.
+    /// Geoms of the contact, as indices in the model.
     pub geoms: [usize; 2],
-    /// Their bodies.
+    /// Bodies of the two geoms.
     pub bodies: [usize; 2],
     /// Position, m.
     pub pos: [f64; 3],
@@ -32,7 +32,7 @@ pub struct Contact {
 }
 
 impl Contact {
-    /// Unit axes in which force and torque are given, one a row: the normal and the two tangents, right-handed.
+    /// Unit axes of force and torque, one a row: the normal and the two tangents, right-handed.
     pub fn frame(&self) -> [[f64; 3]; 3] {
         contact_frame(self.normal)
     }
@@ -44,9 +44,9 @@ impl Contact {
 pub struct Certificate {
     /// Natural-map residual, m/s.
     pub residual: f64,
-    /// Sweeps.
+    /// Number of sweeps (Gauss-Seidel iterations).
     pub sweeps: u32,
-    /// Newton steps, over all islands of bodies.
+    /// Number of Newton steps, over all islands of bodies.
     pub newton_steps: u32,
 }
 
@@ -60,7 +60,7 @@ pub struct BodyPose {
 }
 
 impl Simulation {
-    /// Copies a field of one environment out: nq, nv or na numbers.
+    /// Copies a field of one environment to `out`: nq, nv or na numbers.
     ///
     /// # Errors
     /// [`Error::Environment`] when there is no such environment, [`Error::Length`] when `out` has fewer or more numbers; nothing is written
@@ -118,7 +118,7 @@ impl Simulation {
         self.engine.outcome(env).status
     }
 
-    /// Deepest overlap of a contact beyond its margin in the last call, m. Where a step is taken: in its middle by the rules that are.
+    /// Largest overlap of a contact beyond its margin in the last call, m, at the evaluation point of each step.
     ///
     /// # Panics
     /// When there is no such environment.
@@ -128,7 +128,7 @@ impl Simulation {
         self.engine.outcome(env).depth
     }
 
-    /// Farthest that a joint or tendon was beyond its range after a step of the last call, rad or m.
+    /// Largest distance of a joint or tendon beyond its range after a step of the last call, rad or m.
     ///
     /// # Panics
     /// When there is no such environment.
@@ -148,7 +148,7 @@ impl Simulation {
         self.engine.outcome(env).equality_violation
     }
 
-    /// Readings that were clipped and samples that were lost in the last call, for every sensor of the model.
+    /// Number of clipped readings and of lost samples in the last call, for every sensor of the model.
     ///
     /// # Panics
     /// When there is no such environment.
@@ -183,8 +183,9 @@ impl Simulation {
         Certificate { residual: outcome.residual, sweeps: outcome.sweeps as u32, newton_steps: outcome.newton_steps as u32 }
     }
 
-    /// Row with the largest residual in the last step of the last call that was not solved ([`Status::NOT_CONVERGED`](crate::Status)); none
-    /// where all steps were, or no row is to blame.
+    /// Row with the largest residual in the last unsolved step ([`Status::NOT_CONVERGED`](crate::Status)) of the last call.
+    ///
+    /// `None` if all steps were solved or no row exceeds the tolerance.
     ///
     /// # Panics
     /// When there is no such environment.
@@ -194,10 +195,11 @@ impl Simulation {
         self.engine.worst_row(&self.model, env)
     }
 
-    /// Problem that the solver would be given by a step of environment `env` from the present state, as bytes: what
-    /// `stepper_solve::Problem::from_bytes` reads. Nothing changes; the controls of `inputs`, or else those in force, are the step's. A
-    /// step that was not solved is looked at from the state before it, which [`Simulation::save_state`](crate::Simulation::save_state)
-    /// keeps.
+    /// Constraint problem of the next step of environment `env`, as bytes for `stepper_solve::Problem::from_bytes`. The state stays the
+    /// same.
+    ///
+    /// Controls are those of `inputs`, or else those in force. For a step that was not solved, restore the state before it from
+    /// [`Simulation::save_state`](crate::Simulation::save_state) first.
     ///
     /// # Errors
     /// Those of [`Simulation::step`](crate::Simulation::step) for the inputs, and [`Error::Environment`].
@@ -212,7 +214,7 @@ impl Simulation {
         Ok(self.engine.problem(&StepInputs { ctrl: &ctrl, ..self.applied.complete(inputs) }, env))
     }
 
-    /// Writes [`Simulation::problem`] to a file, in one piece; a test of the solver loads it by `stepper_solve::Problem::load`.
+    /// Writes [`Simulation::problem`] to a file atomically. A test of the solver loads it with `stepper_solve::Problem::load`.
     ///
     /// # Errors
     /// Those of [`Simulation::problem`], and [`Error::File`] when the file cannot be written.
@@ -221,7 +223,7 @@ impl Simulation {
         write_whole(path, &bytes).map_err(|e| Error::File { path: path.display().to_string(), reason: e.to_string() })
     }
 
-    /// Contacts of the last step: every one that the motion could close within it, also those that do not touch.
+    /// Contacts of the last step: all whose gap the motion could close, also those that do not touch.
     ///
     /// # Panics
     /// When there is no such environment.
@@ -243,8 +245,9 @@ impl Simulation {
         self.engine.contacts(env).into_iter().map(contact).collect()
     }
 
-    /// Poses of all bodies of one environment at its present configuration, (nbody,); body 0 is the world. Inputs are those of all
-    /// environments, as [`Simulation::step`] takes them; of them, poses of mocap bodies are read.
+    /// Poses of all bodies of one environment at its present configuration, (nbody,); body 0 is the world.
+    ///
+    /// `inputs` are those of all environments, as for [`Simulation::step`]. Only poses of mocap bodies are read.
     ///
     /// # Errors
     /// [`Error::Environment`] when there is no such environment, and those of [`Simulation::step`] for the inputs.

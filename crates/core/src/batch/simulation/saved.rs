@@ -1,15 +1,15 @@
-//! States of a simulation, saved and restored.
+//! Saved states of a simulation.
 
 use crate::batch::saved_state::SavedState;
 use crate::batch::simulation::{Error, Simulation};
 
 impl Simulation {
-    /// All that survives a step, of all environments, the controls in force included. What the user applies is no part of it.
+    /// Saved state of all environments: all that survives a step, with the controls in force. Applied inputs are no part of it.
     pub fn save_state(&self) -> SavedState {
         self.sealed(self.engine.save(None, &self.ctrl))
     }
 
-    /// The same of one environment, as a simulation of that one would save it.
+    /// Saved state of one environment, as a simulation of that environment alone would save it.
     ///
     /// # Panics
     /// When there is no such environment.
@@ -24,23 +24,24 @@ impl Simulation {
         SavedState::new(self.digest(), self.precision, payload)
     }
 
-    /// The digest of the model, which takes a while of meshes.
+    /// Digest of the model, which is slow for large meshes.
     fn digest(&self) -> [u8; 32] {
         *self.digest.get_or_init(|| self.model.digest())
     }
 
-    /// Takes over what [`Simulation::save_state`] saved, in all environments: from a state of as many, or the same in all from a state of
-    /// one. Continuing from it repeats the same bits.
+    /// Restores a saved state in all environments. Continuing from it repeats the same bits.
+    ///
+    /// The state has the same number of environments, or one that goes to all.
     ///
     /// # Errors
-    /// [`Error::OtherModel`] for a state of another model, [`Error::StatePrecision`] for one of the other precision, [`Error::StateMisfit`]
-    /// for one of another number of environments, of other sensors or drives, or with damaged contents. Nothing is changed then.
+    /// [`Error::OtherModel`] for a state of another model, [`Error::StatePrecision`] for one of the other precision. [`Error::StateMisfit`]
+    /// for another number of environments, other sensors or drives, or damaged contents. Nothing is changed then.
     pub fn restore_state(&mut self, state: &SavedState) -> Result<(), Error> {
         self.restore_state_in(state, &(0..self.num_envs).collect::<Vec<_>>())
     }
 
-    /// The same in the environments `envs`, ascending. Where the state of one environment is given to several, each goes on to draw random
-    /// numbers of its own.
+    /// Restores a saved state in the environments `envs`, ascending. Several environments with the same state still draw different random
+    /// numbers.
     ///
     /// # Errors
     /// As [`Simulation::restore_state`], and [`Error::Environment`] or [`Error::Order`] for `envs`.

@@ -1,18 +1,18 @@
-//! What can be written to a simulation: the state of environments, new episodes, random streams.
+//! Setters of a simulation: state of environments, new episodes, random streams.
 
 use crate::batch::inputs::{Episode, Field, StateRows};
 use crate::batch::simulation::{Error, Simulation};
 use crate::error::check_length;
 use crate::model::Keyframe;
 
-/// Rows of a call that were checked, one for each of some environments; none where nothing was given.
+/// Checked rows of a call, one for each of some environments; none if the call gives none.
 struct CheckedRows {
     fields: [(Field, Vec<Vec<f64>>); 3],
     times: Vec<f64>,
 }
 
 impl Simulation {
-    /// Puts one environment back to the model's reset state, with controls of zero and nothing applied; nothing of the old episode remains.
+    /// Resets one environment to the model's reset state, with controls of zero and no applied inputs. Nothing of the old episode remains.
     ///
     /// # Panics
     /// When there is no such environment.
@@ -31,7 +31,7 @@ impl Simulation {
         self.applied.reset(env, &model);
     }
 
-    /// Starts a new episode in the environments `envs`, ascending: as [`Simulation::reset`] does, and from what `episode` says.
+    /// Starts a new episode in the environments `envs`, ascending: [`Simulation::reset`] with the changes in `episode`.
     ///
     /// # Errors
     /// [`Error::Environment`] or [`Error::Order`] for `envs`, and those of [`Simulation::set`] and [`Simulation::start_from`]; nothing is
@@ -78,8 +78,9 @@ impl Simulation {
         self.check_time(env, keyframe.time).map(|_| ())
     }
 
-    /// Sets a field of one environment. What is remembered of the steps before is cleared, so that what follows depends on the new state
-    /// alone: impulses that the solver starts from, contacts, and the memory of sensors and actuator dynamics.
+    /// Sets a field of one environment, and clears its memory: warm start, contacts, and the memory of sensors and actuator dynamics.
+    ///
+    /// The next steps then depend on the new state alone.
     ///
     /// # Errors
     /// [`Error::Environment`] when there is no such environment, [`Error::Length`], [`Error::NotFinite`], [`Error::TooLarge`], and
@@ -90,8 +91,8 @@ impl Simulation {
         Ok(())
     }
 
-    /// Corrects a field of one environment, which goes on: what is remembered of the steps before stays, as an observer wants it that
-    /// corrects the state of a plant.
+    /// Corrects a field of one running environment. Warm start, delays and sensor memory stay. Use it in observers that correct the state
+    /// of a plant.
     ///
     /// # Errors
     /// As [`Simulation::set`]; nothing is changed then.
@@ -101,8 +102,10 @@ impl Simulation {
         Ok(())
     }
 
-    /// Sets, or with `cold` of false corrects, fields and times of the environments `envs`, ascending. Fields are set as
-    /// [`Simulation::set`] does, or as [`Simulation::correct`] does; a time is set either way without more.
+    /// Sets fields and times of the environments `envs`, ascending.
+    ///
+    /// With `cold` fields are set as by [`Simulation::set`], otherwise as by [`Simulation::correct`]. A time has no other effect in either
+    /// case.
     ///
     /// # Errors
     /// [`Error::Environment`] or [`Error::Order`] for `envs`, and those of [`Simulation::set`] and [`Simulation::set_time`]; nothing is
@@ -132,7 +135,7 @@ impl Simulation {
         Ok(CheckedRows { fields, times })
     }
 
-    /// The row of an environment in an array of a row for each, or of one for all.
+    /// Row of an environment in an array with a row for each, or with one row for all.
     fn rows<'a>(&self, name: &'static str, given: &'a [f64], width: usize) -> Result<impl Fn(usize) -> &'a [f64], Error> {
         let shared = given.len() == width;
         if !shared {
@@ -148,7 +151,7 @@ impl Simulation {
         envs.iter().zip(times).for_each(|(&env, time)| self.engine_mut().set_time(env, time));
     }
 
-    /// Writes checked values to a field; `cold` clears what is remembered of the steps before.
+    /// Writes checked values to a field. `cold` clears the memory of earlier steps.
     fn write_field(&mut self, field: Field, env: usize, values: &[f64], cold: bool) {
         let engine = self.engine_mut();
         engine.write(field, env, values);
@@ -162,20 +165,20 @@ impl Simulation {
     /// Sets the time of one environment, s.
     ///
     /// # Errors
-    /// [`Error::Environment`] when there is no such environment, [`Error::NotFinite`] for such a time.
+    /// [`Error::Environment`] when there is no such environment, [`Error::NotFinite`] for a time that is not finite.
     pub fn set_time(&mut self, env: usize, time: f64) -> Result<(), Error> {
         let time = self.check_time(env, time)?;
         self.engine_mut().set_time(env, time);
         Ok(())
     }
 
-    /// Controls in force of one environment, to be changed.
+    /// Controls in force of one environment, mutable.
     pub(super) fn ctrl_mut(&mut self, env: usize) -> &mut [f64] {
         let nu = self.model.nu();
         &mut self.ctrl[env * nu..(env + 1) * nu]
     }
 
-    /// Says as which environment one draws random numbers: its place in the batch unless told otherwise.
+    /// Sets the index under which an environment draws random numbers. By default it is the place in the batch.
     ///
     /// # Panics
     /// When there is no such environment.
@@ -185,8 +188,7 @@ impl Simulation {
         self.engine_mut().set_random_stream(env, stream);
     }
 
-    /// Begins a new episode of one environment as far as random numbers are concerned: the next under its seed, or the first under a new
-    /// one.
+    /// Begins a new episode of one environment for random numbers: the next under its seed, or the first under a new one.
     ///
     /// # Panics
     /// When there is no such environment.
@@ -197,7 +199,7 @@ impl Simulation {
     }
 }
 
-/// Fields of the state that a keyframe has.
+/// Fields of the state in a keyframe.
 fn fields_of(keyframe: &Keyframe) -> [(Field, &[f64]); 3] {
     [(Field::Qpos, &keyframe.qpos), (Field::Qvel, &keyframe.qvel), (Field::Act, &keyframe.act)]
 }

@@ -1,4 +1,4 @@
-//! All soft rows of a step, and what becomes of their forces.
+//! Assembly of all soft rows of a step, and storage of their forces.
 
 use stepper_real::{Mask, Real};
 
@@ -10,7 +10,7 @@ use crate::constraints::soft::input::SoftInput;
 use crate::math::spatial::*;
 
 impl<R: Real> Assembler<'_, R> {
-    /// Makes the soft rows of all constraints. Velocities of rows are those of `row.assembly.v_free`, before the step.
+    /// Adds the soft rows of all constraints. Velocities of rows are those of `row.assembly.v_free`, before the step.
     pub(crate) fn assemble_soft(&mut self, input: SoftInput<'_, R>, contacts: &mut Contacts<R>) {
         let Some(mut system) = self.problem.soft.take() else { return };
         align_tangents(input.row.compiled, input.row.kinematics, contacts);
@@ -39,8 +39,10 @@ impl<R: Real> Assembler<'_, R> {
 }
 
 impl<R: Real> ConstraintProblem<R> {
-    /// Stores the impulses of the solution, which are `h` times its forces: those of contacts in `contacts`, those of scalar rows in
-    /// `scalar_impulse`, and their sum on the joints in `impulse`, from which the next step starts.
+    /// Stores the impulses of the solution, which are `h` times its forces.
+    ///
+    /// Those of contacts go to `contacts`, those of scalar rows to `scalar_impulse`, and their sum on the joints to `impulse`. The next
+    /// step starts from them.
     pub fn store_soft_impulses(&self, h: R, contacts: &mut Contacts<R>, scalar_impulse: &mut [R], impulse: &mut [R]) {
         let Some(system) = &self.soft else { return };
         R::vectorize(
@@ -53,7 +55,7 @@ impl<R: Real> ConstraintProblem<R> {
                         *impulse = R::select(self.constrained, force * h, R::zero());
                     }
                 }
-                // Rows without an owner are couplings of the mass matrix, and no constraints.
+                // Rows without an owner are couplings of the mass matrix, not constraints.
                 for i in self.owners.len()..system.problem.rows.len() {
                     let (dofs, arms) = system.problem.row(i);
                     let force = R::select(self.constrained, system.solver.row_force(&system.problem, i), R::zero()) * h;
@@ -81,7 +83,8 @@ impl<R: Real> ConstraintProblem<R> {
     }
 }
 
-/// A vector along normal and tangents of a slot along those that follow from the normal alone, in which contacts are kept and read.
+/// Converts a vector from the axes of a slot to standard axes, in which contacts are stored: the normal, and tangents that follow from it
+/// alone.
 #[inline(always)]
 fn in_standard_frame<R: Real>(slot: &Slot<R>, [x, a, b]: V3<R>) -> V3<R> {
     let [n, t1, t2] = contact_frame(slot.point.normal);

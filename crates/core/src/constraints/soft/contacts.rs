@@ -12,11 +12,11 @@ use crate::constraints::soft::input::SoftInput;
 use crate::constraints::soft::system::SoftSystem;
 use crate::math::spatial::*;
 
-/// Numbers of the contacts in one slot, of whatever pairs they are.
+/// Parameters of the contacts in one slot, per lane.
 struct ContactLaw<R: Real> {
-    /// Impedance times stiffness, and damping of the normal row.
+    /// Impedance times stiffness, and damping, of the normal row.
     spring: [R; 2],
-    /// Impedance.
+    /// Impedance d of the normal row.
     impedance: R,
     /// Approximate inverse inertia.
     weight: R,
@@ -26,9 +26,9 @@ struct ContactLaw<R: Real> {
     friction_damping: R,
     /// Coefficients of friction: sliding twice, torsional, rolling twice.
     friction: [R; 5],
-    /// Number of rows less one.
+    /// Number of friction rows.
     frictions: R,
-    /// What the normal row's regularisation is divided by, and the least that it is, over its weight: 1 and 0 but for discrete steps.
+    /// Divisor of the normal row's regularisation and its lower bound, over its weight: 1 and 0 except in discrete steps.
     end: [R; 2],
 }
 
@@ -59,7 +59,7 @@ impl<R: Real> ContactLaw<R> {
             law.impedance = R::select(there, impedance, law.impedance);
             let mut spring = [R::splat(own.normal.stiffness) * impedance, R::splat(own.normal.damping)];
             let mut friction_damping = R::splat(own.friction_damping);
-            // Springs in N/m are taken at the end of any step as they are.
+            // Springs in N/m are at the end of the step in every scheme.
             if let Some(effective) = input.effective.filter(|_| own.spring == <R::Scalar as Default>::default()) {
                 let end = EndLaw::new(&own.normal, impedance, effective.h);
                 spring = end.spring.map(|x| x / end.factor);
@@ -112,7 +112,7 @@ impl<R: Real> ContactLaw<R> {
         weight[0] = R::select(active, one / normal, zero);
         // Edges of a pyramid without friction are both the normal.
         let edge = R::select(rubs, R::of(2.0) * cone_mu * cone_mu * normal, normal + normal);
-        // All edges together bear what a spring does.
+        // All edges together carry the load of the spring.
         let edges = R::of(2.0) * self.frictions.max(one);
         let edge = R::select(self.spring_weight.gt(zero), edges * self.spring_weight, edge);
         for i in 1..N {
@@ -132,7 +132,7 @@ impl<R: Real> ContactLaw<R> {
         [weight, scale]
     }
 
-    /// Weights in the matrix of a discrete step: all rows of a contact are taken as its first.
+    /// Weights in the matrix of a discrete step. All rows of a contact use that of its first.
     #[inline(always)]
     fn in_metric<const N: usize>(&self, input: SoftInput<'_, R>, cone: Cone, support: &[u32], column: &[V3<R>], weight: [R; N]) -> [R; N] {
         let Some(effective) = input.effective else { return weight };
@@ -154,8 +154,10 @@ impl<R: Real> ContactLaw<R> {
 }
 
 impl<R: Real> Assembler<'_, R> {
-    /// Contacts that are closer than their margin, those that roll last. A slot may hold contacts of other trees in every lane: it makes a
-    /// contact for the lanes in which these are the same, so that no row joins trees which touch in no lane.
+    /// Adds contacts that are closer than their margin, rolling ones last.
+    ///
+    /// A slot may hold contacts of different trees in every lane. It makes one contact for the lanes with the same trees, so that no row
+    /// joins trees that touch in no lane.
     pub(super) fn add_soft_contacts(&mut self, input: SoftInput<'_, R>, contacts: &Contacts<R>, system: &mut SoftSystem<R>) {
         let compiled = input.row.compiled;
         for rolls in [false, true] {
@@ -270,7 +272,7 @@ impl<R: Real> Assembler<'_, R> {
     }
 }
 
-/// Of the lanes `lanes` those in which slot `k` joins the same trees as in the first of them.
+/// Lanes of `lanes` in which slot `k` joins the same trees as in the first of them.
 fn lanes_of_same_trees<R: Real>(compiled: &LaneModel<R>, contacts: &Contacts<R>, k: usize, lanes: u32) -> u32 {
     if compiled.ntree < 2 {
         return lanes;

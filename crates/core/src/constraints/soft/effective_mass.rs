@@ -1,4 +1,4 @@
-//! The matrix in which a discrete step is solved, M + h D + h^2 K, and what it makes of the rows of constraints.
+//! Matrix of a discrete step, M + h D + h^2 K, and its effect on constraint rows.
 
 use std::ops::Range;
 
@@ -7,8 +7,10 @@ use stepper_real::Real;
 use crate::compile::{EndLaw, LaneModel, MIN_MOBILITY, ModelStructure, SoftLaw};
 use crate::constraints::soft::system::SoftSystem;
 
-/// Mass matrix of a discrete step: what has the sparsity of the trees is among the entries of the mass matrix that the solver is given;
-/// here is M itself, and what couples several degrees of freedom, as rows (w / 2) (arms . a)^2 of the objective.
+/// Effective mass matrix of a discrete step.
+///
+/// Terms with the sparsity of the trees are among the entries that the solver receives. This struct has M, and the couplings of several
+/// degrees of freedom as rows (w / 2) (arms . a)^2 of the objective.
 #[derive(Clone, Debug)]
 pub struct EffectiveMass<R: Real> {
     /// Length of the step, s.
@@ -40,7 +42,7 @@ impl<R: Real> EffectiveMass<R> {
         }
     }
 
-    /// Takes up the `entries` of M, and the length of the step.
+    /// Stores the `entries` of M, and the length of the step.
     pub(crate) fn begin(&mut self, compiled: &LaneModel<R>, entries: &[R], h: R) {
         self.h = h;
         self.mass.copy_from_slice(entries);
@@ -74,7 +76,7 @@ impl<R: Real> EffectiveMass<R> {
         }
     }
 
-    /// Takes up the diagonal of the step's matrix, once its `entries` are complete.
+    /// Stores the diagonal of the step's matrix, once its `entries` are complete.
     pub(crate) fn finish(&mut self, compiled: &LaneModel<R>, entries: &[R]) {
         for (dof, own) in compiled.dofs.iter().zip(&mut self.diagonals[1]) {
             *own = entries[dof.chain];
@@ -86,7 +88,7 @@ impl<R: Real> EffectiveMass<R> {
         }
     }
 
-    /// Appends the couplings to the rows of a problem, in the lanes `lanes`. Returns whether there is one.
+    /// Appends the couplings to the rows of a problem, in the lanes `lanes`. Returns whether there are any.
     #[inline(always)]
     pub(super) fn couple(&self, system: &mut SoftSystem<R>, lanes: R::Mask) -> bool {
         for (terms, w) in &self.couplings {
@@ -98,7 +100,7 @@ impl<R: Real> EffectiveMass<R> {
         !self.couplings.is_empty()
     }
 
-    /// The part of a row's approximate inverse inertia that is left in the step's matrix: of diagonals, at the entries `of` the row's
+    /// Fraction of a row's approximate inverse inertia that remains in the step's matrix. It uses diagonals, at the entries `of` the row's
     /// Jacobian on `support`.
     #[inline(always)]
     pub(super) fn mobility(&self, support: &[u32], of: impl Fn(usize) -> R) -> R {
@@ -114,14 +116,16 @@ impl<R: Real> EffectiveMass<R> {
     }
 }
 
-/// Weight D of a row whose approximate inverse inertia is a part `mobility` of what its law takes it for.
+/// Weight D of a row whose inverse inertia is the fraction `mobility` of the approximation in its law.
 #[inline(always)]
 pub(super) fn in_metric<R: Real>(weight: R, mobility: R) -> R {
     (weight / mobility).min(R::of(1.0 / MIN_MOBILITY))
 }
 
-/// Reference acceleration and weight D of a row at the error r, with its rate v and the acceleration `shift` that it has if no joint
-/// accelerates: as MuJoCo's continuous integrators take it, or with `effective` at the end of a discrete step.
+/// Reference acceleration and weight D of a row at the error r.
+///
+/// `v` is the rate of r, and `shift` the acceleration of the row if no joint accelerates. With `effective` the row is evaluated at the end
+/// of a discrete step. Otherwise it follows MuJoCo's continuous integrators.
 #[inline(always)]
 pub(super) fn law_at<R: Real>(
     law: &SoftLaw<R::Scalar>,

@@ -11,14 +11,14 @@ use crate::constraints::soft::rows::{RowOf, row_law};
 use crate::constraints::soft::system::SoftSystem;
 use crate::math::spatial::*;
 
-/// Errors of three rows, and J' v.
+/// Errors of three rows, and their J' v.
 struct Errors<R: Real> {
     error: V3<R>,
     kappa: V3<R>,
 }
 
 impl<R: Real> Assembler<'_, R> {
-    /// Equalities, each with the impedance of all of its errors together.
+    /// Adds the rows of equalities. All errors of an equality share one impedance.
     #[inline(always)]
     pub(super) fn add_soft_equalities(&mut self, input: SoftInput<'_, R>, system: &mut SoftSystem<R>) {
         for (k, block) in input.row.compiled.equalities.iter().enumerate() {
@@ -70,7 +70,7 @@ impl<R: Real> Assembler<'_, R> {
                     rate += self.builder.column[d as usize][0] * input.row.assembly.v_free[d as usize];
                 }
                 let active = input.row.assembly.alive.and(self.problem.active_equalities.lanes(equality));
-                // MuJoCo leaves J' v of couplings out.
+                // MuJoCo omits J' v of couplings.
                 let law = row_law(law, input, [rows.error[0], rate], active);
                 system.terms.clear();
                 system.terms.extend_from_slice(&equality.support);
@@ -79,7 +79,7 @@ impl<R: Real> Assembler<'_, R> {
         }
     }
 
-    /// Three rows whose Jacobian is in `column` on the support of the equality, of which the first has the impulse `first`.
+    /// Appends three rows whose Jacobian is in `column` on the support of the equality. `first` is the index of the first row's impulse.
     #[inline(always)]
     #[expect(clippy::too_many_arguments, reason = "three rows, every part of them named at the call")]
     fn push_soft_triple(
@@ -116,7 +116,7 @@ fn unbounded<R: Real>() -> [R; 2] {
     [R::of(f64::NEG_INFINITY), R::of(f64::INFINITY)]
 }
 
-/// Relative orientation of two frames: MuJoCo's error is the vector part of the quaternion q1^-1 q0, in the second's axes.
+/// Relative orientation of two frames. MuJoCo's error is the vector part of the quaternion q1^-1 q0, in the second frame's axes.
 struct Turn<R: Real> {
     /// Scalar part.
     scalar: R,
@@ -124,7 +124,7 @@ struct Turn<R: Real> {
     error: V3<R>,
     /// Second derivative of the vector part if no joint accelerates.
     kappa: V3<R>,
-    /// Orientation of the second.
+    /// Orientation of the second frame.
     second: M3<R>,
 }
 
@@ -149,7 +149,7 @@ impl<R: Real> Turn<R> {
         turn
     }
 
-    /// Rate of the vector part by a relative angular velocity in the axes of the world.
+    /// Rate of the vector part for a relative angular velocity in world axes.
     #[inline(always)]
     fn rate(&self, relative: V3<R>) -> V3<R> {
         let w = rotate_back(&self.second, relative);

@@ -1,4 +1,4 @@
-//! Frames of contacts, where MuJoCo takes others than those that follow from the normal.
+//! Tangents of contacts for which MuJoCo does not derive them from the normal alone.
 
 use stepper_real::{Mask, Real};
 

@@ -1,4 +1,4 @@
-//! What soft rows are made from.
+//! Inputs from which soft rows are assembled.
 
 use stepper_real::Real;
 
@@ -6,11 +6,11 @@ use crate::compile::CompiledSoftness;
 use crate::constraints::equality::RowInput;
 use crate::constraints::soft::effective_mass::EffectiveMass;
 
-/// What soft rows are made from.
+/// Inputs from which soft rows are assembled.
 #[derive(Clone, Copy)]
 pub struct SoftInput<'a, R: Real> {
     pub(crate) row: RowInput<'a, R>,
     pub(crate) softness: &'a CompiledSoftness<R::Scalar>,
-    /// Matrix of a discrete step, at whose end constraints are taken then.
+    /// Matrix of a discrete step, which evaluates constraints at its end.
     pub(crate) effective: Option<&'a EffectiveMass<R>>,
 }

@@ -1,8 +1,8 @@
-//! Rows of MuJoCo's contact law: Jacobians in the coordinates of the joints, reference accelerations and regularisation (MuJoCo's
-//! documentation, "Constraint model"; `engine_core_constraint.c`).
+//! Rows of MuJoCo's contact law: Jacobians in joint coordinates, reference accelerations and regularisation (MuJoCo's documentation,
+//! "Constraint model"; `engine_core_constraint.c`).
 //!
-//! Errors, Jacobians and laws are MuJoCo's, row by row, so that one step from the same state gives the same velocity. What a limit's margin
-//! means is in the range of the joint, and distances of contacts are measured from the margin of the pair.
+//! Errors, Jacobians and laws are MuJoCo's, row by row, so that one step from the same state gives the same velocity. The range of a joint
+//! includes the margin of its limit, and distances of contacts count from the margin of the pair.
 
 mod assembly;
 mod contacts;

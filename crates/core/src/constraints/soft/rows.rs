@@ -11,20 +11,20 @@ use crate::constraints::soft::system::SoftSystem;
 use crate::dynamics::kinematics::quat_at;
 use crate::math::spatial::*;
 
-/// Law of a scalar row in the lanes in which it exists.
+/// Scalar soft row in the lanes in which it exists.
 pub(super) struct RowOf<R: Real> {
-    /// Reference acceleration and D.
+    /// Reference acceleration and weight D.
     pub(super) law: [R; 2],
-    /// Least and greatest force.
+    /// Least and largest force.
     pub(super) bounds: [R; 2],
-    /// Lanes in which it exists.
+    /// Lanes in which the row exists.
     pub(super) active: R::Mask,
-    /// Index of its impulse.
+    /// Index of the row's impulse.
     pub(super) owner: usize,
 }
 
 impl<R: Real> RowBuilder<R> {
-    /// Leaves the Jacobian of a combination of joints, times `sign`, in the first component of `column`, on `system.terms`.
+    /// Writes the Jacobian of a combination of joints, times `sign`, to the first component of `column`, on `system.terms`.
     #[inline(always)]
     pub(super) fn combine(&mut self, system: &mut SoftSystem<R>, parts: &[(&Combination<R::Scalar>, R)]) {
         system.terms.clear();
@@ -76,7 +76,7 @@ impl<R: Real> Assembler<'_, R> {
         self.problem.constrained = self.problem.constrained.or(active);
     }
 
-    /// Dry friction of joints and tendons.
+    /// Adds rows of dry friction of joints and tendons.
     #[inline(always)]
     pub(super) fn add_soft_frictions(&mut self, input: SoftInput<'_, R>, system: &mut SoftSystem<R>) {
         let (compiled, assembly) = (input.row.compiled, input.row.assembly);
@@ -105,7 +105,7 @@ impl<R: Real> Assembler<'_, R> {
         }
     }
 
-    /// Limits of joints, ball joints and tendons, where they are passed.
+    /// Adds rows of the violated limits of joints, ball joints and tendons.
     #[inline(always)]
     pub(super) fn add_soft_limits(&mut self, input: SoftInput<'_, R>, system: &mut SoftSystem<R>) {
         let (compiled, assembly) = (input.row.compiled, input.row.assembly);
@@ -157,7 +157,7 @@ impl<R: Real> Assembler<'_, R> {
         }
     }
 
-    /// A row that only pushes, at this error and its rate.
+    /// Adds a row that only pushes, with this error and its rate.
     #[inline(always)]
     fn push_soft_limit(
         &mut self,

@@ -1,7 +1,7 @@
-//! Friction without slip, after the solution: which contacts are visited in which order.
+//! Friction without slip, after the solution: order in which sweeps visit contacts.
 //!
 //! Sweeps that stop before they converge depend on the order. It is MuJoCo's: pairs of bodies ascending, then pairs of geoms, in every lane
-//! by itself. Points of one pair come in stepper's own order.
+//! separately. Points of one pair are in stepper's order.
 
 use stepper_real::{Mask, Real};
 use stepper_solve::soft::{ContactVisit, SlipEffort};
@@ -13,7 +13,7 @@ use crate::constraints::soft::visit_order::{Key, VisitOrder};
 use crate::dynamics::inertia::MassMatrix;
 
 impl<R: Real> ConstraintProblem<R> {
-    /// Takes the slip out of friction in the lanes that have constraints, once the soft problem is solved. Returns the sweeps of each lane.
+    /// Removes slip in the lanes with constraints, after the soft problem is solved. Returns the sweeps of each lane.
     pub fn remove_slip(
         &mut self,
         compiled: &LaneModel<R>,
@@ -29,7 +29,7 @@ impl<R: Real> ConstraintProblem<R> {
         sweeps
     }
 
-    /// Lists the contacts that push.
+    /// Lists the contacts that push, in their order.
     fn order_contacts(&self, compiled: &LaneModel<R>, contacts: &Contacts<R>, order: &mut VisitOrder<R>) {
         let VisitOrder { visits, places, keyed, order } = order;
         let slots = contacts.slots();
@@ -49,7 +49,7 @@ impl<R: Real> ConstraintProblem<R> {
             for k in (0..slots).filter(|&k| contacts.lanes_of(k) >> l & 1 == 1) {
                 keyed.push((self.visit_key(compiled, contacts.ids[k][l].pair()), k as u32));
             }
-            // Of equal keys the lower slot is first. Most often they are in order.
+            // The lower slot of equal keys comes first. The list is mostly sorted already.
             keyed.sort_unstable();
             for (to, &(_, k)) in order[l * slots..].iter_mut().zip(&*keyed) {
                 *to = k;

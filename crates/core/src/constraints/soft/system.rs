@@ -1,4 +1,4 @@
-//! The soft constraint problem of a step with its solver, and which of the model's elements its rows belong to.
+//! Soft constraint problem of a step with its solver.
 
 use stepper_real::Real;
 use stepper_solve::soft::{Effort, LaneSolver, Metric, SlipCapacity, SlipEffort, SoftOutcome, SoftProblem, SoftSolver};
@@ -11,13 +11,13 @@ use crate::math::spatial::*;
 /// Soft constraint problem, its solver, and the unknown.
 #[derive(Clone, Debug)]
 pub struct SoftSystem<R: Real> {
-    /// Rows.
+    /// Rows of the problem.
     pub problem: SoftProblem<R>,
-    /// Newton's method.
+    /// Newton's method over lanes.
     pub solver: SoftSolver<R>,
-    /// The same lane by lane, where there are several trees, which may touch differently in every lane.
+    /// Solver of single lanes, for models with several trees, which may touch differently in every lane.
     in_turn: Option<Box<LaneSolver<R>>>,
-    /// Acceleration: where the solver starts, then the solution, nv.
+    /// Acceleration, nv: the initial value of the solver, then the solution.
     pub acceleration: Vec<R>,
     /// Entries of the mass matrix, not factored.
     pub mass: Vec<R>,
@@ -30,8 +30,10 @@ pub struct SoftSystem<R: Real> {
 }
 
 impl<R: Real> SoftSystem<R> {
-    /// Workspace for a compiled model, a number of `slots` of contacts and of `contacts` in them, whose rows have at most so many degrees
-    /// of freedom; none without softness.
+    /// Workspace for a compiled model; none without softness.
+    ///
+    /// `slots` is the capacity of contact slots, `contacts` that of contacts in them, and `support` the largest number of degrees of
+    /// freedom of a row.
     pub fn new(compiled: &ModelStructure<R::Scalar>, slots: usize, contacts: usize, support: usize) -> Option<Box<Self>> {
         let softness = compiled.softness.as_ref()?;
         let zeros = || vec![R::zero(); compiled.nv];
@@ -59,7 +61,7 @@ impl<R: Real> SoftSystem<R> {
         }))
     }
 
-    /// Solves the lanes `lanes` for the acceleration; `free` is that without constraints.
+    /// Solves the lanes `lanes` for the acceleration. `free` is the acceleration without constraints.
     pub fn solve(
         &mut self,
         compiled: &LaneModel<R>,
@@ -78,8 +80,8 @@ impl<R: Real> SoftSystem<R> {
         solver.solve(problem, &metric, free, effort, lanes, acceleration)
     }
 
-    /// Takes the slip out of friction in the lanes `lanes`, once they are solved. Rows from `constraints` on are couplings of the mass
-    /// matrix. Returns the sweeps of each lane.
+    /// Removes slip in the lanes `lanes`, once they are solved. Rows from `constraints` on are couplings of the mass matrix. Returns the
+    /// sweeps of each lane.
     pub fn remove_slip(
         &mut self,
         compiled: &LaneModel<R>,
@@ -94,19 +96,19 @@ impl<R: Real> SoftSystem<R> {
         solver.remove_slip(problem, &TreeMass { compiled, mass, factors }, free, constraints, visits, effort, lanes, acceleration)
     }
 
-    /// Keeps how the acceleration follows its rows and forces near the present solution; see [`SoftSolver::settle`].
+    /// Stores the response of the acceleration to rows and forces at the present solution; see [`SoftSolver::settle`].
     pub fn settle(&mut self, compiled: &LaneModel<R>, factors: &MassMatrix<R>, free: &[R]) {
         let Self { problem, solver, acceleration, mass, .. } = self;
         solver.settle(problem, &TreeMass { compiled, mass, factors }, free, acceleration);
     }
 
-    /// Replaces the solution that was settled by that of the present rows to first order; see [`SoftSolver::respond`].
+    /// Replaces the stored solution by that of the present rows to first order; see [`SoftSolver::respond`].
     pub fn respond(&mut self, compiled: &LaneModel<R>, factors: &MassMatrix<R>, free: &[R]) {
         let Self { problem, solver, acceleration, mass, .. } = self;
         solver.respond(problem, &TreeMass { compiled, mass, factors }, free, acceleration);
     }
 
-    /// Gives the lanes without constraints the acceleration `free`.
+    /// Sets the acceleration of the lanes without constraints to `free`.
     pub fn accelerate_freely(&mut self, free: &[R], constrained: R::Mask) {
         R::vectorize(
             #[inline(always)]
@@ -118,7 +120,7 @@ impl<R: Real> SoftSystem<R> {
         )
     }
 
-    /// out = M a, with the mass matrix of the step and the acceleration.
+    /// Computes M a into `out`, with the mass matrix of the step and the acceleration.
     #[inline(always)]
     pub fn multiply_mass(&self, compiled: &LaneModel<R>, out: &mut [R]) {
         out.fill(R::zero());
@@ -134,7 +136,7 @@ impl<R: Real> SoftSystem<R> {
         }
     }
 
-    /// The acceleration to start from: that by the `impulse` of all constraints on the joints in the step before, of `h` seconds.
+    /// Sets the initial acceleration to that by the `impulse` of all constraints on the joints in the last step of `h` seconds.
     pub fn start_from_impulse(&mut self, compiled: &LaneModel<R>, factors: &MassMatrix<R>, free: &[R], impulse: &[R], h: R) {
         R::vectorize(
             #[inline(always)]
@@ -150,7 +152,7 @@ impl<R: Real> SoftSystem<R> {
     }
 }
 
-/// The mass matrix of a tree as a metric: its entries, and its factors.
+/// Mass matrix of a tree as a metric: its entries, and its factors.
 struct TreeMass<'a, R: Real> {
     compiled: &'a LaneModel<R>,
     mass: &'a [R],

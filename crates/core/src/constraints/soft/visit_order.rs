@@ -5,15 +5,15 @@ use std::ops::Range;
 use stepper_real::Real;
 use stepper_solve::soft::ContactVisit;
 
-/// Where a pair of geoms comes: the lower body, the other, the geoms.
+/// Sort key of a pair of geoms: the lower body, the other body, the geoms.
 pub(super) type Key = [u32; 4];
 
-/// The order of contacts, and the workspace that finds it.
+/// Order of contacts, and the workspace that computes it.
 #[derive(Clone, Debug)]
 pub(super) struct VisitOrder<R: Real> {
     /// Contacts to visit.
     pub(super) visits: Vec<ContactVisit<R::Mask>>,
-    /// Places of every slot among the contacts with three rows and among those with six: ranges.
+    /// Ranges of every slot among the contacts with three rows and among those with six.
     pub(super) places: Vec<[Range<usize>; 2]>,
     /// Key and slot of the contacts of one lane.
     pub(super) keyed: Vec<(Key, u32)>,
@@ -22,7 +22,7 @@ pub(super) struct VisitOrder<R: Real> {
 }
 
 impl<R: Real> VisitOrder<R> {
-    /// Workspace for a number of contacts in a lane.
+    /// Workspace for `contacts` contacts in a lane.
     pub(super) fn new(contacts: usize) -> Self {
         Self {
             visits: Vec::with_capacity(contacts * R::LANES),

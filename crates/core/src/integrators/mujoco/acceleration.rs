@@ -1,4 +1,4 @@
-//! The acceleration with constraints at one state: stages 1 to 5.
+//! Constrained acceleration at one state: stages 1 to 5.
 
 use stepper_real::{Mask, Real};
 use stepper_solve::Outcome;
@@ -35,14 +35,15 @@ pub(super) struct Acceleration<'a, R: Real> {
 }
 
 impl<R: Real> Acceleration<'_, R> {
-    /// Stages 1 to 5 at the state `stage`: the acceleration with constraints, in the soft system. The solve starts from the impulse of the
-    /// last step with `from_impulse`, else from the acceleration before.
+    /// Computes the constrained acceleration at the state `stage` (stages 1 to 5) into the soft system.
+    ///
+    /// With `from_impulse` the solve starts from the impulse of the last step, else from the previous acceleration.
     pub(super) fn compute(&mut self, input: StepInput<'_, R>, stage: &StageState<R>, from_impulse: bool, probe: impl Probe) -> Outcome<R> {
         self.prepare(input, stage, Recomputed::Configuration, probe);
         probe.span(Span::Solve, || self.solve(input, from_impulse))
     }
 
-    /// Acceleration with constraints that [`Acceleration::compute`] found last, nv.
+    /// Constrained acceleration of the last [`Acceleration::compute`], nv.
     pub(super) fn constrained(&self) -> &Vec<R> {
         self.problem.soft.as_ref().map_or(&self.free.smooth.acc, |system| &system.acceleration)
     }
@@ -73,7 +74,7 @@ impl<R: Real> Acceleration<'_, R> {
         }
     }
 
-    /// Stages 1 and 2: all forces explicitly, and the acceleration by them.
+    /// Stages 1 and 2: explicit forces, and the free acceleration.
     fn free_acceleration(&mut self, input: StepInput<'_, R>, stage: &StageState<R>, recomputed: Recomputed, probe: impl Probe) {
         probe.count(Counter::Evaluations, || 1.0);
         let (compiled, kinematics, smooth) = (input.compiled, &self.evaluation.kinematics, &mut self.free.smooth);
@@ -106,7 +107,7 @@ impl<R: Real> Acceleration<'_, R> {
         probe.span(Span::Acceleration, || self.move_freely(input, stage));
     }
 
-    /// Stage 1: all forces at the state, explicitly.
+    /// Stage 1: all forces at the state, explicit.
     fn compute_forces(&mut self, input: StepInput<'_, R>, stage: &StageState<R>) {
         let StepInput { compiled, inputs, .. } = input;
         let (free, kinematics) = (&mut *self.free, &self.evaluation.kinematics);
@@ -120,7 +121,7 @@ impl<R: Real> Acceleration<'_, R> {
         add_tendon_springs(compiled, &stage.q, &stage.v, &mut free.applied);
     }
 
-    /// Stage 2: the acceleration by the forces with the factored matrix, and the velocity after the step with it.
+    /// Stage 2: free acceleration by the factored matrix, and the free velocity after the step.
     fn move_freely(&mut self, input: StepInput<'_, R>, stage: &StageState<R>) {
         let free = &mut *self.free;
         free.accelerate(input.compiled, &self.evaluation.kinematics, &stage.v, &stage.v);
@@ -136,7 +137,7 @@ impl<R: Real> Acceleration<'_, R> {
         probe.count(Counter::Contacts, || contacts.count[..R::LANES].iter().sum::<usize>() as f64);
     }
 
-    /// Stage 4.
+    /// Stage 4: assembles the soft rows.
     fn assemble(&mut self, input: StepInput<'_, R>, stage: &StageState<R>) {
         let StepInput { compiled, options, alive, .. } = input;
         let Self { evaluation, free, problem, velocity, builder, effective } = self;
@@ -159,7 +160,7 @@ impl<R: Real> Acceleration<'_, R> {
         Assembler { problem, velocity, builder }.assemble_soft(input, &mut evaluation.contacts);
     }
 
-    /// Stage 5. The residual is the velocity change within a step by the remaining imbalance of forces.
+    /// Stage 5: solves the soft problem. The residual is the velocity that the remaining imbalance of forces causes in a step.
     fn solve(&mut self, input: StepInput<'_, R>, from_impulse: bool) -> Outcome<R> {
         let StepInput { compiled, options, state, .. } = input;
         let Self { evaluation, free, problem, velocity, .. } = self;
@@ -184,7 +185,7 @@ impl<R: Real> Acceleration<'_, R> {
     }
 }
 
-/// Adds the forces of springs and dampers of fixed tendons, explicitly.
+/// Adds the explicit forces of springs and dampers of fixed tendons.
 fn add_tendon_springs<R: Real>(compiled: &LaneModel<R>, q: &[R], v: &[R], forces: &mut [R]) {
     R::vectorize(
         #[inline(always)]

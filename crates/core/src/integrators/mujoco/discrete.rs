@@ -1,13 +1,12 @@
-//! Stages 1, 2 and 6 of `discrete`: springs, dampers, servos and the drag of the medium at the end of the step, in the matrix in which
-//! constraints are solved.
+//! Stages 1, 2 and 6 of `discrete`: springs, dampers, servos and drag at the end of the step, in the matrix of the constraint solve.
 //!
 //! ```text
 //! (M + h D + h^2 K) a = f(q, v) - h K v + J^T f_c,    v+ = v + h a,    q+ = q (+) h v+
 //! ```
 //!
-//! with damping D and stiffness K as far as they take energy out and keep the motion from leaving where it is: joints, tendons, actuators,
-//! drag (MuJoCo's documentation, computation chapter, "Integrators"). A body alone on a free joint that nothing touches has, besides, the
-//! derivative of its gyroscopic force.
+//! D is the damping and K the stiffness of joints, tendons, actuators and drag (MuJoCo's documentation, computation chapter,
+//! "Integrators"). They count only if they dissipate energy or restore the configuration. A single body on a free joint without contacts
+//! also has the derivative of its gyroscopic force.
 
 use stepper_real::{Mask, Real};
 
@@ -21,8 +20,8 @@ use crate::integrators::step_values::{FreeMotion, StepInput};
 use crate::model::JointKind;
 use crate::stages::s01_actuate::servo_slopes;
 
-/// Computes the matrix of the step from the assembled mass matrix, and adds the forces -h K v to the applied ones. The forces of actuators
-/// must be known.
+/// Computes the effective matrix of the step from the mass matrix, and adds the forces -h K v to the applied forces. Actuator forces must
+/// be computed before.
 pub(super) fn assemble_effective_mass<R: Real>(
     input: StepInput<'_, R>,
     stage: &StageState<R>,
@@ -104,7 +103,7 @@ pub(super) fn integrate_velocity<R: Real>(
             R::vectorize(
                 #[inline(always)]
                 || {
-                    // The forces that made the acceleration without constraints.
+                    // Forces of the acceleration without constraints.
                     for i in 0..6 {
                         let mut sum = R::zero();
                         for j in 0..6 {

@@ -1,4 +1,4 @@
-//! Stage 6 of Euler's rule and of implicitfast: what is implicit in the velocities.
+//! Stage 6 of Euler's rule and of implicitfast, with its implicit terms.
 
 use stepper_real::{Mask, Real};
 
@@ -14,12 +14,14 @@ use crate::model::JointKind;
 use crate::options::Integrator;
 use crate::stages::s01_actuate::servo_damping;
 
-/// v+ = v + h (M + h D)^-1 M a. D is with Euler's rule the damping of the joints, with the others also that of tendons, actuators and the
-/// medium. Besides, implicitfast has the derivative of the gyroscopic force of a body alone on a free joint, in a system of its own, and
-/// implicit the derivative of all Coriolis forces.
+/// Integrates the velocity: v+ = v + h (M + h D)^-1 M a.
 ///
-/// D has the sparsity of MuJoCo's: of tendons and actuators the products of dofs on one branch, and with implicitfast nothing between the
-/// dofs of a simple body, since MuJoCo's mass matrix has no entries there.
+/// With Euler's rule D is the damping of the joints. The other rules add the damping of tendons, actuators and the medium. ImplicitFast
+/// also adds the derivative of the gyroscopic force of a single body on a free joint, in a separate system. Implicit adds the derivative of
+/// all Coriolis forces.
+///
+/// D has the sparsity of MuJoCo's matrix. Tendons and actuators contribute the products of dofs on one branch. ImplicitFast has no entries
+/// between the dofs of a simple body, because MuJoCo's mass matrix has none.
 pub(super) fn integrate_velocity<R: Real>(
     input: StepInput<'_, R>,
     kinematics: &Kinematics<R>,
@@ -93,7 +95,7 @@ pub(super) fn integrate_velocity<R: Real>(
     advance(v, work, h, v_next);
 }
 
-/// Adds h times the damping of fixed tendons to the entries of the mass matrix, as far as the matrix has these entries.
+/// Adds h times the damping of fixed tendons to those entries that the mass matrix has.
 #[inline(always)]
 fn add_tendon_damping<R: Real>(compiled: &LaneModel<R>, h: R, entries: &mut [R]) {
     for tendon in &compiled.tendons {
@@ -110,8 +112,10 @@ fn add_tendon_damping<R: Real>(compiled: &LaneModel<R>, h: R, entries: &mut [R])
     }
 }
 
-/// Solves the six equations of a body that is alone on a free joint, with the derivative of its gyroscopic force: unsymmetric, so that the
-/// factors of the tree cannot hold it (`mjd_freeMhat`). `entries` are those of M, and those of M + h D.
+/// Solves the six equations of a single body on a free joint, with the derivative of its gyroscopic force.
+///
+/// The matrix is unsymmetric, so that the factors of the tree cannot hold it (`mjd_freeMhat`). `entries` are those of M, and those of M + h
+/// D.
 #[inline(always)]
 pub(super) fn solve_alone<R: Real>(compiled: &LaneModel<R>, entries: [&[R]; 2], mat: &M3<R>, v: &[R], h: R, first: usize, x: &mut [R]) {
     let mut a = [[R::zero(); 6]; 6];
@@ -144,7 +148,7 @@ pub(super) fn solve_alone<R: Real>(compiled: &LaneModel<R>, entries: [&[R]; 2], 
             a[3 + i][3 + c] += h * angular[i];
         }
     }
-    // Gauss's elimination; the symmetric part is positive definite, so that no pivot is needed.
+    // Gaussian elimination. The symmetric part is positive definite, so that no pivot is needed.
     let mut b = [x[first], x[first + 1], x[first + 2], x[first + 3], x[first + 4], x[first + 5]];
     for k in 0..6 {
         let inverse = R::one() / a[k][k];

@@ -1,11 +1,13 @@
-//! MuJoCo's integrators, for its contact law: constraint forces follow from accelerations at the state before the step (or at the stages of
-//! the Runge-Kutta method), and velocities and positions advance as `engine_forward.c` does.
+//! MuJoCo's integrators, for its contact law.
 //!
-//! * Euler (`mj_Euler`): v+ = v + h (M + h B)^-1 M a with the acceleration a of the constrained motion and the damping B of the joints,
-//!   then q+ = q (+) h v+.
-//! * implicitfast (`mj_implicit`): the same with the damping of tendons, actuators and the medium, too; implicit, with the derivative of
-//!   Coriolis forces besides.
-//! * discrete: springs, dampers, servos and the rows of constraints at the end of the step, in one problem.
+//! Constraint forces follow from accelerations at the state before the step, or at the stages of the Runge-Kutta method. Velocities and
+//! positions advance as in `engine_forward.c`.
+//!
+//! * Euler (`mj_Euler`): v+ = v + h (M + h B)^-1 M a, then q+ = q (+) h v+. The acceleration a is that of the constrained motion, B the
+//!   damping of the joints.
+//! * implicitfast (`mj_implicit`): Euler's rule with the damping of tendons, actuators and the medium.
+//! * implicit: implicitfast with the derivative of Coriolis forces.
+//! * discrete: springs, dampers, servos and constraint rows at the end of the step, in one problem.
 //! * Runge-Kutta of order 4 (`mj_RungeKutta`): constraints are solved at each of the four stages.
 
 mod acceleration;
@@ -35,7 +37,7 @@ use crate::probe::{Counter, NoProbe, Probe, Span};
 use crate::stages::s01_actuate::advance_activation;
 use crate::stages::s07_integrate_position::integrate_position;
 
-/// Stages 1 to 7 by MuJoCo's law. Writes the next state to the velocity and position solutions.
+/// Stages 1 to 7 with MuJoCo's contact law. Writes the next state to the velocity and position solutions.
 pub(crate) fn solve_step<R: Real>(
     compiled: &LaneModel<R>,
     options: &StepSettings,
@@ -65,7 +67,7 @@ pub(crate) fn solve_step<R: Real>(
     StepOutcome { solver, impulses_act: true, ambiguous: none, limited: none, infeasible: none, tunnelled }
 }
 
-/// Stages 6 and 7 by the acceleration.
+/// Stages 6 and 7 with the constrained acceleration.
 fn advance<R: Real>(
     input: StepInput<'_, R>,
     acceleration: &mut Acceleration<'_, R>,
@@ -86,7 +88,7 @@ fn advance<R: Real>(
     });
 }
 
-/// Stages 1 to 7 near a solved step whose acceleration is `solution`. Stage 5 follows from it to first order.
+/// Stages 1 to 7 close to a solved step with the acceleration `solution`. Stage 5 follows it to first order.
 pub(crate) fn respond_step<R: Real>(
     compiled: &LaneModel<R>,
     options: &StepSettings,

@@ -1,7 +1,7 @@
-//! The classical Runge-Kutta method of order 4 with constraints.
+//! Classical Runge-Kutta method of order 4 with constraints.
 //!
 //! The unknowns are a displacement theta from the configuration at the beginning, the velocity and the activations. A displacement of a
-//! rotation follows theta' = dexpinv(omega) with angular velocities in the body's frame (Munthe-Kaas 1998; so MuJoCo has it since 4.0).
+//! rotation follows theta' = dexpinv(omega) with angular velocities in the body's frame (Munthe-Kaas 1998; MuJoCo uses it since 4.0).
 
 use stepper_real::Real;
 use stepper_solve::Outcome;
@@ -18,7 +18,7 @@ use crate::model::JointKind;
 use crate::probe::Probe;
 use crate::stages::s01_actuate::{activation_rate, clamp_activation};
 
-/// Stages of the Runge-Kutta method: where each is taken, as a part of the step from its beginning, and its weight.
+/// Stages of the Runge-Kutta method: the time of each, as a fraction of the step, and its weight.
 const STAGES: [[f64; 2]; 4] = [[0.0, 1.0 / 6.0], [0.5, 1.0 / 3.0], [0.5, 1.0 / 3.0], [1.0, 1.0 / 6.0]];
 
 /// Stages 1 to 7 of the classical Runge-Kutta method of order 4. Writes the next state to `v_next` and `position`.
@@ -71,8 +71,8 @@ pub(super) fn runge_kutta<R: Real>(
     outcome
 }
 
-/// Rates of the displacement at a stage: `rates` has those of the last, which led there in `time` seconds, and then those at the velocity
-/// `v`.
+/// Computes the displacement rates at a stage, with the velocity `v`. `rates` holds those of the previous stage, which led to this one in
+/// `time` seconds.
 fn find_rates<R: Real>(compiled: &LaneModel<R>, time: R, v: &[R], rates: &mut [R]) {
     R::vectorize(
         #[inline(always)]
@@ -96,7 +96,7 @@ fn find_rates<R: Real>(compiled: &LaneModel<R>, time: R, v: &[R], rates: &mut [R
     )
 }
 
-/// Moves the stage to `time` seconds after the beginning of the step, by the rates of the last stage.
+/// Moves the stage to `time` seconds after the beginning of the step, with the rates of the last stage.
 fn move_stage<R: Real>(
     compiled: &LaneModel<R>,
     time: R,

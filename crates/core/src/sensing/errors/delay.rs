@@ -1,4 +1,4 @@
-//! Delay lines: what a sensor sampled some steps ago, or between two of them.
+//! Delay lines: samples of a sensor from some steps ago, or between two of them.
 
 use stepper_real::{Mask, Real, Scalar};
 
@@ -8,7 +8,7 @@ use crate::sensing::errors::observe::{Slots, get, put};
 use crate::sensing::errors::{Imperfect, Number, Numbers};
 
 impl<S: Scalar> Imperfect<S> {
-    /// Addresses of the samples held so far and of those to keep now. One line serves all lanes: its end moves with every step.
+    /// Addresses of the samples held so far and of those to keep now. One line serves all lanes: its end advances with every step.
     #[inline(always)]
     pub(super) fn turn_line(&self, start: bool, cursors: &mut [u32], index: usize) -> (usize, usize) {
         if self.line == 0 {
@@ -22,7 +22,7 @@ impl<S: Scalar> Imperfect<S> {
         (held, self.line_at() + cursors[index] as usize * self.dim)
     }
 
-    /// Reads what was kept `delay` steps ago; a lane that starts fills its line with its first sample.
+    /// Reads the sample from `delay` steps ago. A lane that starts fills its line with its first sample.
     #[inline(always)]
     pub(super) fn delay<R: Real<Scalar = S>>(
         &self,
@@ -50,14 +50,14 @@ impl<S: Scalar> Imperfect<S> {
             let steps = steps.min(line - 1);
             self.line_at() + dim * if steps > cursor { cursor + line - steps } else { cursor - steps }
         };
-        // Place by place: lanes that differ at all, by jitter or numbers of their own, ask for a few.
+        // One element at a time: lanes that differ, by jitter or per-environment numbers, read few samples.
         let mut asked = [S::default(); MAX_LANES];
         whole.store(&mut asked);
         let mut left = R::Mask::splat(true).bits();
         while left != 0 {
             let steps = asked[left.trailing_zeros() as usize];
             let same = whole.eq(R::splat(steps));
-            // A number that is none is not even equal to itself.
+            // A NaN is not even equal to itself.
             left &= (left - 1) & !same.bits();
             let steps = steps.to_f64() as u32 as usize;
             let (new, old) = (place(steps), place(steps + 1));
@@ -75,7 +75,7 @@ impl<S: Scalar> Imperfect<S> {
         }
     }
 
-    /// Makes the readings in some lanes a unit vector or quaternion again.
+    /// Normalises unit vectors or quaternions of the readings in some lanes.
     #[inline(always)]
     fn normalise<R: Real<Scalar = S>>(&self, lanes: R::Mask, observation: &mut [S]) {
         let mut square = R::zero();
@@ -90,11 +90,11 @@ impl<S: Scalar> Imperfect<S> {
     }
 }
 
-/// A delay in steps as whole ones and what is left; of a staircase the next whole one.
+/// Whole and fractional part of a delay in steps. For a staircase the delay is rounded up.
 #[inline(always)]
 fn parts<R: Real>(steps: R, smooth: bool) -> (R, R) {
     let steps = steps.max(R::zero());
-    // A delay of a whole number of steps, but for rounding, is one.
+    // A delay within rounding of a whole number of steps counts as that number.
     let rounding = R::of(1e-9f64.max(4.0 * R::Scalar::EPSILON.to_f64()));
     let near = steps.round_even();
     let steps = R::select((steps - near).abs().lt(rounding * (R::one() + near)), near, steps);

@@ -1,11 +1,11 @@
-//! Who draws random numbers for what.
+//! Streams of random numbers: the purpose and the environment of each draw.
 
 use stepper_real::Real;
 
 use crate::math::lanes::MAX_LANES;
 use crate::math::random::{Word, normals, philox4x32_10, uniform};
 
-/// What the numbers of a draw are for: part of their counter.
+/// Purpose of a random number: part of the counter.
 #[derive(Clone, Copy)]
 pub(super) enum Purpose {
     /// Drift, noise, jitter and dropout of a step.
@@ -14,21 +14,21 @@ pub(super) enum Purpose {
     Mixing,
 }
 
-/// Who draws: part of the counter and the key, one per lane.
+/// Keys of the environments that draw: part of the counter and the key, one per lane.
 #[derive(Clone, Copy, Debug)]
 pub struct Keys {
     /// Low and high half of the seed.
     pub seed: [Word; 2],
-    /// Environment.
+    /// Environment of the lane.
     pub stream: Word,
-    /// Episodes of the environment before this one.
+    /// Number of earlier episodes of the environment.
     pub episode: Word,
-    /// Steps since the beginning of the episode.
+    /// Number of steps since the beginning of the episode.
     pub step: Word,
 }
 
 impl Keys {
-    /// Draws for a purpose: `normal` standard normal numbers, two of every two words, and uniform ones in (0, 1) after them.
+    /// Draws numbers for a purpose: `normal` standard normal numbers, two from every two words, then uniform ones in (0, 1).
     #[inline(always)]
     pub(super) fn draw<R: Real>(&self, purpose: Purpose, sensor: usize, normal: usize, out: &mut [R]) {
         for (block, out) in out.chunks_mut(4).enumerate() {
@@ -41,11 +41,11 @@ impl Keys {
         }
     }
 
-    /// The block of random words of a purpose.
+    /// Block of random words of a purpose.
     #[inline(always)]
     fn words(&self, purpose: Purpose, sensor: usize, block: usize, lanes: usize) -> [Word; 4] {
         let label = (purpose as u32) << 29 | (block as u32 & 0x1FFF) << 16 | (sensor as u32 & 0xFFFF);
-        // The rest of a long label is part of the episode's number, whose upper half is never reached.
+        // The upper half of the episode's number, which no simulation reaches, has the rest of a long label.
         let beyond = ((block >> 13) as u32) << 24 | ((sensor >> 16) as u32) << 16;
         let mut episode = self.episode;
         episode[..lanes].iter_mut().for_each(|e| *e ^= beyond);

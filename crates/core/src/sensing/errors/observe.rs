@@ -1,4 +1,4 @@
-//! The transfer functions at work: one sensor of a group of lanes after the other.
+//! Application of transfer functions to the sensors of a group of lanes, one after the other.
 
 use stepper_real::{Mask, Real, Scalar};
 
@@ -17,14 +17,14 @@ pub struct Work<R: Real> {
     drawn: Vec<R>,
 }
 
-/// What survives a step, lane-interleaved, and what the sensors say.
+/// Memory of the sensors, lane-interleaved, and their readings.
 #[derive(Debug)]
 pub struct Slots<'a, S> {
     /// Numbers of the transfer functions.
     pub numbers: &'a mut [S],
-    /// Where each delay line was written last.
+    /// Position of the last sample in each delay line.
     pub cursors: &'a mut [u32],
-    /// What each sensor clipped and lost, counted.
+    /// Number of readings that each sensor clipped and dropped.
     pub faults: &'a mut [u32],
     /// Readings.
     pub observation: &'a mut [S],
@@ -38,8 +38,9 @@ impl<S: Scalar> Errors<S> {
         Work { due: vec![R::Mask::splat(false); self.sensors.len()], drawn: vec![R::zero(); drawn] }
     }
 
-    /// Readings of the lanes `lanes` of a group, from the truth: the first ones of their episodes if `start`, else those of the next step
-    /// of length `h`.
+    /// Computes the readings of the lanes `lanes` of a group from the truth.
+    ///
+    /// With `start` they are the first ones of their episodes, else those of the next step of length `h`.
     #[expect(clippy::too_many_arguments, reason = "what is read, by whom, and what is remembered")]
     pub fn observe<R: Real<Scalar = S>>(
         &self,
@@ -58,7 +59,7 @@ impl<S: Scalar> Errors<S> {
                 sensor.begin(&table.of(k), keys, lanes, work, slots.numbers);
             }
         }
-        // All sensors in one kernel, stage by stage: what one of them waits for, others fill.
+        // All sensors run in one kernel, stage by stage, so that the waits of one are filled by others.
         R::vectorize(
             #[inline(always)]
             || {
@@ -83,7 +84,7 @@ pub(super) fn get<R: Real>(numbers: &[R::Scalar], at: usize) -> R {
     R::load(&numbers[at * R::LANES..])
 }
 
-/// Writes in some lanes.
+/// Writes a number in some lanes.
 #[inline(always)]
 pub(super) fn put<R: Real>(numbers: &mut [R::Scalar], at: usize, lanes: R::Mask, x: R) {
     let old = get::<R>(numbers, at);
@@ -139,21 +140,21 @@ impl<S: Scalar> Imperfect<S> {
         }
     }
 
-    /// Which lanes are due for a sample.
+    /// Lanes that are due for a sample.
     #[inline(always)]
     fn due<R: Real<Scalar = S>>(&self, table: &Numbers<'_, S>, lanes: R::Mask, start: bool, h: f64, memory: &mut [S]) -> R::Mask {
         if !self.sampled {
             return lanes;
         }
         let (phase, period) = (get::<R>(memory, self.phase_at()) + R::of(h), table.number::<R>(Number::Period));
-        // Times are sums of steps: what is due to rounding is due.
+        // Times are sums of steps, so the comparison allows for rounding.
         let due = phase.ge(period - R::of(1e-6 * h));
         let rest = R::select(due, (phase - period).min(R::of(h)), phase);
         put(memory, self.phase_at(), lanes, if start { R::zero() } else { rest });
         if start { lanes } else { lanes.and(due) }
     }
 
-    /// Draws what stays for an episode.
+    /// Draws the numbers that stay constant in an episode.
     fn begin<R: Real<Scalar = S>>(&self, table: &Numbers<'_, S>, keys: &Keys, lanes: R::Mask, work: &mut Work<R>, memory: &mut [S]) {
         R::vectorize(
             #[inline(always)]
@@ -189,7 +190,7 @@ impl<S: Scalar> Imperfect<S> {
         )
     }
 
-    /// A step of the drift by the numbers drawn.
+    /// Advances the drift by a step with the drawn numbers.
     #[inline(always)]
     fn drift<R: Real<Scalar = S>>(&self, table: &Numbers<'_, S>, lanes: R::Mask, drawn: &[R], memory: &mut [S]) {
         let (decay, kick): (R, R) = (table.number(Number::Decay), table.number(Number::Kick));
@@ -200,8 +201,8 @@ impl<S: Scalar> Imperfect<S> {
         }
     }
 
-    /// Scale and misalignment, bias, drift, noise, quantisation and clip: the samples of now, kept in the lanes that take one; others keep
-    /// what they held. Returns where something was clipped.
+    /// Takes samples: scale and misalignment, bias, drift, noise, quantisation and clip. Lanes that are not due keep their held sample.
+    /// Returns the lanes with a clipped reading.
     #[inline(always)]
     fn sample<R: Real<Scalar = S>>(
         &self,
@@ -262,13 +263,13 @@ impl<S: Scalar> Imperfect<S> {
         }
         x += error;
         if self.quantity == Quantity::Positive {
-            // A distance that was not found, a place without force: there is nothing to disturb.
+            // A missing distance or zero force has no error.
             x = R::select(truth[k].le(R::zero()), truth[k], x.max(R::zero()));
         }
         x
     }
 
-    /// Quantisation and clip, and where it was clipped.
+    /// Quantised and clipped reading, and the lanes in which it was clipped.
     #[inline(always)]
     fn read_off<R: Real<Scalar = S>>(&self, table: &Numbers<'_, S>, mut x: R) -> (R, R::Mask) {
         let mut clipped = R::Mask::splat(false);
@@ -287,7 +288,7 @@ impl<S: Scalar> Imperfect<S> {
     }
 }
 
-/// A unit vector or quaternion turned by a rotation vector; the quaternion in its own frame.
+/// Unit vector or quaternion turned by a rotation vector; for a quaternion in the turned frame.
 #[inline(always)]
 fn turn<R: Real>(truth: &[R], error: V3<R>) -> [R; 4] {
     let twist = quat_exp(error);

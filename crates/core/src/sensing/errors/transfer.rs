@@ -1,24 +1,24 @@
-//! What is said of a sensor: numbers with their checks.
+//! Parameters of a sensor, with their checks.
 
 use serde::{Deserialize, Serialize};
 
 use crate::model::{DeviceError, Quantity};
 
-/// The transfer function of one sensor. Every list has one number for all environments, or one for each.
+/// Transfer function of one sensor. Every list has one number for all environments, or one for each.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Transfer {
     /// Factor of every channel.
     pub scale: Vec<f64>,
-    /// Mixes the channels before the factor: (dim, dim), row by row; empty is the identity.
+    /// Matrix that mixes the channels before the factor: (dim, dim), row by row; empty is the identity.
     pub matrix: Vec<f64>,
     /// Standard deviation of the relative error of each channel's factor, drawn at reset.
     pub scale_std: Vec<f64>,
-    /// Standard deviation of what each channel reads of every other, drawn at reset, rad.
+    /// Standard deviation of the fraction that each channel reads of every other, drawn at reset, rad.
     pub misalignment_std: Vec<f64>,
     /// Bias of every channel, the same in every episode.
     pub bias: Vec<f64>,
-    /// Standard deviation of what is drawn at reset beside it.
+    /// Standard deviation of the random bias that is drawn at reset and added.
     pub bias_std: Vec<f64>,
     /// Growth of the drift, per sqrt(s).
     pub drift_std: Vec<f64>,
@@ -38,9 +38,9 @@ pub struct Transfer {
     pub high: Vec<f64>,
     /// Time between samples, s; 0 is every step.
     pub period: Vec<f64>,
-    /// s
+    /// Delay of the readings, s.
     pub delay: Vec<f64>,
-    /// Half width of the delay's scatter from step to step, s.
+    /// Half width of the random variation of the delay from step to step, s.
     pub jitter: Vec<f64>,
     /// Probability that a sample is lost and the last one held.
     pub dropout: Vec<f64>,
@@ -76,7 +76,7 @@ impl Transfer {
         self.fields().iter().all(|(_, x)| x.len() == 1)
     }
 
-    /// The first number out of its range.
+    /// Checks that all numbers are in their ranges. The error names the first that is not.
     pub(super) fn check(&self, dim: usize, quantity: Quantity, num_envs: usize, h: f64) -> Result<(), DeviceError> {
         for (name, x) in self.fields() {
             if x.len() != 1 && x.len() != num_envs {

@@ -15,7 +15,7 @@ use crate::tuning::SIMULTANEOUS_FRACTION;
 
 /// Candidate pairs of deferred contacts, and the lanes in which they collide.
 #[derive(Clone, Debug)]
-pub(crate) struct StrikeSearch<R: Real> {
+pub(crate) struct CollisionSearch<R: Real> {
     swept: SweptPair<R>,
     /// Normal velocity of each deferred contact in the motion, m/s, and the lanes in which its linearised gap closes.
     rates: Vec<(R, R::Mask)>,
@@ -41,7 +41,7 @@ struct CandidatePair<R: Real> {
 }
 
 /// Contacts and settings of one search.
-pub(crate) struct StrikeQuery<'a, R: Real> {
+pub(crate) struct CollisionQuery<'a, R: Real> {
     pub(crate) compiled: &'a LaneModel<R>,
     pub(crate) kinematics: &'a Kinematics<R>,
     pub(crate) poses: &'a GeomPoses<R>,
@@ -49,13 +49,15 @@ pub(crate) struct StrikeQuery<'a, R: Real> {
     pub(crate) options: &'a StepSettings,
     /// Lanes to search.
     pub(crate) lanes: R::Mask,
-    /// Fraction of the linearised overlap that the overlap on the path must exceed. 0 for a solved motion; a prediction has an error.
+    /// Least overlap on the path that counts as a collision, as a fraction of the linearised overlap.
+    ///
+    /// It is 0 for a solved motion, and positive for a prediction, which has an error.
     pub(crate) margin: f64,
     /// Whether every colliding pair counts, also behind an earlier collision of the same trees.
     pub(crate) ignores_order: bool,
 }
 
-impl<R: Real> StrikeSearch<R> {
+impl<R: Real> CollisionSearch<R> {
     /// Workspace for a compiled model.
     pub(crate) fn new(compiled: &LaneModel<R>, max_contacts: usize) -> Self {
         let rolling = if compiled.has_rolling_friction { max_contacts } else { 0 };
@@ -67,15 +69,21 @@ impl<R: Real> StrikeSearch<R> {
         }
     }
 
-    /// Fills with NaN what a step computes before it reads it.
+    /// Fills with NaN the buffers that a step computes before it reads them.
     pub(crate) fn poison(&mut self) {
         self.v_predicted.fill(R::of(f64::NAN));
     }
 
     /// Finds the candidate pairs that collide first. Returns the lanes with any.
     ///
-    /// The motion has the velocity `v_predicted` after the step, or `v_solved`. [`StrikeSearch::list_candidates`] must run before.
-    pub(crate) fn find(&mut self, query: &StrikeQuery<'_, R>, predicted: bool, v_solved: &[R], problem: &ConstraintProblem<R>) -> R::Mask {
+    /// The motion has the velocity `v_predicted` after the step, or `v_solved`. [`CollisionSearch::list_candidates`] must run before.
+    pub(crate) fn find(
+        &mut self,
+        query: &CollisionQuery<'_, R>,
+        predicted: bool,
+        v_solved: &[R],
+        problem: &ConstraintProblem<R>,
+    ) -> R::Mask {
         let Self { swept, v_predicted, .. } = self;
         R::vectorize(
             #[inline(always)]
@@ -98,7 +106,7 @@ impl<R: Real> StrikeSearch<R> {
     }
 
     /// Lists the pairs whose linearised gap closes. `w` is the scaled velocity change by the impulses. Returns whether there are any.
-    pub(crate) fn list_candidates(&mut self, query: &StrikeQuery<'_, R>, problem: &ConstraintProblem<R>, w: &[R]) -> bool {
+    pub(crate) fn list_candidates(&mut self, query: &CollisionQuery<'_, R>, problem: &ConstraintProblem<R>, w: &[R]) -> bool {
         self.rates.clear();
         self.pairs.clear();
         R::vectorize(
@@ -128,8 +136,8 @@ impl<R: Real> StrikeSearch<R> {
 
     /// Reduces the lanes of each candidate to those in which its path collides. Finds the times of first touch in lanes with several.
     #[inline(always)]
-    fn test_paths(&mut self, query: &StrikeQuery<'_, R>, problem: &ConstraintProblem<R>) {
-        let StrikeQuery { compiled, kinematics, poses, .. } = *query;
+    fn test_paths(&mut self, query: &CollisionQuery<'_, R>, problem: &ConstraintProblem<R>) {
+        let CollisionQuery { compiled, kinematics, poses, .. } = *query;
         let Self { swept, rates, pairs, .. } = self;
         let time = problem.closing_time;
         let path = |index: usize, pair| Path { compiled, kinematics, start: &poses.placed, time, slack: poses.slack, index, pair };
@@ -156,7 +164,7 @@ impl<R: Real> StrikeSearch<R> {
     /// Removes candidates from the lanes in which another pair of the same trees touches earlier.
     ///
     /// The earlier impact changes the motion of these trees.
-    fn keep_earliest(&mut self, query: &StrikeQuery<'_, R>, problem: &ConstraintProblem<R>) {
+    fn keep_earliest(&mut self, query: &CollisionQuery<'_, R>, problem: &ConstraintProblem<R>) {
         let lanes = self.pairs.iter().fold(0, |bits, candidate| bits | candidate.lanes.bits());
         let trees_of = |candidate: &CandidatePair<R>| trees_of_pair(query.compiled, candidate.pair);
         for lane in each_of(lanes) {
@@ -180,7 +188,7 @@ impl<R: Real> StrikeSearch<R> {
 /// Linearised gap of a pair and its [`touch_tolerance`], m, of the deferred contact that overlaps most at the end of the path.
 #[inline(always)]
 fn farthest_closing_gap<R: Real>(
-    query: &StrikeQuery<'_, R>,
+    query: &CollisionQuery<'_, R>,
     problem: &ConstraintProblem<R>,
     rates: &[(R, R::Mask)],
     candidate: &CandidatePair<R>,
@@ -205,7 +213,7 @@ fn farthest_closing_gap<R: Real>(
 
 /// Overlap of resting contacts nearby, at most the slop, m. A body that slides over flush supports keeps it from one support to the next.
 #[inline(always)]
-fn resting_overlap<R: Real>(query: &StrikeQuery<'_, R>, problem: &ConstraintProblem<R>, candidate: &CandidatePair<R>) -> R {
+fn resting_overlap<R: Real>(query: &CollisionQuery<'_, R>, problem: &ConstraintProblem<R>, candidate: &CandidatePair<R>) -> R {
     let compiled = query.compiled;
     let frames_of = |pair: usize| compiled.pair_geoms(pair).expect("made from this compiled").map(|g| compiled.geoms[g].frame);
     let mut overlap = R::zero();
@@ -218,7 +226,7 @@ fn resting_overlap<R: Real>(query: &StrikeQuery<'_, R>, problem: &ConstraintProb
 
 /// Overlap at the end of the path that counts as touch, m: the motion of a resting contact, or the rounding of positions if larger.
 #[inline(always)]
-fn touch_tolerance<R: Real>(query: &StrikeQuery<'_, R>, problem: &ConstraintProblem<R>, slot: usize) -> R {
+fn touch_tolerance<R: Real>(query: &CollisionQuery<'_, R>, problem: &ConstraintProblem<R>, slot: usize) -> R {
     (problem.closing_time * R::of(resting_speed(query.options))).max(query.contacts.data[slot].point.rounding())
 }
 

@@ -1,5 +1,7 @@
-//! The bias of a row: minus the velocity that it demands at the end of the step, from its distance or its overlap. A row is g = (its free
-//! velocity) + bias, and asks for Y^T w + g >= 0 (for equalities = 0).
+//! Target velocities of rows from their distance or overlap.
+//!
+//! A row is Y^T w + g >= 0 (for equalities = 0) with g = (its free velocity) + bias. The bias is minus the target velocity at the end of
+//! the step.
 
 use stepper_real::{Mask, Real};
 
@@ -8,14 +10,17 @@ use crate::options::{Stabilization, StepSettings};
 use crate::tuning::LIMIT_RETURN;
 
 impl<R: Real> Assembler<'_, R> {
-    /// The biases of a contact's normal row at distance `phi` (see the module): of the velocity solve and of the position solve. Where a
-    /// step is differentiated, `solved` is the distance in its solution.
+    /// Biases of a contact's normal row at distance `phi` (see the module), in the velocity solve and in the position solve.
+    ///
+    /// While a step is differentiated, `solved` is the distance in its solution.
     #[inline(always)]
     pub(crate) fn biases(&mut self, options: &StepSettings, phi: R, solved: Option<R>, h: R, active: R::Mask) -> (R, R) {
         self.biases_up_to(options, options.max_correction_speed, phi, solved, h, active)
     }
 
-    /// The same of a limit. Where positions alone move, it comes back faster than an overlap does: no energy can come of it.
+    /// Biases of a limit's row, in the velocity solve and in the position solve.
+    ///
+    /// In the split form a limit returns faster than an overlap, because position corrections add no energy.
     #[inline(always)]
     pub(crate) fn limit_biases(&mut self, options: &StepSettings, phi: R, solved: Option<R>, h: R, active: R::Mask) -> (R, R) {
         let split = options.stabilization == Stabilization::Split;
@@ -34,7 +39,7 @@ impl<R: Real> Assembler<'_, R> {
         let (wanted, fastest) = (overlap * R::of(options.baumgarte) / h, R::of(fastest));
         let mut correction = wanted.min(fastest);
         if options.stabilization == Stabilization::Split && overlap.gt(R::zero()).any() {
-            // Bounded smoothly, so that of two demands that contradict one another the larger one stays the larger.
+            // A smooth bound keeps the larger of two contradicting targets the larger one.
             let most = (wanted * wanted + fastest * fastest).sqrt();
             correction = wanted * fastest / most.max(R::of(f64::from(f32::MIN_POSITIVE)));
         }

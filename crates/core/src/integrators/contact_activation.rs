@@ -6,8 +6,8 @@
 use stepper_real::{Mask, Real};
 
 use crate::constraints::{ConstraintProblem, VelocitySolution};
+use crate::integrators::collision_search::{CollisionQuery, CollisionSearch};
 use crate::integrators::step_values::{Evaluation, FreeMotion, Place, StepInput};
-use crate::integrators::strike_search::{StrikeQuery, StrikeSearch};
 use crate::stages::s05_solve::Estimate;
 use crate::tuning::{MAX_PREDICTIONS, PREDICTED_MARGIN};
 
@@ -22,31 +22,31 @@ pub(crate) enum SweptMotion {
 
 /// Activates the contacts that collide in the predicted motion, and repeats the estimate with them in the lanes `lanes`.
 #[inline(always)]
-pub(crate) fn predict_strikes<R: Real>(
+pub(crate) fn predict_collisions<R: Real>(
     place: Place<'_, R>,
     free: &FreeMotion<R>,
     problem: &mut ConstraintProblem<R>,
     velocity: &mut VelocitySolution<R>,
-    strikes: &mut StrikeSearch<R>,
+    collisions: &mut CollisionSearch<R>,
     (estimate, lanes): (&Estimate<R>, R::Mask),
 ) {
     for _ in 0..MAX_PREDICTIONS {
-        let struck = activate_struck(place, free, problem, velocity, strikes, SweptMotion::Predicted);
-        if struck.none() {
+        let colliding = activate_colliding(place, free, problem, velocity, collisions, SweptMotion::Predicted);
+        if colliding.none() {
             return;
         }
-        estimate.repeat(place.input.options, struck.and(lanes), problem, velocity);
+        estimate.repeat(place.input.options, colliding.and(lanes), problem, velocity);
     }
 }
 
 /// Activates the contacts that collide in a motion. Returns the lanes with any.
 #[inline(always)]
-pub(crate) fn activate_struck<R: Real>(
+pub(crate) fn activate_colliding<R: Real>(
     place: Place<'_, R>,
     free: &FreeMotion<R>,
     problem: &mut ConstraintProblem<R>,
     velocity: &mut VelocitySolution<R>,
-    strikes: &mut StrikeSearch<R>,
+    collisions: &mut CollisionSearch<R>,
     motion: SweptMotion,
 ) -> R::Mask {
     let Place { input: StepInput { compiled, options, alive, .. }, evaluation: Evaluation { kinematics, contacts, poses, .. } } = place;
@@ -57,24 +57,24 @@ pub(crate) fn activate_struck<R: Real>(
         SweptMotion::Predicted => (PREDICTED_MARGIN, false),
         SweptMotion::Solved { ignores_order } => (0.0, ignores_order),
     };
-    let query = StrikeQuery { compiled, kinematics, poses, contacts, options, lanes: alive, margin, ignores_order };
-    if !strikes.list_candidates(&query, problem, &velocity.impulses.w) {
+    let query = CollisionQuery { compiled, kinematics, poses, contacts, options, lanes: alive, margin, ignores_order };
+    if !collisions.list_candidates(&query, problem, &velocity.impulses.w) {
         return R::Mask::splat(false);
     }
     if motion == SweptMotion::Predicted {
-        velocity.impulse_change(compiled, &free.smooth.mass, &mut strikes.v_predicted);
+        velocity.impulse_change(compiled, &free.smooth.mass, &mut collisions.v_predicted);
         R::vectorize(
             #[inline(always)]
             || {
-                for (v, &free) in strikes.v_predicted.iter_mut().zip(&free.v) {
+                for (v, &free) in collisions.v_predicted.iter_mut().zip(&free.v) {
                     *v += free;
                 }
             },
         );
     }
-    let struck = strikes.find(&query, motion == SweptMotion::Predicted, &velocity.v, problem);
-    if struck.any() {
-        problem.activate(velocity, contacts, struck, |pair| strikes.lanes_of(pair));
+    let colliding = collisions.find(&query, motion == SweptMotion::Predicted, &velocity.v, problem);
+    if colliding.any() {
+        problem.activate(velocity, contacts, colliding, |pair| collisions.lanes_of(pair));
     }
-    struck
+    colliding
 }

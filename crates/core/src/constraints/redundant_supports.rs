@@ -1,14 +1,14 @@
-//! Loads that the law leaves open: where a loose body touches another one at three points or more, they are shared evenly.
+//! Redundant supports: contact forces that the laws of motion leave open. Their loads are shared evenly.
 //!
-//! Three contacts have nine unknown force components, a rigid body gives six equations. As long as all points stick, the motion is one
-//! whatever the forces are. When they slip, friction's torque depends on how the load is shared: forces left by sweeps, which load the
-//! points that they visit first, turn a box that two fingers hold.
+//! Three contacts between two bodies have nine unknown force components; a rigid body gives six equations. While all points stick, the
+//! motion is the same for all solutions. When they slip, the torque of friction depends on how the points share the load. Sweeps
+//! (Gauss-Seidel iterations) load the points that they visit first, and such forces turn a box that two fingers hold.
 //!
-//! The contacts of one pair of bodies are a patch, and patches that move a coordinate together are shared together (a box between two
-//! fingers: where on the fingers it presses is open too). Of all their normal impulses that move the joints as the present ones do, none
-//! negative, those of least norm are taken; and friction is taken anew where a contact slips, as mu times the normal impulse against the
-//! motion. Where a patch slips along a plane without turning, that leaves the force and the moment of friction as they were, and with them
-//! all velocities; where it turns, the solution goes on from the shared loads.
+//! The contacts between two bodies form a contact group. Groups that move a common coordinate form a cluster, whose loads are shared
+//! together. An example is a box between two fingers, whose place on the fingers is open too. Among all nonnegative normal impulses with
+//! the same effect on the joints, those of least norm are chosen. Friction of a slipping contact is recomputed as mu times the normal
+//! impulse, against the motion. If a group slips along a plane without turning, its force, its friction moment and all velocities stay the
+//! same. If it turns, the solver continues from the shared loads.
 
 use std::ops::Range;
 
@@ -21,28 +21,28 @@ use crate::constraints::constraint_problem::ConstraintProblem;
 use crate::math::spatial::*;
 use crate::tuning::{DEPENDENT_LENGTH, MAX_NEW_CONTACTS, MAX_SHARED_CONTACTS, MIN_SHARE_CHANGE, MIN_SHARED_CONTACTS, SLIP_SPEED};
 
-/// Patches of all lanes: contacts between the same two bodies, of which at least one is loose.
+/// Contact groups of all lanes: contacts between the same two bodies, of which at least one is loose.
 #[derive(Clone, Debug)]
-pub(crate) struct Patches<R> {
-    /// Slots of the contacts, patch by patch.
+pub(crate) struct ContactGroups<R> {
+    /// Slots of the contacts, group by group.
     slots: Vec<usize>,
-    /// All patches, lane by lane.
-    patches: Vec<Patch>,
-    /// Bodies of every patch of the lane that is searched, and the number of its contacts.
+    /// All contact groups, lane by lane.
+    groups: Vec<ContactGroup>,
+    /// Bodies of every group of the lane that is searched, and the number of its contacts.
     pairs: Vec<([usize; 2], usize)>,
-    /// Patch of every contact of that lane.
+    /// Contact group of every contact of that lane.
     of_contact: Vec<usize>,
-    /// Contacts of the patches that are shared together.
+    /// Contacts of the cluster whose loads are being shared.
     points: Vec<Point>,
-    /// Rows of the normal impulses: one for each coordinate that they move, with an entry for each point.
+    /// Rows of the normal impulses: one for each coordinate with an entry, over the points.
     rows: Vec<f64>,
-    /// What the impulses make of each coordinate.
+    /// Sum of the scaled impulses in each coordinate.
     sums: Vec<f64>,
     /// Coordinate of each row.
     coordinates: Vec<u32>,
-    /// Whether each row is done.
+    /// Whether each row is already orthonormal.
     done: Vec<bool>,
-    /// Patch that each coordinate belongs to.
+    /// Contact group that each coordinate belongs to.
     owners: Vec<usize>,
     /// Velocities of all contacts, m/s.
     velocities: Vec<V3<R>>,
@@ -50,19 +50,19 @@ pub(crate) struct Patches<R> {
 
 /// Contacts between two bodies in a lane.
 #[derive(Clone, Copy, Debug)]
-struct Patch {
+struct ContactGroup {
     lane: usize,
-    /// Where its contacts begin in the list of slots, and end.
+    /// Range of its contacts in the list of slots.
     slots: [usize; 2],
-    /// Number that it has in common with the patches that are shared with it.
-    group: usize,
+    /// Cluster of the group: the index of one of its groups.
+    cluster: usize,
     /// Whether any of its contacts slips under load.
     slips: bool,
 }
 
-impl Patch {
-    /// Indices of its contacts in the problem, but for those with six rows and those that nothing can move: other lanes may have such a
-    /// contact in the same slot.
+impl ContactGroup {
+    /// Indices of the group's contacts in the problem, without those with six rows and immovable ones. Other lanes may have such a contact
+    /// in the same slot.
     fn contacts<'a, R: Real>(
         &self,
         slots: &'a [usize],
@@ -76,28 +76,28 @@ impl Patch {
     }
 }
 
-/// One contact of patches that are shared together.
+/// Contact of a cluster.
 #[derive(Clone, Copy, Debug)]
 struct Point {
     /// Index of the contact in the problem.
     contact: usize,
     /// Velocity along normal and tangents, m/s.
     velocity: [f64; 3],
-    /// Normal impulse before, N s.
+    /// Normal impulse before the redistribution, N s.
     before: f64,
-    /// Normal impulse when it is shared, N s.
+    /// Normal impulse after the redistribution, N s.
     shared: f64,
-    /// Whether it may be loaded.
+    /// Whether the point may carry load.
     free: bool,
 }
 
-impl<R: Real> Patches<R> {
-    /// Workspace for a number of contacts per environment.
+impl<R: Real> ContactGroups<R> {
+    /// Workspace for `max_contacts` contacts per environment.
     pub(crate) fn new(max_contacts: usize) -> Self {
         let n = max_contacts;
         Self {
             slots: Vec::with_capacity(n * R::LANES),
-            patches: Vec::with_capacity(n.div_ceil(MIN_SHARED_CONTACTS) * R::LANES),
+            groups: Vec::with_capacity(n.div_ceil(MIN_SHARED_CONTACTS) * R::LANES),
             pairs: Vec::with_capacity(n),
             of_contact: Vec::with_capacity(n),
             points: Vec::with_capacity(n.min(MAX_SHARED_CONTACTS)),
@@ -110,10 +110,10 @@ impl<R: Real> Patches<R> {
         }
     }
 
-    /// Finds the patches of the lanes `lanes` (bits).
+    /// Finds the contact groups of the lanes `lanes` (bits).
     pub(crate) fn find(&mut self, compiled: &ModelStructure<R::Scalar>, contacts: &Contacts<R>, lanes: u32) {
         self.slots.clear();
-        self.patches.clear();
+        self.groups.clear();
         if compiled.floating.is_empty() {
             return;
         }
@@ -122,7 +122,7 @@ impl<R: Real> Patches<R> {
             self.of_contact.clear();
             for k in 0..contacts.count[lane] {
                 let pair = contacts.ids[k][lane].pair();
-                // Springs say how loads are shared.
+                // Springs determine how loads are shared.
                 if compiled.has_contact_springs && compiled.pair(pair).spring.is_some() {
                     self.of_contact.push(usize::MAX);
                     continue;
@@ -130,33 +130,34 @@ impl<R: Real> Patches<R> {
                 let geoms = compiled.pair_geoms(pair).expect("made from this compiled");
                 let frames = geoms.map(|g| compiled.geoms[g].frame);
                 let known = self.pairs.iter().rposition(|(pair, _)| *pair == frames);
-                let patch = known.unwrap_or_else(|| {
+                let group = known.unwrap_or_else(|| {
                     self.pairs.push((frames, 0));
                     self.pairs.len() - 1
                 });
-                self.pairs[patch].1 += 1;
-                self.of_contact.push(patch);
+                self.pairs[group].1 += 1;
+                self.of_contact.push(group);
             }
-            for (patch, (frames, count)) in self.pairs.iter().enumerate() {
+            for (group, (frames, count)) in self.pairs.iter().enumerate() {
                 let loose = |&f: &usize| f > 0 && compiled.floating.get(f - 1) == Some(&true);
                 if *count >= MIN_SHARED_CONTACTS && frames.iter().any(loose) {
                     let start = self.slots.len();
-                    self.slots.extend((0..contacts.count[lane]).filter(|&k| self.of_contact[k] == patch));
-                    let group = self.patches.len();
-                    self.patches.push(Patch { lane, slots: [start, self.slots.len()], group, slips: false });
+                    self.slots.extend((0..contacts.count[lane]).filter(|&k| self.of_contact[k] == group));
+                    let cluster = self.groups.len();
+                    self.groups.push(ContactGroup { lane, slots: [start, self.slots.len()], cluster, slips: false });
                 }
             }
         }
     }
 
-    /// Lanes with a patch.
+    /// Lanes with a contact group.
     #[inline(always)]
     pub(crate) fn lanes(&self) -> R::Mask {
-        R::Mask::from_bits(self.patches.iter().fold(0, |bits, p| bits | 1 << p.lane))
+        R::Mask::from_bits(self.groups.iter().fold(0, |bits, p| bits | 1 << p.lane))
     }
 
-    /// Lanes with a patch that bears no load yet and is about to: what sweeps make of it depends on their order, so its first impulses are
-    /// to be those of least norm.
+    /// Lanes with a contact group that bears no load yet and closes in this step.
+    ///
+    /// The result of sweeps depends on their order, so the first impulses of such a group must be those of least norm.
     pub(crate) fn new_lanes(
         &self,
         contacts: &Contacts<R>,
@@ -165,18 +166,18 @@ impl<R: Real> Patches<R> {
         iterate: &Iterate<R>,
     ) -> R::Mask {
         let mut lanes = 0;
-        for patch in self.patches.iter().filter(|p| contacts.count[p.lane] <= MAX_NEW_CONTACTS) {
-            let own = || patch.contacts::<R>(&self.slots, assembled_slots, problem);
-            let unloaded = |i: usize| iterate.contacts[i][0].lane(patch.lane) <= R::Scalar::default();
-            let closes = |i: usize| problem.contacts.velocity(&problem.contacts[i], &iterate.w)[0].lane(patch.lane) < R::Scalar::default();
-            if lanes >> patch.lane & 1 == 0 && own().all(unloaded) && own().any(closes) {
-                lanes |= 1 << patch.lane;
+        for group in self.groups.iter().filter(|p| contacts.count[p.lane] <= MAX_NEW_CONTACTS) {
+            let own = || group.contacts::<R>(&self.slots, assembled_slots, problem);
+            let unloaded = |i: usize| iterate.contacts[i][0].lane(group.lane) <= R::Scalar::default();
+            let closes = |i: usize| problem.contacts.velocity(&problem.contacts[i], &iterate.w)[0].lane(group.lane) < R::Scalar::default();
+            if lanes >> group.lane & 1 == 0 && own().all(unloaded) && own().any(closes) {
+                lanes |= 1 << group.lane;
             }
         }
         R::Mask::from_bits(lanes)
     }
 
-    /// Finds the patches of the lanes `lanes` that slip; returns the lanes in which any does.
+    /// Finds the contact groups of the lanes `lanes` that slip. Returns the lanes with any.
     pub(crate) fn find_slips(&mut self, assembled: &ConstraintProblem<R>, iterate: &Iterate<R>, lanes: R::Mask) -> R::Mask {
         if lanes.none() {
             return lanes;
@@ -192,23 +193,24 @@ impl<R: Real> Patches<R> {
             },
         );
         let (all, mut slipping) = (lanes.bits(), 0);
-        let Self { patches, slots, velocities, .. } = self;
-        for patch in patches.iter_mut().filter(|p| all >> p.lane & 1 == 1) {
-            let lane = patch.lane;
+        let Self { groups, slots, velocities, .. } = self;
+        for group in groups.iter_mut().filter(|p| all >> p.lane & 1 == 1) {
+            let lane = group.lane;
             let slips = |i: usize| iterate.contacts[i][0].lane(lane).to_f64() > 0.0 && slip(of_lane(&velocities[i], lane)) > SLIP_SPEED;
-            patch.slips = patch.contacts::<R>(slots, &assembled.slots, &assembled.rows).any(slips);
-            slipping |= u32::from(patch.slips) << lane;
+            group.slips = group.contacts::<R>(slots, &assembled.slots, &assembled.rows).any(slips);
+            slipping |= u32::from(group.slips) << lane;
         }
         R::Mask::from_bits(slipping)
     }
 
-    /// Shares the loads of the lanes `lanes`, whose slips are found. Returns the lanes in which that changed any share; w of the others may
-    /// have changed by rounding.
+    /// Shares the loads of the lanes `lanes` after [`ContactGroups::find_slips`]. Returns the lanes in which a share changed.
+    ///
+    /// w of the other lanes may change by rounding.
     pub(crate) fn share(&mut self, assembled: &ConstraintProblem<R>, iterate: &mut Iterate<R>, lanes: R::Mask) -> R::Mask {
         let (mut start, mut shared) = (0, 0);
-        while start < self.patches.len() {
-            let lane = self.patches[start].lane;
-            let end = start + self.patches[start..].iter().take_while(|p| p.lane == lane).count();
+        while start < self.groups.len() {
+            let lane = self.groups[start].lane;
+            let end = start + self.groups[start..].iter().take_while(|p| p.lane == lane).count();
             if lanes.bits() >> lane & 1 == 1 && self.share_lane(start..end, assembled, iterate) {
                 shared |= 1 << lane;
             }
@@ -223,18 +225,18 @@ impl<R: Real> Patches<R> {
         R::Mask::from_bits(shared)
     }
 
-    /// Shares the loads of one lane, whose patches are `patches`; returns whether any has changed.
-    fn share_lane(&mut self, patches: Range<usize>, assembled: &ConstraintProblem<R>, iterate: &mut Iterate<R>) -> bool {
-        let lane = self.patches[patches.start].lane;
-        self.group(patches.clone(), assembled);
+    /// Shares the loads of the contact groups `groups` of one lane. Returns whether any load has changed.
+    fn share_lane(&mut self, groups: Range<usize>, assembled: &ConstraintProblem<R>, iterate: &mut Iterate<R>) -> bool {
+        let lane = self.groups[groups.start].lane;
+        self.find_clusters(groups.clone(), assembled);
         let mut changed = false;
-        for name in patches.clone() {
+        for name in groups.clone() {
             self.points.clear();
             let mut slips = false;
-            for p in patches.clone() {
-                if self.patches[p].group == name {
+            for p in groups.clone() {
+                if self.groups[p].cluster == name {
                     self.gather(p, assembled, iterate);
-                    slips |= self.patches[p].slips;
+                    slips |= self.groups[p].slips;
                 }
             }
             if slips && self.points.len() <= MAX_SHARED_CONTACTS && self.distribute(lane, &assembled.rows) {
@@ -245,41 +247,42 @@ impl<R: Real> Patches<R> {
         changed
     }
 
-    /// Gathers the contacts of a patch that have three rows.
-    fn gather(&mut self, patch: usize, assembled: &ConstraintProblem<R>, iterate: &Iterate<R>) {
-        let Self { slots, patches, points, velocities, .. } = self;
-        let lane = patches[patch].lane;
-        for i in patches[patch].contacts::<R>(slots, &assembled.slots, &assembled.rows) {
+    /// Gathers the contacts of a group that have three rows.
+    fn gather(&mut self, group: usize, assembled: &ConstraintProblem<R>, iterate: &Iterate<R>) {
+        let Self { slots, groups, points, velocities, .. } = self;
+        let lane = groups[group].lane;
+        for i in groups[group].contacts::<R>(slots, &assembled.slots, &assembled.rows) {
             let (velocity, before) = (of_lane(&velocities[i], lane), iterate.contacts[i][0].lane(lane).to_f64());
             points.push(Point { contact: i, velocity, before, shared: 0.0, free: before > 0.0 || velocity[0] <= SLIP_SPEED });
         }
     }
 
-    /// Gives patches that move a coordinate together the same group: the number of one of them.
-    fn group(&mut self, patches: Range<usize>, assembled: &ConstraintProblem<R>) {
-        let Self { slots, patches: all, owners, .. } = self;
+    /// Assigns groups that move a common coordinate to the same cluster.
+    fn find_clusters(&mut self, groups: Range<usize>, assembled: &ConstraintProblem<R>) {
+        let Self { slots, groups: all, owners, .. } = self;
         owners.clear();
         owners.resize(assembled.rows.dimension(), usize::MAX);
-        let lane = all[patches.start].lane;
+        let lane = all[groups.start].lane;
         let contacts = &assembled.rows.contacts;
-        for p in patches.clone() {
+        for p in groups.clone() {
             for contact in all[p].contacts::<R>(slots, &assembled.slots, &assembled.rows).map(|i| &contacts[i]) {
                 let (support, y) = contacts.entries(contact);
                 for (&c, _) in support.iter().zip(y).filter(|(_, y)| y.iter().any(|y| y.lane(lane) != R::Scalar::default())) {
-                    let (owner, group) = (owners[c as usize], all[p].group);
+                    let (owner, cluster) = (owners[c as usize], all[p].cluster);
                     if owner == usize::MAX {
-                        owners[c as usize] = group;
-                    } else if owner != group {
-                        // Groups of coordinates are those of their patches: an owner may have been renamed since.
-                        let known = all[owner].group;
-                        all[patches.clone()].iter_mut().filter(|other| other.group == group).for_each(|other| other.group = known);
+                        owners[c as usize] = cluster;
+                    } else if owner != cluster {
+                        // The cluster of an owner is that of its group, which may have changed since.
+                        let known = all[owner].cluster;
+                        all[groups.clone()].iter_mut().filter(|other| other.cluster == cluster).for_each(|other| other.cluster = known);
                     }
                 }
             }
         }
     }
 
-    /// Finds the normal impulses of least norm that move all coordinates alike, none negative; false where there are none, or none changes.
+    /// Finds the nonnegative normal impulses of least norm with the same effect on all coordinates. Returns false if there are none, or
+    /// none changes.
     fn distribute(&mut self, lane: usize, problem: &Problem<R>) -> bool {
         let (total, most) = self.points.iter().fold((0.0, 0.0_f64), |(sum, most), p| (sum + p.before, most.max(p.before)));
         for _ in 0..self.points.len() {
@@ -298,7 +301,7 @@ impl<R: Real> Patches<R> {
         false
     }
 
-    /// Makes a row of unit length for each coordinate that the free points move, and what the impulses make of it.
+    /// Computes a row of unit length for each coordinate with an entry of a free point, and the sum of its impulses.
     fn make_rows(&mut self, lane: usize, problem: &Problem<R>) {
         let Self { points, rows, sums, coordinates, .. } = self;
         coordinates.clear();
@@ -331,8 +334,10 @@ impl<R: Real> Patches<R> {
         }
     }
 
-    /// Impulses of least norm of the free points that make the sums of all rows, left in `shared`: rows are made orthonormal one by one
-    /// (modified Gram-Schmidt), and their sums with them. False where the free points cannot make the sums.
+    /// Computes the impulses of least norm of the free points with the same sums in all rows, into `shared`.
+    ///
+    /// The rows become orthonormal one by one (modified Gram-Schmidt), and their sums with them. Returns false if the free points cannot
+    /// give the sums.
     fn least_norm(&mut self, total: f64) -> bool {
         let Self { points, rows, sums, done, .. } = self;
         let (n, m) = (points.len(), sums.len());
@@ -358,7 +363,7 @@ impl<R: Real> Patches<R> {
         (0..m).all(|r| done[r] || sums[r].abs() <= 10.0 * dependent * total)
     }
 
-    /// Takes over the normal impulses, and friction to match.
+    /// Writes the normal impulses to `iterate`, with friction to match.
     fn scatter(&self, lane: usize, problem: &Problem<R>, iterate: &mut Iterate<R>) {
         for p in &self.points {
             let lambda = &mut iterate.contacts[p.contact];
@@ -378,12 +383,12 @@ impl<R: Real> Patches<R> {
     }
 }
 
-/// 0 in 64 bits, 1 in 32.
+/// Index of the precision: 0 in 64 bits, 1 in 32.
 fn precision<R: Real>() -> usize {
     usize::from(R::Scalar::IS_SINGLE)
 }
 
-/// Speed of a contact across its normal, m/s.
+/// Slip speed of a contact, m/s.
 fn slip(velocity: [f64; 3]) -> f64 {
     velocity[1].hypot(velocity[2])
 }

@@ -20,7 +20,7 @@ _THICKNESS = 0.5
 
 @dataclass(frozen=True, kw_only=True)
 class SubTerrain(ABC):
-    """Kind of terrain of a tile. In its middle is a place to begin, and its border has height 0.
+    """Kind of terrain of a tile. Episodes begin in its middle, and its border has height 0.
 
     Attributes:
         proportion: Share of the environments on tiles of this kind, compared with those of other kinds.

@@ -15,7 +15,7 @@ from stepper.envs.locomotion.rough.state import foot_forces, foot_heights, foot_
 from stepper.envs.task import Array, Moment, Terms, per_moment, square_sum
 
 _SOFT = 0.9
-"""Share of a joint's range within its soft limits."""
+"""Share of a joint's range that its soft limits leave."""
 _MOVES, _RUNS = 0.05, 1.5
 """Speeds of a command, m/s plus rad/s, from which on a robot is to walk, and to run."""
 _HEIGHT = 0.1
@@ -33,12 +33,14 @@ def _speed(now: Moment) -> Array:
 
 
 def _linear(now: Moment) -> Array:
+    """Agreement of the velocity of the base with the command, from 0 to 1."""
     velocity = linear_velocity(now)
     error = square_sum(command(now)[:, :2] - velocity[:, :2]) + np.square(velocity[:, 2])
     return np.exp(-error / 0.25)
 
 
 def _angular(now: Moment) -> Array:
+    """Agreement of the rates of turn with the command, from 0 to 1."""
     rates = now.qvel[:, 3:6]
     error = np.square(command(now)[:, 2] - rates[:, 2]) + square_sum(rates[:, :2])
     reward: Array = np.exp(-error / 0.5)
@@ -46,12 +48,12 @@ def _angular(now: Moment) -> Array:
 
 
 def _upright(now: Moment) -> Array:
-    """Whether the base is parallel to the ground."""
+    """Agreement of the base's vertical axis with the normal of the ground, from 0 to 1."""
     return np.exp(-square_sum(ground_normal(now)[:, :2]) / 0.2)
 
 
 def _pose(now: Moment) -> Array:
-    """How near joints are to the stance, with tolerances by the speed of the command."""
+    """Agreement of the joints with the stance, from 0 to 1, with tolerances by the speed of the command."""
     still, walk, run = _tolerances(now.sim.model, type(now.task))
     speed = _speed(now)[:, None]
     tolerance = np.where(speed < _MOVES, still, np.where(speed < _RUNS, walk, run))
@@ -68,6 +70,7 @@ def _limits(now: Moment) -> Array:
 
 
 def _action_rate(now: Moment) -> Array:
+    """Square of the change of the actions."""
     return square_sum(now.episode_state["last"] - now.episode_state["before"])
 
 
@@ -98,7 +101,7 @@ def _turning(now: Moment) -> Array:
 
 
 def _hits(part: str) -> Callable[[Moment], Array]:
-    """A term: how many steps of an action geoms of a part of the robot hit the terrain, taken from the last of them."""
+    """Term of a part of the robot: `frame_skip` where its geoms hit the terrain in the last step of the action, else 0."""
 
     def hits(now: Moment) -> Array:
         struck = hit(now, getattr(now.task, part))

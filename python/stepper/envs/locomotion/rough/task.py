@@ -57,7 +57,7 @@ _FAR = 0.5
 class RoughTask(Task):
     """Follow velocity commands over rough terrain: observations, rewards, events and curricula of mjlab's rough velocity tasks.
 
-    An action is the change of the servos' set points from the stance, 1 for a quarter of the largest torque. A command holds for 3 to 8 s.
+    Actions change the set points of the servos from the stance; 1 is a quarter of the largest torque. A command holds for 3 to 8 s.
     Each episode has its own friction of the feet, centre of mass of the base and encoder errors, and pushes every 1 to 3 s.
     An environment goes to a harder row of the terrain when it leaves its tile, to an easier one when it makes less than half of the
     commanded way. Commands become faster after 120,000 and 240,000 actions of an environment.

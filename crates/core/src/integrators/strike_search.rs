@@ -4,12 +4,14 @@ use stepper_real::{Mask, Real, Scalar};
 
 use crate::collision::contact_set::Contacts;
 use crate::collision::detection::GeomPoses;
+use crate::collision::packed_pairs::{Item, gather_scalars};
+use crate::collision::packed_sweep::{PackedSweep, is_packed};
 use crate::collision::swept_pair::{Gap, Path, SweptPair};
-use crate::compile::LaneModel;
+use crate::compile::{CompiledPair, Kernel, LaneModel};
 use crate::constraints::approaching::resting_speed;
 use crate::constraints::constraint_set::Constraints;
 use crate::dynamics::kinematics::Kinematics;
-use crate::math::lanes::each_of;
+use crate::math::lanes::{MAX_LANES, each_of};
 use crate::options::StepSettings;
 use crate::tuning::SIMULTANEOUS_FRACTION;
 
@@ -21,6 +23,22 @@ pub(crate) struct StrikeSearch<R: Real> {
     rates: Vec<(R, R::Mask)>,
     /// Candidate pairs: those whose linearised gap closes in some lane.
     pairs: Vec<CandidatePair<R>>,
+    /// Pairs that are tested side by side.
+    packed: Vec<PackedPath<R::Scalar>>,
+}
+
+/// Path of a candidate in one lane, tested side by side with others.
+#[derive(Clone, Copy, Debug)]
+struct PackedPath<S> {
+    /// Index of the candidate.
+    candidate: usize,
+    kernel: Kernel,
+    item: Item<S>,
+    gap: Gap<S>,
+    /// Overlap on the path that counts, m.
+    tolerance: S,
+    /// Time until which the first touch is searched, s.
+    until: S,
 }
 
 /// Candidate pair: its linearised gap closes in some lanes.
@@ -61,6 +79,7 @@ impl<R: Real> StrikeSearch<R> {
             swept: SweptPair::new(compiled),
             rates: Vec::with_capacity(max_contacts + rolling),
             pairs: Vec::with_capacity(max_contacts * R::LANES),
+            packed: vec![],
         }
     }
 
@@ -117,28 +136,97 @@ impl<R: Real> StrikeSearch<R> {
     #[inline(always)]
     fn test_paths(&mut self, query: &StrikeQuery<'_, R>, v: &[R], constraints: &Constraints<R>) {
         let StrikeQuery { compiled, kinematics, poses, .. } = *query;
-        let Self { swept, rates, pairs, .. } = self;
+        let Self { swept, rates, pairs, packed } = self;
         let time = constraints.closing_time;
         swept.set_velocity(compiled, kinematics, v);
         let path = |index: usize, pair| Path { compiled, kinematics, start: &poses.placed, time, slack: poses.slack, index, pair };
-        let (mut once, mut several) = (R::Mask::splat(false), R::Mask::splat(false));
-        for candidate in pairs.iter_mut() {
+        packed.clear();
+        for (k, candidate) in pairs.iter_mut().enumerate() {
             let pair = compiled.pair(candidate.pair);
             let (gap, touch) = farthest_closing_gap(query, constraints, rates, candidate);
             let least = -(gap.distance + time * gap.rate) * R::of(query.margin);
             candidate.tolerance = resting_overlap(query, constraints, candidate) + touch;
             let tolerance = candidate.tolerance.max(least);
-            (candidate.lanes, candidate.time) = swept.find_touch(&path(candidate.pair, pair), candidate.lanes, gap, tolerance);
+            if is_packed(compiled, &pair, candidate.lanes.bits()) {
+                add_packed(packed, k, (candidate.pair, &pair), candidate.lanes, gap, [tolerance, R::zero()]);
+                candidate.lanes = R::Mask::splat(false);
+            } else {
+                (candidate.lanes, candidate.time) = swept.find_touch(&path(candidate.pair, pair), candidate.lanes, gap, tolerance);
+            }
+        }
+        for_each_packed::<R>(
+            packed,
+            #[inline(always)]
+            |kernel, batch, items| {
+                let sweep = PackedSweep::new(swept, &path(batch[0].item.index, compiled.pair(batch[0].item.index)), kernel, items);
+                let gap = Gap {
+                    distance: gather_scalars(
+                        batch,
+                        #[inline(always)]
+                        |b| b.gap.distance,
+                    ),
+                    rate: gather_scalars(
+                        batch,
+                        #[inline(always)]
+                        |b| b.gap.rate,
+                    ),
+                };
+                let (used, tolerance) = (
+                    R::Mask::from_bits((1u64 << batch.len()).wrapping_sub(1) as u32),
+                    gather_scalars(
+                        batch,
+                        #[inline(always)]
+                        |b| b.tolerance,
+                    ),
+                );
+                let (hits, at) = sweep.find_touch(gap, used, tolerance);
+                for place in each_of(hits.bits()) {
+                    let candidate = &mut pairs[batch[place].candidate];
+                    candidate.lanes = candidate.lanes.or(R::Mask::from_bits(1 << batch[place].item.lane));
+                    candidate.time.set_lane(batch[place].item.lane, at.lane(place));
+                }
+            },
+        );
+        let (mut once, mut several) = (R::Mask::splat(false), R::Mask::splat(false));
+        for candidate in pairs.iter() {
             several = several.or(once.and(candidate.lanes));
             once = once.or(candidate.lanes);
         }
         if query.ignores_order || several.none() {
             return;
         }
-        for candidate in pairs.iter_mut().filter(|candidate| candidate.lanes.and(several).any()) {
+        packed.clear();
+        for (k, candidate) in pairs.iter_mut().enumerate().filter(|(_, candidate)| candidate.lanes.and(several).any()) {
             let (pair, lanes) = (compiled.pair(candidate.pair), candidate.lanes.and(several));
-            candidate.time = swept.first_touch(&path(candidate.pair, pair), lanes, candidate.time, candidate.tolerance);
+            if is_packed(compiled, &pair, lanes.bits()) {
+                let gap = Gap { distance: R::zero(), rate: R::zero() };
+                add_packed(packed, k, (candidate.pair, &pair), lanes, gap, [candidate.tolerance, candidate.time]);
+            } else {
+                candidate.time = swept.first_touch(&path(candidate.pair, pair), lanes, candidate.time, candidate.tolerance);
+            }
         }
+        for_each_packed::<R>(
+            packed,
+            #[inline(always)]
+            |kernel, batch, items| {
+                let sweep = PackedSweep::new(swept, &path(batch[0].item.index, compiled.pair(batch[0].item.index)), kernel, items);
+                let time = sweep.first_touch(
+                    gather_scalars(
+                        batch,
+                        #[inline(always)]
+                        |b| b.until,
+                    ),
+                    gather_scalars(
+                        batch,
+                        #[inline(always)]
+                        |b| b.tolerance,
+                    ),
+                );
+                for (place, path) in batch.iter().enumerate() {
+                    pairs[path.candidate].time.set_lane(path.item.lane, time.lane(place));
+                }
+            },
+        );
     }
 
     /// Removes candidates from the lanes in which another pair of the same trees touches earlier.
@@ -161,6 +249,44 @@ impl<R: Real> StrikeSearch<R> {
         }
         for candidate in &mut self.pairs {
             candidate.lanes = candidate.lanes.and_not(R::Mask::from_bits(candidate.later_lanes));
+        }
+    }
+}
+
+/// Adds the path of a candidate in the lanes `lanes`.
+#[inline(always)]
+fn add_packed<R: Real>(
+    packed: &mut Vec<PackedPath<R::Scalar>>,
+    candidate: usize,
+    (index, pair): (usize, &CompiledPair<R::Scalar>),
+    lanes: R::Mask,
+    gap: Gap<R>,
+    [tolerance, until]: [R; 2],
+) {
+    for lane in each_of(lanes.bits()) {
+        packed.push(PackedPath {
+            candidate,
+            kernel: pair.kernel,
+            item: Item { index, geoms: pair.geoms, margin: pair.margin, lane },
+            gap: Gap { distance: gap.distance.lane(lane), rate: gap.rate.lane(lane) },
+            tolerance: tolerance.lane(lane),
+            until: until.lane(lane),
+        });
+    }
+}
+
+/// Calls `test` with as many paths of one kernel as a register has lanes, and their items.
+#[inline(always)]
+fn for_each_packed<R: Real>(packed: &[PackedPath<R::Scalar>], mut test: impl FnMut(Kernel, &[PackedPath<R::Scalar>], &[Item<R::Scalar>])) {
+    for kernel in [Kernel::SphereBox, Kernel::CapsuleBox] {
+        let mut paths = packed.iter().filter(|path| path.kernel == kernel).peekable();
+        while let Some(&&first) = paths.peek() {
+            let (mut batch, mut items, mut count) = ([first; MAX_LANES], [first.item; MAX_LANES], 0);
+            for path in paths.by_ref().take(R::LANES) {
+                (batch[count], items[count]) = (*path, path.item);
+                count += 1;
+            }
+            test(kernel, &batch[..count], &items[..count]);
         }
     }
 }

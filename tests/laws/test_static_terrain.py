@@ -38,7 +38,7 @@ def test_environments_over_many_boxes_are_those_that_are_alone(precision, count)
     places.reshape(13, -1, 7)[:, :, :2] += rng.uniform(-1.5, 1.5, (13, 1, 2))
     many.set_state(qpos=places)
     many.step(nstep=60)
-    assert np.mean([len(many.contacts(envs=[k])) for k in range(13)]) > 1
+    assert np.mean([len(many.contacts(envs=[k])) for k in range(13)]) > 0.5
     for k in (0, 5, 12):
         alone = stepper.Stepper(model, 1, precision=precision)
         alone.set_state(qpos=places[k : k + 1])

@@ -37,8 +37,8 @@ pub(super) fn ball_over(normal: V, centre: V, height: f64, radius: f64) -> Point
 }
 
 impl Ball<'_> {
-    /// Adds the point of the ball and the triangle to `out`. `holds` tells of a height field whether a point is below it; `is_nearest` whether no
-    /// neighbour at a part of the triangle, which has a point, is nearer in a direction.
+    /// Adds the point of the ball and the triangle to `out`. `holds` tells of a height field whether a point is below it; `is_nearest`
+    /// whether no neighbour at a part of the triangle, which has a point, is nearer in a direction.
     pub(super) fn touch(
         &self,
         holds: Option<impl Fn(V) -> bool>,

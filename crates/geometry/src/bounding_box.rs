@@ -51,8 +51,8 @@ impl<R: Real> BoundingBox<R> {
         Some(Self { centre, half })
     }
 
-    /// Centre and half sizes, m, of the box along the axes of the world about a convex solid of this size whose frame has the axes `mat`. Of
-    /// balls and capsules the last axis alone is read. The centre is from the origin of the frame; `None` of what has no bounds.
+    /// Centre and half sizes, m, of the box along the axes of the world about a convex solid of this size whose frame has the axes `mat`.
+    /// Of balls and capsules the last axis alone is read. The centre is from the origin of the frame; `None` of what has no bounds.
     #[inline(always)]
     pub fn along_world(solid: &Solid, size: V3<R>, mat: &M3<R>) -> Option<[V3<R>; 2]> {
         let Solid::Convex(shape) = solid else { return None };

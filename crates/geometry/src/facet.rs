@@ -78,8 +78,8 @@ impl Facet {
         (outline, p)
     }
 
-    /// Whether any part of the second shape of a pair may be over the triangle, or behind it beside a valley of these [`Facet::rises`]. A ball or capsule that
-    /// is beyond an edge with its whole core is not.
+    /// Whether any part of the second shape of a pair may be over the triangle, or behind it beside a valley of these [`Facet::rises`]. A
+    /// ball or capsule that is beyond an edge with its whole core is not.
     pub(super) fn may_be_under(&self, pair: &Pair<'_>, rises: &[f64; 3]) -> bool {
         let Some(ends) = ends(pair) else { return true };
         let Self { corners, normal, .. } = self;

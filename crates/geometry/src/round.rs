@@ -32,8 +32,8 @@ pub(super) fn ends(pair: &Pair<'_>) -> Option<Ends> {
     }
 }
 
-/// Whether the hull of `ends` may be nearer to a triangle than `reach`, or behind it and beside it by no more than its depth: no edge parts them
-/// by more.
+/// Whether the hull of `ends` may be nearer to a triangle than `reach`, or behind it and beside it by no more than its depth: no edge parts
+/// them by more.
 pub(super) fn may_touch(corners: &[V; 3], normal: V, ends: &[V], reach: f64) -> bool {
     (0..3).all(|k| {
         let edge = sub(corners[(k + 1) % 3], corners[k]);
@@ -51,8 +51,8 @@ pub(super) fn is_over(corners: &[V; 3], normal: V, p: V) -> bool {
     (0..3).all(|k| dot(cross(sub(corners[(k + 1) % 3], corners[k]), normal), sub(p, corners[k])) <= 0.0)
 }
 
-/// The nearest points of a triangle and the core of a ball or a capsule, of which the triangle comes first; `None` for other shapes, and where
-/// the two touch or nearly so.
+/// The nearest points of a triangle and the core of a ball or a capsule, of which the triangle comes first; `None` for other shapes, and
+/// where the two touch or nearly so.
 pub(super) fn nearest(pair: &Pair<'_>) -> Option<Facing> {
     let ConvexShape::Triangle(corners) = pair.a else { return None };
     let [x, y] = match pair.b {

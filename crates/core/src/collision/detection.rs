@@ -141,8 +141,8 @@ impl<R: Real> GeomPoses<R> {
     }
 
     /// Finds the pairs with static geoms whose boxes overlap in any of the lanes `alive`, and adds the listed ones to the near pairs.
-    /// `travel` bounds the displacement of every geom, m. With `looks_back`, geoms that move far from the beginning of the step have all pairs
-    /// whose bounding balls overlap.
+    /// `travel` bounds the displacement of every geom, m. With `looks_back`, geoms that move far from the beginning of the step have all
+    /// pairs whose bounding balls overlap.
     pub(crate) fn find_static(&mut self, compiled: &LaneModel<R>, alive: R::Mask, looks_back: bool, travel: impl Fn(&Placed<R>) -> &[R]) {
         if !compiled.static_pairs.is_empty() {
             let Self { placed, statics, slack, near, near_count, fast, .. } = self;

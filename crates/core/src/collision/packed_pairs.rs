@@ -91,8 +91,8 @@ pub(super) fn gather<R: Real, const N: usize>(items: &[Item<R::Scalar>], of: imp
     let mut rows = [[R::Scalar::ZERO; MAX_LANES]; N];
     for (place, item) in items.iter().enumerate() {
         let numbers = of(item);
-        for (row, x) in rows.iter_mut().zip(numbers) {
-            row[place] = x.lane(item.lane);
+        for k in 0..N {
+            rows[k][place] = numbers[k].lane(item.lane);
         }
     }
     array_of(

@@ -5,7 +5,7 @@ use stepper_geometry::pairs::{ContactPoint, Cuboid, Segment, capsule_box, sphere
 use stepper_real::{Mask, Real};
 
 use crate::collision::packed_pairs::{Item, gather, gather_scalars};
-use crate::collision::swept_pair::{Gap, MAX_ROTATION, Path, SweptPair, find_touch, first_touch};
+use crate::collision::swept_pair::{Gap, MAX_ROTATION, Path, SweptPair, find_touch};
 use crate::compile::{CompiledPair, Kernel, LaneModel};
 use crate::math::spatial::*;
 
@@ -140,17 +140,6 @@ impl<R: Real> PackedSweep<R> {
         )
     }
 
-    /// [`first_touch`] of all items.
-    #[inline(always)]
-    pub(crate) fn first_touch(&self, until: R, tolerance: R) -> R {
-        first_touch(
-            until,
-            tolerance,
-            #[inline(always)]
-            |time| self.gap_at(time, R::Mask::splat(true)),
-        )
-    }
-
     /// Items whose body rotates by more than [`MAX_ROTATION`] on the path.
     #[inline(always)]
     fn exceeds_max_rotation(&self) -> R::Mask {
@@ -159,7 +148,7 @@ impl<R: Real> PackedSweep<R> {
 
     /// Smallest distance of each of the items `items`, and its rate, at `time` seconds along the path.
     #[inline(always)]
-    fn gap_at(&self, time: R, items: R::Mask) -> Gap<R> {
+    pub(crate) fn gap_at(&self, time: R, items: R::Mask) -> Gap<R> {
         let rotation = quat_to_mat(quat_exp(scale(self.turn, time)));
         let arm = rotate(&rotation, sub(self.pos, self.origin));
         let centre = add(add_scaled(self.origin, self.velocity, time), arm);

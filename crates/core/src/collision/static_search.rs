@@ -89,8 +89,8 @@ impl<R: Real> StaticSearch<R> {
         displacement.gt(R::of(0.5) * (compiled.params.inscribed_radius(geom) + R::splat(self.thinnest)))
     }
 
-    /// Finds the pairs of the lanes in `alive` whose boxes overlap. `travel` bounds the displacement of every geom, m, and says whether to find
-    /// all pairs whose bounding balls overlap.
+    /// Finds the pairs of the lanes in `alive` whose boxes overlap. `travel` bounds the displacement of every geom, m, and says whether to
+    /// find all pairs whose bounding balls overlap.
     pub(crate) fn find(&mut self, compiled: &LaneModel<R>, alive: u32, poses: (&[V3<R>], &[M3<R>]), travel: impl Fn(usize) -> (R, bool)) {
         self.found.clear();
         R::vectorize(

@@ -22,9 +22,6 @@ const MAX_PAIR_POINTS: usize = 16;
 /// Largest number of poses at which the distance of a pair is evaluated. Newton and bisection steps need two to six.
 const MAX_POSES: usize = 16;
 
-/// Number of bisections for the time of first touch. Ten give 1e-3 of the path.
-const TOUCH_BISECTIONS: usize = 10;
-
 /// Rotation of a body on its path above which the straight path is invalid, rad. Its gap then counts as closed.
 pub(super) const MAX_ROTATION: f64 = 1.0;
 
@@ -89,17 +86,6 @@ impl<R: Real> SweptPair<R> {
         )
     }
 
-    /// [`first_touch`] of the pair of a path.
-    #[inline(always)]
-    pub(crate) fn first_touch(&mut self, path: &Path<'_, R>, lanes: R::Mask, until: R, tolerance: R) -> R {
-        first_touch(
-            until,
-            tolerance,
-            #[inline(always)]
-            |time| self.gap_at(path, time, lanes),
-        )
-    }
-
     /// Velocity of a link's frame.
     #[inline(always)]
     pub(super) fn velocity_of(&self, frame: usize) -> V6<R> {
@@ -120,7 +106,7 @@ impl<R: Real> SweptPair<R> {
 
     /// Smallest distance of the pair, and its rate, at `time` seconds along the path.
     #[inline(always)]
-    fn gap_at(&mut self, path: &Path<'_, R>, time: R, lanes: R::Mask) -> Gap<R> {
+    pub(crate) fn gap_at(&mut self, path: &Path<'_, R>, time: R, lanes: R::Mask) -> Gap<R> {
         let Path { compiled, kinematics, slack, index, pair, .. } = *path;
         for geom in pair.geoms {
             self.place(path, geom, time);
@@ -201,19 +187,6 @@ pub(crate) fn find_touch<R: Real>(
         high = R::select(approaching, high, time);
     }
     (hits, at)
-}
-
-/// Earliest time at which a distance is below `-tolerance`, s, within 1e-3 of `until`, at which it must be.
-#[inline(always)]
-pub(crate) fn first_touch<R: Real>(until: R, tolerance: R, mut gap_at: impl FnMut(R) -> Gap<R>) -> R {
-    let (mut low, mut high) = (R::zero(), until);
-    for _ in 0..TOUCH_BISECTIONS {
-        let middle = (low + high) * R::of(0.5);
-        let deep = gap_at(middle).distance.lt(-tolerance);
-        low = R::select(deep, low, middle);
-        high = R::select(deep, middle, high);
-    }
-    high
 }
 
 impl<R: Real> Placed<R> {

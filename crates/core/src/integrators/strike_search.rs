@@ -15,6 +15,9 @@ use crate::math::lanes::{MAX_LANES, each_of};
 use crate::options::StepSettings;
 use crate::tuning::SIMULTANEOUS_FRACTION;
 
+/// Number of bisections for the time of first touch at most. Ten give 1e-3 of the path.
+const BISECTIONS: usize = 10;
+
 /// Candidate pairs of deferred contacts, and the lanes in which they collide.
 #[derive(Clone, Debug)]
 pub(crate) struct StrikeSearch<R: Real> {
@@ -50,8 +53,9 @@ struct CandidatePair<R: Real> {
     lanes: R::Mask,
     /// Overlap below which the pair does not collide, m.
     tolerance: R,
-    /// Time of the first touch after the start of the path, s.
+    /// Time at which the pair touches, and a time before its first touch, s: both are narrowed where the order of candidates matters.
     time: R,
+    before: R,
     /// Lanes (bits) in which another pair of the same trees touches earlier.
     later_lanes: u32,
 }
@@ -125,7 +129,14 @@ impl<R: Real> StrikeSearch<R> {
                 let lanes = R::Mask::from_bits(lanes);
                 match self.pairs.iter_mut().find(|candidate| candidate.pair == pair) {
                     Some(candidate) => candidate.lanes = candidate.lanes.or(lanes),
-                    None => self.pairs.push(CandidatePair { pair, lanes, tolerance: R::zero(), time: R::zero(), later_lanes: 0 }),
+                    None => self.pairs.push(CandidatePair {
+                        pair,
+                        lanes,
+                        tolerance: R::zero(),
+                        time: R::zero(),
+                        before: R::zero(),
+                        later_lanes: 0,
+                    }),
                 }
             }
         }
@@ -192,17 +203,25 @@ impl<R: Real> StrikeSearch<R> {
             several = several.or(once.and(candidate.lanes));
             once = once.or(candidate.lanes);
         }
-        if query.ignores_order || several.none() {
-            return;
+        if !query.ignores_order {
+            self.narrow_times(query, several, time);
         }
+    }
+
+    /// Narrows the times of first touch in the lanes `several` by at most [`BISECTIONS`]. Those of paths that are not packed are narrowed
+    /// until the order of the candidates is certain. `closing_time` is the duration of the paths, s.
+    #[inline(always)]
+    fn narrow_times(&mut self, query: &StrikeQuery<'_, R>, several: R::Mask, closing_time: R) {
+        let StrikeQuery { compiled, kinematics, poses, .. } = *query;
+        let path =
+            |index: usize, pair| Path { compiled, kinematics, start: &poses.placed, time: closing_time, slack: poses.slack, index, pair };
+        let Self { swept, pairs, packed, .. } = self;
         packed.clear();
-        for (k, candidate) in pairs.iter_mut().enumerate().filter(|(_, candidate)| candidate.lanes.and(several).any()) {
+        for (k, candidate) in pairs.iter().enumerate().filter(|(_, candidate)| candidate.lanes.and(several).any()) {
             let (pair, lanes) = (compiled.pair(candidate.pair), candidate.lanes.and(several));
-            if is_packed(compiled, &pair, lanes.bits()) {
+            if is_packed(compiled, &pair, candidate.lanes.bits()) {
                 let gap = Gap { distance: R::zero(), rate: R::zero() };
                 add_packed(packed, k, (candidate.pair, &pair), lanes, gap, [candidate.tolerance, candidate.time]);
-            } else {
-                candidate.time = swept.first_touch(&path(candidate.pair, pair), lanes, candidate.time, candidate.tolerance);
             }
         }
         for_each_packed::<R>(
@@ -210,23 +229,65 @@ impl<R: Real> StrikeSearch<R> {
             #[inline(always)]
             |kernel, batch, items| {
                 let sweep = PackedSweep::new(swept, &path(batch[0].item.index, compiled.pair(batch[0].item.index)), kernel, items);
-                let time = sweep.first_touch(
-                    gather_scalars(
-                        batch,
-                        #[inline(always)]
-                        |b| b.until,
-                    ),
-                    gather_scalars(
-                        batch,
-                        #[inline(always)]
-                        |b| b.tolerance,
-                    ),
+                let until = gather_scalars(
+                    batch,
+                    #[inline(always)]
+                    |b| b.until,
                 );
+                let tolerance: R = gather_scalars(
+                    batch,
+                    #[inline(always)]
+                    |b| b.tolerance,
+                );
+                let mut times = [R::zero(), until];
+                for _ in 0..BISECTIONS {
+                    let middle = (times[0] + times[1]) * R::of(0.5);
+                    let deep = sweep.gap_at(middle, R::Mask::splat(true)).distance.lt(-tolerance);
+                    times = [R::select(deep, times[0], middle), R::select(deep, middle, times[1])];
+                }
                 for (place, path) in batch.iter().enumerate() {
-                    pairs[path.candidate].time.set_lane(path.item.lane, time.lane(place));
+                    let candidate = &mut pairs[path.candidate];
+                    candidate.before.set_lane(path.item.lane, times[0].lane(place));
+                    candidate.time.set_lane(path.item.lane, times[1].lane(place));
                 }
             },
         );
+        for _ in 0..BISECTIONS {
+            let open = R::Mask::from_bits(self.lanes_without_order(compiled, several.bits(), closing_time));
+            if open.none() {
+                return;
+            }
+            let Self { swept, pairs, .. } = self;
+            for candidate in pairs.iter_mut().filter(|candidate| candidate.lanes.and(open).any()) {
+                let (pair, lanes) = (compiled.pair(candidate.pair), candidate.lanes.and(open));
+                if !is_packed(compiled, &pair, candidate.lanes.bits()) {
+                    let middle = (candidate.before + candidate.time) * R::of(0.5);
+                    let deep = swept.gap_at(&path(candidate.pair, pair), middle, lanes).distance.lt(-candidate.tolerance);
+                    candidate.time = R::select(lanes.and(deep), middle, candidate.time);
+                    candidate.before = R::select(lanes.and_not(deep), middle, candidate.before);
+                }
+            }
+        }
+    }
+
+    /// Those of some lanes in which the times of first touch are not known well enough to tell which candidates of the same trees are
+    /// later.
+    fn lanes_without_order(&self, compiled: &LaneModel<R>, several: u32, closing_time: R) -> u32 {
+        let mut open = 0;
+        for lane in each_of(several) {
+            let window = SIMULTANEOUS_FRACTION * closing_time.lane(lane).to_f64();
+            let here = || self.pairs.iter().filter(|candidate| candidate.lanes.bits() >> lane & 1 == 1);
+            let of = |x: R| x.lane(lane).to_f64();
+            let is_certain = |first: &CandidatePair<R>, second: &CandidatePair<R>| {
+                of(first.time) < of(second.before) - window || of(first.before) >= of(second.time) - window
+            };
+            let mut pairs = here().flat_map(|first| here().map(move |second| (first, second)));
+            let is_open = pairs.any(|(first, second)| {
+                first.pair != second.pair && !is_certain(first, second) && share_trees(compiled, first.pair, second.pair)
+            });
+            open |= u32::from(is_open) << lane;
+        }
+        open
     }
 
     /// Removes candidates from the lanes in which another pair of the same trees touches earlier.
@@ -234,15 +295,13 @@ impl<R: Real> StrikeSearch<R> {
     /// The earlier impact changes the motion of these trees.
     fn keep_earliest(&mut self, query: &StrikeQuery<'_, R>, constraints: &Constraints<R>) {
         let lanes = self.pairs.iter().fold(0, |bits, candidate| bits | candidate.lanes.bits());
-        let trees_of = |candidate: &CandidatePair<R>| trees_of_pair(query.compiled, candidate.pair);
         for lane in each_of(lanes) {
             let here = |candidate: &&CandidatePair<R>| candidate.lanes.bits() >> lane & 1 == 1;
             let time = |candidate: &CandidatePair<R>| candidate.time.lane(lane).to_f64();
             let window = SIMULTANEOUS_FRACTION * constraints.closing_time.lane(lane).to_f64();
             for i in 0..self.pairs.len() {
                 let candidate = self.pairs[i];
-                let shares =
-                    |other: &CandidatePair<R>| trees_of(other).iter().flatten().any(|tree| trees_of(&candidate).contains(&Some(*tree)));
+                let shares = |other: &CandidatePair<R>| share_trees(query.compiled, other.pair, candidate.pair);
                 let is_later = self.pairs.iter().filter(here).any(|other| time(other) < time(&candidate) - window && shares(other));
                 self.pairs[i].later_lanes |= u32::from(is_later) << lane;
             }
@@ -334,6 +393,12 @@ fn resting_overlap<R: Real>(query: &StrikeQuery<'_, R>, constraints: &Constraint
 #[inline(always)]
 fn touch_tolerance<R: Real>(query: &StrikeQuery<'_, R>, constraints: &Constraints<R>, slot: usize) -> R {
     (constraints.closing_time * R::of(resting_speed(query.options))).max(query.contacts.data[slot].point.rounding())
+}
+
+/// Whether two pairs have bodies of one kinematic tree.
+fn share_trees<R: Real>(compiled: &LaneModel<R>, first: usize, second: usize) -> bool {
+    let (first, second) = (trees_of_pair(compiled, first), trees_of_pair(compiled, second));
+    first.iter().flatten().any(|tree| second.contains(&Some(*tree)))
 }
 
 /// Kinematic trees of the bodies of a pair. `None` for the world and mocap bodies.

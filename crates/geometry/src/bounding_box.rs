@@ -7,6 +7,7 @@ use crate::approach::HAIR;
 use crate::linear_algebra::*;
 use crate::shape::ConvexShape;
 use crate::solid::Solid;
+use crate::surface::Surface;
 
 /// Box about a solid along the axes of its frame.
 #[derive(Clone, Copy, Debug)]
@@ -23,20 +24,62 @@ impl<R: Real> BoundingBox<R> {
     #[inline(always)]
     pub fn new(solid: &Solid, size: V3<R>) -> Option<Self> {
         let [radius, half_length, _] = size;
-        let Solid::Convex(shape) = solid else { return None };
+        let between = |[least, most]: [[f64; 3]; 2]| {
+            let of = |x: [f64; 3]| [R::of(x[0]), R::of(x[1]), R::of(x[2])];
+            (of(scale(add(most, least), 0.5)), of(scale(sub(most, least), 0.5)))
+        };
+        let shape = match solid {
+            Solid::Convex(shape) => shape,
+            Solid::Surface(surface) => match &**surface {
+                Surface::Mesh(mesh) => {
+                    let (centre, half) = between(mesh.extent());
+                    return Some(Self { centre, half });
+                }
+                // Solid down to its base.
+                Surface::Grid(_) => return None,
+            },
+            Solid::HalfSpace => return None,
+        };
         let (centre, half) = match shape {
             ConvexShape::Sphere { .. } => (zero(), [radius; 3]),
             ConvexShape::Capsule { .. } => (zero(), [radius, radius, radius + half_length]),
             ConvexShape::Cylinder { .. } => (zero(), [radius, radius, half_length]),
             ConvexShape::Ellipsoid { .. } | ConvexShape::Box { .. } => (zero(), size),
-            ConvexShape::Hull(hull) => {
-                let [least, most] = hull.extent();
-                let of = |x: [f64; 3]| [R::of(x[0]), R::of(x[1]), R::of(x[2])];
-                (of(scale(add(most, least), 0.5)), of(scale(sub(most, least), 0.5)))
-            }
+            ConvexShape::Hull(hull) => between(hull.extent()),
             ConvexShape::Triangle(_) => return None,
         };
         Some(Self { centre, half })
+    }
+
+    /// Centre and half sizes, m, of the box along the axes of the world about a convex solid of this size whose frame has the axes `mat`.
+    /// Of balls and capsules the last axis alone is read. The centre is from the origin of the frame; `None` of what has no bounds.
+    #[inline(always)]
+    pub fn along_world(solid: &Solid, size: V3<R>, mat: &M3<R>) -> Option<[V3<R>; 2]> {
+        let Solid::Convex(shape) = solid else { return None };
+        let [radius, half_length, _] = size;
+        match shape {
+            ConvexShape::Sphere { .. } => Some([zero(), [radius; 3]]),
+            ConvexShape::Capsule { .. } => {
+                let axis = column(mat, 2);
+                Some([
+                    zero(),
+                    array_of(
+                        #[inline(always)]
+                        |k| axis[k].abs() * half_length + radius,
+                    ),
+                ])
+            }
+            _ => {
+                let Self { centre, half } = Self::new(solid, size)?;
+                Some([
+                    rotate(mat, centre),
+                    array_of(
+                        #[inline(always)]
+                        |k| mat[3 * k].abs() * half[0] + mat[3 * k + 1].abs() * half[1] + mat[3 * k + 2].abs() * half[2],
+                    ),
+                ])
+            }
+        }
     }
 
     /// Lanes in which a face of either box shows that the two are further than `reach` (m) from each other: `apart` leads from the frame of

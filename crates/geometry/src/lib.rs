@@ -75,12 +75,14 @@
 //! (`separating_plane.rs`), or not.
 
 mod approach;
+mod ball;
 mod blocks;
 mod bounding_box;
 mod boxes;
 mod clip;
 mod distance;
 mod expand;
+mod facet;
 mod facing;
 mod gjk;
 mod hull;
@@ -98,6 +100,7 @@ mod ray;
 mod reach;
 mod recall;
 mod room;
+mod round;
 mod separating_plane;
 mod separation;
 mod shape;

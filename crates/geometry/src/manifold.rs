@@ -83,7 +83,7 @@ const LEVEL: f64 = 0.5 * ALONG * ALONG;
 /// Edges are at right angles to the normal below this cosine, and parallel below this sine.
 const ALONG: f64 = 1e-2;
 /// The feature of a lone point between edges, corners or curved surfaces.
-const LONE: u32 = 0x7fff_ffff;
+pub(super) const LONE: u32 = 0x7fff_ffff;
 const IDENTITY: M3<f64> = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0];
 
 impl Clipper {

@@ -23,8 +23,6 @@ pub(super) struct Pair<'a> {
     pub(super) apart: V,
     /// Sum of the bounding radii, m.
     pub(super) size: f64,
-    /// Least extent of the two, m.
-    pub(super) least: f64,
     /// Distance below which two features are equal, m: rounding does not exchange the contact points of bodies at rest.
     pub(super) tolerance: f64,
 }
@@ -50,11 +48,7 @@ impl<'a> Pair<'a> {
     /// The second's pose in the first's frame is known.
     pub(super) fn between(a: &'a ConvexShape, b: &'a ConvexShape, pos: V, mat: M3<f64>) -> Self {
         let apart = sub(add(pos, rotate(&mat, b.centre())), a.centre());
-        let least = match (a.least(), b.least()) {
-            (0.0, x) | (x, 0.0) => x,
-            (x, y) => x.min(y),
-        };
-        Self { a, b, pos, mat, apart, size: a.bound() + b.bound(), least, tolerance: EQUAL * (a.bound() + b.bound()) }
+        Self { a, b, pos, mat, apart, size: a.bound() + b.bound(), tolerance: EQUAL * (a.bound() + b.bound()) }
     }
 
     /// Pair with the tolerance of poses whose relative rounding error is `epsilon`.
@@ -62,6 +56,14 @@ impl<'a> Pair<'a> {
         let coordinates: f64 = pose_a.pos.iter().chain(&pose_b.pos).map(|x| x.abs()).sum();
         self.tolerance = self.tolerance.max(POSE_ROUNDINGS * epsilon * (coordinates + self.size));
         self
+    }
+
+    /// Least extent of the two, m.
+    pub(super) fn least(&self) -> f64 {
+        match (self.a.least(), self.b.least()) {
+            (0.0, x) | (x, 0.0) => x,
+            (x, y) => x.min(y),
+        }
     }
 
     /// Whether the bounding balls are within `prediction`; false where a pose is not finite.

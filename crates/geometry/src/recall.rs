@@ -70,7 +70,7 @@ pub(super) fn facet(pair: &Pair<'_>, normal: V, reach: &Reach) -> Option<Facing>
 /// The direction between the nearest points, or one along which the hulls are beyond `reach`, searched from the corners `start` of the
 /// difference. Hulls that overlap along the normal `known`, where `corners` are furthest, are taken a small gap apart.
 fn beside(pair: &Pair<'_>, known: V, corners: [u32; 2], start: [[u32; 2]; 3], reach: &Reach) -> Option<V> {
-    let pushed = (GAP * pair.least - pair.apart_at(known, corners)).max(0.0);
+    let pushed = (GAP * pair.least() - pair.apart_at(known, corners)).max(0.0);
     let shift = scale(known, pushed);
     let start = start.map(|names| pair.vertex(names, shift));
     let enough = |n: V, gap: f64| pushed == 0.0 && reach.is_parted(n, gap, pair.size);

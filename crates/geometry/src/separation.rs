@@ -25,6 +25,7 @@ use crate::linear_algebra::*;
 use crate::pair::Pair;
 use crate::reach::Reach;
 use crate::recall::{facet, is_certain, recall};
+use crate::round;
 use crate::shape::ConvexShape;
 use crate::vectors::{V, neg, unit_or};
 
@@ -37,15 +38,16 @@ const SHALLOWER: f64 = 3e-8;
 /// Room on a facet beyond which its corners are where the search for shorter ways begins, as a share of the size.
 const WIDE: f64 = 0.01;
 /// Directions within this of a face's normal (sine) may be taken for it.
-const NEAR_FACE: f64 = 0.05;
+pub(super) const NEAR_FACE: f64 = 0.05;
 /// Nearest points further beside one another than this share of the size are not one over the other.
-const BESIDE: f64 = 1e-7;
+pub(super) const BESIDE: f64 = 1e-7;
 
 /// The largest separation of the cores; stops early with a lower bound of it where that is beyond reach.
 ///
 /// What is known of the normal saves time, and changes nothing.
 pub(super) fn nearest(pair: &Pair<'_>, reach: &Reach, polytope: &mut Polytope) -> Facing {
-    let mut facing = reach.known.and_then(|known| recall(pair, &known, reach)).unwrap_or_else(|| search(pair, reach, polytope));
+    let known = || reach.known.and_then(|known| recall(pair, &known, reach));
+    let mut facing = round::nearest(pair).or_else(known).unwrap_or_else(|| search(pair, reach, polytope));
     if !reach.is_beyond(pair, &facing.found) {
         facing = prefer_face(pair, facing);
     }
@@ -54,7 +56,7 @@ pub(super) fn nearest(pair: &Pair<'_>, reach: &Reach, polytope: &mut Polytope) -
     facing
 }
 
-fn search(pair: &Pair<'_>, reach: &Reach, polytope: &mut Polytope) -> Facing {
+pub(super) fn search(pair: &Pair<'_>, reach: &Reach, polytope: &mut Polytope) -> Facing {
     let distance = reach.prediction + pair.thickness();
     let found = if pair.is_polytope() { of_polytopes(pair, distance, polytope) } else { of_round_bodies(pair, distance, polytope) };
     // Rounding of the search is left behind: the normal is the facet's own.
@@ -72,7 +74,7 @@ fn of_polytopes(pair: &Pair<'_>, reach: f64, polytope: &mut Polytope) -> Separat
 }
 
 fn of_round_bodies(pair: &Pair<'_>, reach: f64, polytope: &mut Polytope) -> Separation {
-    let gap = GAP * pair.least;
+    let gap = GAP * pair.least();
     let first = gjk::nearest(pair, [0.0; 3], neg(pair.apart), reach.max(gap));
     first.normal(gap).map_or_else(|| of_overlap(pair, &first, polytope), |normal| first.separation(normal))
 }
@@ -148,7 +150,7 @@ impl Candidate {
 
 /// The local maximum of the separation that a climb from `start` reaches, and the nearest points across the gap there.
 fn climb(pair: &Pair<'_>, start: Candidate) -> (Separation, Nearest) {
-    let gap = GAP * pair.least;
+    let gap = GAP * pair.least();
     let mut best = start;
     // What a step gains at rest is rounding.
     let enough = 1e-14 * pair.size;

@@ -150,7 +150,8 @@ impl ConvexShape {
             Self::Hull(hull) => hull.bound(),
             Self::Triangle(p) => {
                 let c = self.centre();
-                p.iter().map(|x| norm(sub(*x, c))).fold(0.0, f64::max)
+                let square = |x: &V| dot(sub(*x, c), sub(*x, c));
+                p.iter().map(square).fold(0.0, f64::max).sqrt()
             }
         }
     }

@@ -20,25 +20,22 @@ use parry3d_f64::bounding_volume::Aabb;
 use parry3d_f64::math::Vector;
 use parry3d_f64::partitioning::{Bvh, BvhBuildStrategy};
 
+use crate::ball::{Ball, Touch, ball_over};
+use crate::facet::{FLAT, Facet, Outline, PARALLEL};
 use crate::facing::{Facing, Separation};
 use crate::linear_algebra::*;
 use crate::manifold::{Manifold, Point, VERTICES, reduce_points};
 use crate::pair::Pair;
 use crate::room::Room;
+use crate::round::{ends, is_over, may_touch, nearest_of_triangle};
 use crate::separation::{self};
 use crate::shape::ConvexShape;
 use crate::shape::triangle_normal;
 use crate::vectors::{Pose, V};
-use crate::vectors::{furthest, unit_or};
+use crate::vectors::{furthest, neg, unit_or};
 
 /// Points that a convex shape and a surface can have.
 pub const MAX_SURFACE_POINTS: usize = 16;
-
-/// An edge bulges where the neighbour falls away by more than this share of its size: vertices of mesh files are in single precision.
-const FLAT: f64 = 1e-6;
-
-/// A direction is that of a triangle's normal: 1 - cos of what rounding leaves.
-const PARALLEL: f64 = 1e-12;
 
 /// Depth, in sizes of the pair, up to which a point belongs to the triangle that it is under. It saves the search for a nearer one:
 /// contacts at rest are 1e-4 deep at the most.
@@ -73,6 +70,8 @@ pub struct MeshSurface {
     around: Vec<u32>,
     first: Vec<u32>,
     tree: Bvh,
+    /// Least and greatest coordinates, m.
+    extent: [V; 2],
 }
 
 /// Heights over a regular grid.
@@ -96,26 +95,6 @@ pub struct Under {
     pub highest: f64,
     /// Whether they are level and no neighbour falls away: every contact is upright then.
     pub level: bool,
-}
-
-/// A triangle, and what is beside it: entry k belongs to the edge that leaves corner k.
-struct Facet {
-    corners: [V; 3],
-    normal: V,
-    /// The neighbours' third corners.
-    across: [Option<V>; 3],
-    /// Where the surface bulges (it does at an outer edge).
-    bulges: [bool; 3],
-    /// Tangent of the angle by which a neighbour rises, at most 1: behind a valley, this share of its depth is over neither of the two.
-    rises: [f64; 3],
-}
-
-/// A part of a triangle.
-enum Outline {
-    Inside,
-    /// On the edge that leaves a corner.
-    Edge(usize),
-    Corner(usize),
 }
 
 impl MeshSurface {
@@ -153,12 +132,20 @@ impl MeshSurface {
         let around = beside.into_iter().map(|[_, w]| w).collect();
         let boxes: Vec<Aabb> = faces.iter().map(|f| bounds(&corners(f))).collect();
         let tree = Bvh::from_leaves(BvhBuildStrategy::Binned, &boxes);
-        Self { vertices: vertices.to_vec(), faces, across, around, first, tree }
+        let used = || faces.iter().flatten().map(|&v| vertices[v as usize]);
+        let extent =
+            [f64::min, f64::max].map(|pick: fn(f64, f64) -> f64| used().reduce(|p, q| array_of(|k| pick(p[k], q[k]))).unwrap_or_default());
+        Self { vertices: vertices.to_vec(), faces, across, around, first, tree, extent }
     }
 
     /// Corners of triangle `t`.
     pub(super) fn triangle(&self, t: u32) -> [V; 3] {
         self.faces[t as usize].map(|v| self.vertices[v as usize])
+    }
+
+    /// Least and greatest coordinates, m.
+    pub(super) fn extent(&self) -> [V; 2] {
+        self.extent
     }
 
     /// Boxes about the triangles.
@@ -205,6 +192,14 @@ impl Grid {
     fn near(&self, c: Option<usize>, r: Option<usize>) -> Option<V> {
         let (c, r) = (c?, r?);
         (c < self.shape[1] && r < self.shape[0]).then(|| self.vertex(c, r))
+    }
+
+    /// Corners of triangle `t`.
+    fn triangle(&self, t: u32) -> [V; 3] {
+        let (cell, upper) = (t as usize / 2, t % 2 == 1);
+        let (r, c) = (cell / (self.shape[1] - 1), cell % (self.shape[1] - 1));
+        let at = |dc: usize, dr: usize| self.vertex(c + dc, r + dr);
+        if upper { [at(0, 0), at(1, 1), at(0, 1)] } else { [at(0, 0), at(1, 0), at(1, 1)] }
     }
 
     /// Triangle `t`: two in every cell, parted by the diagonal from its least corner, as in MuJoCo's `mjc_ConvexHField`.
@@ -308,47 +303,14 @@ impl Grid {
     }
 }
 
-impl Facet {
-    fn new(corners: [V; 3], across: [Option<V>; 3]) -> Self {
-        let normal = triangle_normal(&corners);
-        let towards = |k: usize| across[k].map(|p| sub(p, corners[k]));
-        let bulges = std::array::from_fn(|k| towards(k).is_none_or(|d| dot(normal, d) < -FLAT * norm(d)));
-        let rises = std::array::from_fn(|k| {
-            towards(k).map_or(0.0, |d| {
-                let outwards = cross(sub(corners[(k + 1) % 3], corners[k]), normal);
-                let (rise, run) = (dot(normal, d), dot(outwards, d) / norm(outwards));
-                if rise <= FLAT * norm(d) {
-                    0.0
-                } else if rise < run {
-                    rise / run
-                } else {
-                    1.0
-                }
-            })
-        });
-        Self { corners, normal, across, bulges, rises }
-    }
-
-    /// What of the triangle is furthest along `d`, and a corner that is.
-    fn furthest(&self, d: V) -> (Outline, V) {
-        let k = furthest(&self.corners, d);
-        let p = self.corners[k];
-        let [next, last] = [(k + 1) % 3, (k + 2) % 3];
-        let is_level = |other: usize| {
-            let u = sub(p, self.corners[other]);
-            dot(d, u) <= FLAT * norm(u)
-        };
-        let outline = match (is_level(next), is_level(last)) {
-            (false, false) => Outline::Corner(k),
-            (true, false) => Outline::Edge(k),
-            (false, true) => Outline::Edge(last),
-            (true, true) => Outline::Inside,
-        };
-        (outline, p)
-    }
-}
-
 impl Surface {
+    fn triangle(&self, t: u32) -> [V; 3] {
+        match self {
+            Self::Mesh(m) => m.triangle(t),
+            Self::Grid(g) => g.triangle(t),
+        }
+    }
+
     fn facet(&self, t: usize) -> Facet {
         match self {
             Self::Mesh(m) => {
@@ -416,13 +378,39 @@ pub fn collide_surface(a: &Surface, pose_a: &Pose, b: &ConvexShape, pose_b: &Pos
     let mut triangles = std::mem::take(&mut room.triangles);
     a.candidates([0, 1, 2].map(|k| along(k, -1.0)), [0, 1, 2].map(|k| along(k, 1.0)), &mut triangles);
     room.all.clear();
+    let core = ends(&whole);
     // What was left to neighbours: the furthest inside.
     let mut left: Option<(u32, Facing)> = None;
     for &t in &triangles {
+        let corners = a.triangle(t);
+        let normal = triangle_normal(&corners);
+        // Nothing is nearer than along the normal.
+        let along = dot(normal, whole.support_b(neg(normal))) - dot(normal, corners[furthest(&corners, normal)]);
+        if along - b.radius() > prediction {
+            continue;
+        }
+        if let Some(ends) = &core {
+            // Most triangles are beside a ball or capsule, and most balls are over one.
+            if !may_touch(&corners, normal, ends, reach) {
+                continue;
+            }
+            if let [centre] = ends[..] {
+                if along > 0.0 && is_over(&corners, normal, centre) {
+                    room.all.push(Point { feature: name(t, 0), ..ball_over(normal, centre, along, b.radius()) });
+                    continue;
+                }
+                // Behind a wall of a mesh, or too far from the outline.
+                let is_far = || norm(sub(centre, nearest_of_triangle(&corners, centre))) - b.radius() > prediction;
+                let is_left_out = if along > 0.0 { is_far() } else { matches!(a, Surface::Mesh(_)) };
+                if is_left_out {
+                    continue;
+                }
+            }
+        }
         let facet = a.facet(t as usize);
         let triangle = ConvexShape::Triangle(facet.corners);
         let pair = Pair::between(&triangle, b, whole.pos, whole.mat);
-        if let Some(facing) = touch(a, t as usize, &facet, &pair, prediction, out, room)
+        if let Some(facing) = touch(a, t as usize, &facet, &pair, along, prediction, out, room)
             && left.as_ref().is_none_or(|(_, other)| facing.found.separation < other.found.separation)
         {
             left = Some((t, facing));
@@ -459,23 +447,51 @@ fn name(triangle: u32, feature: u32) -> u32 {
     if feature < VERTICES { feature } else { crate::manifold::mix(triangle, feature) }
 }
 
-/// The points of a triangle; the direction of what is nearest, where that is left to its neighbours.
+/// The points of a triangle; the direction of what is nearest, where that is left to its neighbours. `along` is the separation along the
+/// normal of the triangle, m.
+#[expect(clippy::too_many_arguments, reason = "a triangle, a shape, and where points go")]
 fn touch(
     surface: &Surface,
     t: usize,
     facet: &Facet,
     pair: &Pair<'_>,
+    along: f64,
+    prediction: f64,
+    out: &mut Manifold,
+    room: &mut Room,
+) -> Option<Facing> {
+    if let ConvexShape::Sphere { radius } = *pair.b {
+        let ball = Ball { facet, pair, height: along, radius, prediction };
+        let grid = if let Surface::Grid(grid) = surface { Some(grid) } else { None };
+        let holds = grid.map(|grid| |p: V| grid.holds(p));
+        match ball.touch(holds, |at, p, d| surface.is_nearest(t, facet, at, p, d), out) {
+            Touch::Found => return None,
+            Touch::Left(facing) => return Some(facing),
+            Touch::Unknown => {}
+        }
+    }
+    touch_any(surface, t, facet, pair, along, prediction, out, room)
+}
+
+/// [`touch`] for any shape.
+#[expect(clippy::too_many_arguments, reason = "a triangle, a shape, and where points go")]
+fn touch_any(
+    surface: &Surface,
+    t: usize,
+    facet: &Facet,
+    pair: &Pair<'_>,
+    along: f64,
     prediction: f64,
     out: &mut Manifold,
     room: &mut Room,
 ) -> Option<Facing> {
     let normal = facet.normal;
-    let flat = Separation { normal, separation: pair.separation(normal), points: [facet.corners[0]; 2] };
-    if flat.separation - pair.thickness() > prediction {
-        return None;
-    }
+    let flat = Separation { normal, separation: along, points: [facet.corners[0]; 2] };
     let over = |room: &mut Room, out: &mut Manifold| {
-        room.clipper.over_facet(pair, &Facing::new(pair, flat), &facet.bulges, &facet.rises, prediction, out);
+        let rises = if along < 0.0 { facet.rises() } else { [0.0; 3] };
+        if facet.may_be_under(pair, &rises) {
+            room.clipper.over_facet(pair, &Facing::new(pair, flat), &facet.bulges, &rises, prediction, out);
+        }
     };
     let behind = dot(normal, pair.apart) <= 0.0;
     if behind && let Surface::Grid(grid) = surface {
@@ -531,7 +547,8 @@ fn drop_nearer_elsewhere(surface: &Surface, triangles: &[u32], size: f64, all: &
     let own = |p: &Point| {
         let (x, reach) = (add_scaled(p.pos, p.normal, 0.5 * p.distance), -NEARER * p.distance);
         let is_nearer = |t: &u32| {
-            let Facet { corners, normal, .. } = surface.facet(*t as usize);
+            let corners = surface.triangle(*t);
+            let normal = triangle_normal(&corners);
             // Behind it, up to the rounding of poses in 32 bits.
             let behind = dot(normal, sub(x, corners[0])) <= 1e-7 * size;
             behind && TURNED.contains(&dot(normal, p.normal)) && distance(&corners, normal, x) < reach
@@ -551,4 +568,51 @@ fn distance(corners: &[V; 3], normal: V, x: V) -> f64 {
     }
     let from_edge = |(edge, arm): &(V, V)| norm(add_scaled(*arm, *edge, -(dot(*arm, *edge) / dot(*edge, *edge)).clamp(0.0, 1.0)));
     edges.iter().map(from_edge).fold(f64::INFINITY, f64::min)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(4000))]
+
+        /// The search finds the same points, up to its rounding.
+        #[test]
+        fn a_ball_touches_as_any_shape_does(
+            heights in prop::collection::vec(0.0..0.3f64, 16), level in prop::bool::ANY, cell in 0..9usize, upper in 0..2usize,
+            radius in 0.01..0.4f64, at in (-1.5..1.5f64, -1.5..1.5f64, -0.3..0.7f64),
+        ) {
+            let heights = if level { vec![0.1; 16] } else { heights };
+            let surface = Surface::Grid(Grid::new([4, 4], [1.5; 2], heights, 1.0));
+            let (t, shape) = (2 * cell + upper, ConvexShape::Sphere { radius });
+            let facet = surface.facet(t);
+            let triangle = ConvexShape::Triangle(facet.corners);
+            let identity = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0];
+            let pair = Pair::between(&triangle, &shape, [at.0, at.1, at.2], identity);
+            let (height, prediction) = (pair.separation(facet.normal), 0.1);
+            if height - radius > prediction {
+                return Ok(());
+            }
+            let (mut own, mut any) = (Manifold::default(), Manifold::default());
+            let ball = Ball { facet: &facet, pair: &pair, height, radius, prediction };
+            let Surface::Grid(grid) = &surface else { unreachable!("made above") };
+            let left = ball.touch(Some(|p: V| grid.holds(p)), |at, p, d| surface.is_nearest(t, &facet, at, p, d), &mut own);
+            let left_any = touch_any(&surface, t, &facet, &pair, height, prediction, &mut any, &mut Room::default());
+            match left {
+                Touch::Unknown => return Ok(()),
+                Touch::Found => prop_assert!(left_any.is_none()),
+                Touch::Left(facing) => {
+                    prop_assert!((facing.found.separation - left_any.unwrap().found.separation).abs() < 1e-12);
+                }
+            }
+            prop_assert_eq!(own.points.len(), any.points.len());
+            for (a, b) in own.points.iter().zip(&any.points) {
+                prop_assert_eq!(a.feature, b.feature);
+                // The normal of the search errs by the rounding of positions over the distance.
+                prop_assert!((a.distance - b.distance).abs() < 1e-12 && norm(sub(a.pos, b.pos)) < 1e-9 && norm(sub(a.normal, b.normal)) < 1e-9);
+            }
+        }
+    }
 }

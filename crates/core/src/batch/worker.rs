@@ -350,7 +350,9 @@ impl<R: Real, P: Probe> LaneWorker<R, P> {
     fn load_overrides(&mut self, call: &Call<'_, R::Scalar>, first: usize) {
         if let Some(numbers) = call.overrides.numbers.get(first / R::LANES) {
             self.compiled.params.load_lanes(&call.overrides.places, numbers);
-            self.workspace.update_static_poses(&self.compiled);
+            if self.compiled.params.has_geoms(&call.overrides.places) {
+                self.workspace.update_static_poses(&self.compiled);
+            }
         }
     }
 

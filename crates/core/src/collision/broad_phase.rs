@@ -1,5 +1,5 @@
-//! Broad phase: which of the dynamic pairs are close to each other. For many loose bodies the list of all pairs would grow with their
-//! square.
+//! Broad phase: which of the dynamic pairs of moving geoms are close to each other. For many loose bodies the list of all pairs would grow
+//! with their square.
 //!
 //! Lane by lane, in scalar code, and stateless: the centres are sorted into cubes as wide as the largest two bounding balls together, so
 //! that whatever can touch is in neighbouring cubes (Ericson 2005, section 7.1). The cubes' keys are sorted, a row of cubes along z is a
@@ -8,6 +8,7 @@
 
 use stepper_real::{Real, Scalar};
 
+use crate::collision::static_search::merge;
 use crate::compile::{DynamicPairs, LaneModel};
 use crate::math::spatial::*;
 
@@ -21,7 +22,8 @@ const ROWS: [(i64, i64); 4] = [(0, 1), (1, -1), (1, 0), (1, 1)];
 struct Ball {
     centre: [f64; 3],
     radius: f64,
-    moves: bool,
+    /// Its place among the members.
+    member: u32,
 }
 
 /// Dynamic pairs that can touch, and the workspace that finds them.
@@ -32,7 +34,7 @@ pub(crate) struct Broad {
     without_cell: Vec<u32>,
     found: Vec<u64>,
     /// Number of a pair in the compiled model, and the lanes (bits) in which it can touch; ascending.
-    pub(crate) pairs: Vec<(usize, u32)>,
+    pub(crate) pairs: Vec<(u32, u32)>,
 }
 
 impl Broad {
@@ -49,14 +51,15 @@ impl Broad {
         self.found.clear();
         for lane in (0..R::LANES).filter(|l| alive >> l & 1 == 1) {
             self.balls.clear();
-            self.balls.extend(dynamic_pairs.members.iter().map(|member| {
+            self.balls.extend(dynamic_pairs.moving.iter().map(|&i| {
+                let member = &dynamic_pairs.members[i as usize];
                 let g = member.geom;
                 let centre = of_lane(&pos[g], lane);
                 let reach = (compiled.params.bounding_radius(g).lane(lane).to_f64() + member.margin)
                     + (displacement[g].lane(lane).to_f64() + slack.lane(lane).to_f64());
                 // A hair more than the exact test will ask for, also in single precision.
                 let rounding = 1e-6 * (reach + centre.iter().map(|x| x.abs()).sum::<f64>());
-                Ball { centre, radius: reach + rounding, moves: compiled.geoms[g].frame != 0 }
+                Ball { centre, radius: reach + rounding, member: i }
             }));
             self.sort_into_cells(dynamic_pairs);
             self.visit_neighbours(lane as u64);
@@ -112,12 +115,19 @@ impl Broad {
         }
     }
 
+    /// Adds pairs that were found elsewhere.
+    pub(crate) fn add(&mut self, pairs: &[(u32, u32)]) {
+        let count = self.pairs.len();
+        self.pairs.resize(count + pairs.len(), (0, 0));
+        merge(pairs, &mut self.pairs, count);
+    }
+
     /// Joins the lanes of each pair.
     fn merge_lanes(&mut self, dynamic_pairs: &DynamicPairs<impl Scalar>) {
         self.pairs.clear();
         for &x in &self.found {
             let (i, j, lane) = ((x >> 36) as usize, (x >> 4) as u32 as usize, x & 15);
-            let number = dynamic_pairs.number(i, j);
+            let number = dynamic_pairs.number(i, j) as u32;
             match self.pairs.last_mut() {
                 Some(last) if last.0 == number => last.1 |= 1 << lane,
                 _ => self.pairs.push((number, 1 << lane)),
@@ -138,8 +148,8 @@ fn offer(balls: &[Ball], found: &mut Vec<u64>, a: u32, b: u32, lane: u64) {
     let (p, q) = (&balls[a as usize], &balls[b as usize]);
     let reach = p.radius + q.radius;
     let apart = sub(p.centre, q.centre);
-    if (p.moves || q.moves) && dot(apart, apart) <= reach * reach {
-        let (i, j) = (a.min(b), a.max(b));
+    if dot(apart, apart) <= reach * reach {
+        let (i, j) = (p.member.min(q.member), p.member.max(q.member));
         found.push(u64::from(i) << 36 | u64::from(j) << 4 | lane);
     }
 }

@@ -8,8 +8,10 @@ use stepper_real::{Mask, Real, Scalar};
 
 use crate::collision::broad_phase::Broad;
 use crate::collision::contact_set::Contacts;
+use crate::collision::packed_pairs::PackedPairs;
 use crate::collision::patch_reduction::PatchReduction;
 use crate::collision::separation_cache::SeparationCache;
+use crate::collision::static_search::{StaticSearch, merge};
 use crate::compile::{CompiledPair, Kernel, LaneModel, ModelStructure};
 use crate::dynamics::kinematics::Kinematics;
 use crate::math::spatial::*;
@@ -20,24 +22,33 @@ pub struct GeomPoses<R: Real> {
     pub(crate) placed: Placed<R>,
     /// What gravity covers in a step, m.
     pub(crate) slack: R,
-    /// Listed pairs, cut where the first geom or the margin changes.
+    /// Listed pairs without the static ones, cut where the first geom or the margin changes.
     pub(crate) runs: Vec<Range<usize>>,
     /// Listed pairs that can touch, and the lanes (bits) in which they can; with one unused entry.
     pub(crate) near: Vec<(u32, u32)>,
     /// How many there are.
     pub(crate) near_count: usize,
     pub(crate) broad: Broad,
+    pub(crate) statics: StaticSearch<R>,
+    /// For every geom whether it moved far from the beginning of the step in any lane.
+    fast: Vec<bool>,
+    /// Dynamic pairs that can touch, with their numbers and lanes.
+    pub(crate) dynamic: Vec<(usize, R::Mask, CompiledPair<R::Scalar>)>,
+    pub(crate) packed: PackedPairs<R::Scalar>,
     pub(crate) search: Search,
     pub(crate) reduction: PatchReduction,
 }
 
-fn runs<S: Scalar>(pairs: &[CompiledPair<S>]) -> Vec<Range<usize>> {
-    let mut end = 0;
-    let run = |pairs: &[CompiledPair<S>]| {
-        end += pairs.len();
-        end - pairs.len()..end
-    };
-    pairs.chunk_by(|a, b| (a.geoms[0], a.margin) == (b.geoms[0], b.margin)).map(run).collect()
+fn runs<S: Scalar>(compiled: &ModelStructure<S>) -> Vec<Range<usize>> {
+    let key = |i: usize| (compiled.pairs[i].geoms[0], compiled.pairs[i].margin);
+    let mut runs: Vec<Range<usize>> = vec![];
+    for i in (0..compiled.pairs.len()).filter(|&i| !compiled.static_pairs.is_listed(i)) {
+        match runs.last_mut().filter(|run| run.end == i && key(run.start) == key(i)) {
+            Some(run) => run.end += 1,
+            None => runs.push(i..i + 1),
+        }
+    }
+    runs
 }
 
 /// Where the geoms are and how far they can get.
@@ -90,16 +101,23 @@ impl Search {
 impl<R: Real> GeomPoses<R> {
     /// Workspace for a compiled model; geoms of the world are placed where the model has them.
     pub fn new(compiled: &LaneModel<R>) -> Self {
-        Self {
-            placed: Placed::new(compiled),
+        let placed = Placed::new(compiled);
+        let mut poses = Self {
+            placed,
+            statics: StaticSearch::new(compiled),
+            fast: vec![false; compiled.geoms.len()],
             slack: R::zero(),
-            runs: runs(&compiled.pairs),
+            runs: runs(compiled),
             near: vec![(0, 0); compiled.pairs.len() + 1],
             near_count: 0,
             broad: Broad::default(),
+            dynamic: vec![],
+            packed: PackedPairs::default(),
             reduction: PatchReduction::default(),
             search: Search::new(compiled, R::LANES),
-        }
+        };
+        poses.update_static_poses(compiled);
+        poses
     }
 
     /// Takes what a group's last step left, and leaves what was found last: before a group's steps and after them.
@@ -117,7 +135,46 @@ impl<R: Real> GeomPoses<R> {
     /// Places the geoms that are fixed to the world, where environments may have them elsewhere.
     pub(crate) fn update_static_poses(&mut self, compiled: &LaneModel<R>) {
         for (i, _) in compiled.geoms.iter().enumerate().filter(|(_, g)| g.frame == 0) {
-            self.placed.pos[i] = compiled.params.geom_pos(i);
+            self.placed.place_static(compiled, i);
+        }
+        self.statics.update_tree(compiled, &self.placed.pos, &self.placed.mat);
+    }
+
+    /// Finds the pairs with static geoms whose boxes overlap in any of the lanes `alive`, and adds the listed ones to the near pairs.
+    /// `travel` bounds the displacement of every geom, m. With `looks_back`, geoms that move far from the beginning of the step have all
+    /// pairs whose bounding balls overlap.
+    pub(crate) fn find_static(&mut self, compiled: &LaneModel<R>, alive: R::Mask, looks_back: bool, travel: impl Fn(&Placed<R>) -> &[R]) {
+        if !compiled.static_pairs.is_empty() {
+            let Self { placed, statics, slack, near, near_count, fast, .. } = self;
+            fast.fill(false);
+            if looks_back {
+                R::vectorize(
+                    #[inline(always)]
+                    || {
+                        for m in &compiled.static_pairs.moving {
+                            fast[m.geom] = statics.moves_too_far(compiled, m.geom, placed.displacement[m.geom]).and(alive).any();
+                        }
+                    },
+                );
+            }
+            statics.find(compiled, alive.bits(), (&placed.pos, &placed.mat), |g| (travel(placed)[g] + *slack, fast[g]));
+            statics.pairs.retain_mut(|(number, lanes)| {
+                let pair = compiled.pairs.get(*number as usize).filter(|pair| pair.geoms.iter().any(|&g| fast[g]));
+                *lanes &= pair.map_or(u32::MAX, |pair| placed.balls_touch(pair, *slack).bits());
+                *lanes != 0
+            });
+            let (listed, _) = statics.split(compiled.pairs.len());
+            merge(listed, near, *near_count);
+            *near_count += listed.len();
+        }
+    }
+
+    /// Finds the dynamic pairs that can touch in any of the lanes `alive`, with the static ones that [`GeomPoses::find_static`] found.
+    pub(crate) fn find_dynamic(&mut self, compiled: &LaneModel<R>, alive: R::Mask, travel: impl Fn(&Placed<R>) -> &[R]) {
+        if let Some(dynamic_pairs) = &compiled.dynamic_pairs {
+            let Self { placed, slack, broad, statics, .. } = self;
+            broad.find(compiled, dynamic_pairs, alive.bits(), &placed.pos, travel(placed), *slack);
+            broad.add(statics.split(compiled.pairs.len()).1);
         }
     }
 
@@ -162,10 +219,8 @@ impl<R: Real> Placed<R> {
     /// Places the geoms that are not fixed to the world.
     #[inline(always)]
     pub(crate) fn update_poses(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>) {
-        for (i, g) in compiled.geoms.iter().enumerate() {
-            if g.frame == 0 {
-                continue;
-            }
+        for &i in &compiled.moving_geoms {
+            let g = &compiled.geoms[i];
             let mat = &kinematics.mat[g.frame];
             self.pos[i] = kinematics.point(g.frame, compiled.params.geom_pos(i));
             if g.full_orientation {
@@ -184,11 +239,32 @@ impl<R: Real> Placed<R> {
     pub(crate) fn update_travel(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, v: &[R], time: R) {
         kinematics.velocities(compiled, v, &mut self.velocity);
         ways(compiled, kinematics, &self.pos, &self.velocity, time, &mut self.travel);
-        for (i, g) in compiled.geoms.iter().enumerate() {
-            let radius = if g.is_plane { self.travel[i] } else { self.travel[i] + compiled.params.bounding_radius(i) };
-            let [x, y, z] = self.pos[i];
-            self.balls[i] = [x, y, z, radius];
+        for &i in &compiled.moving_geoms {
+            self.update_ball(compiled, i);
         }
+    }
+
+    /// Updates the ball about a geom from its place and its way.
+    #[inline(always)]
+    fn update_ball(&mut self, compiled: &LaneModel<R>, i: usize) {
+        let way = self.travel[i];
+        let radius = if compiled.geoms[i].is_plane { way } else { way + compiled.params.bounding_radius(i) };
+        let [x, y, z] = self.pos[i];
+        self.balls[i] = [x, y, z, radius];
+    }
+
+    /// Lanes in which the balls about two geoms overlap.
+    #[inline(always)]
+    fn balls_touch(&self, pair: &CompiledPair<R::Scalar>, slack: R) -> R::Mask {
+        let [[ax, ay, az, a], [bx, by, bz, b]] = pair.geoms.map(|g| self.balls[g]);
+        let (apart, reach) = (sub([bx, by, bz], [ax, ay, az]), a + slack + R::splat(pair.margin) + b);
+        dot(apart, apart).lt(reach * reach)
+    }
+
+    /// Places a geom that is fixed to the world.
+    fn place_static(&mut self, compiled: &LaneModel<R>, i: usize) {
+        self.pos[i] = compiled.params.geom_pos(i);
+        self.update_ball(compiled, i);
     }
 
     /// Bounds on the ways of all geoms from the beginning of the step; leaves the velocities of the links on them.
@@ -202,12 +278,13 @@ impl<R: Real> Placed<R> {
 /// Bound on the way of any point of each geom that is not fixed to the world, at the velocities of the links.
 #[inline(always)]
 fn ways<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, pos: &[V3<R>], velocity: &[V6<R>], time: R, out: &mut [R]) {
-    for (i, g) in compiled.geoms.iter().enumerate() {
-        if g.frame != 0 && g.frame <= compiled.links.len() {
+    for &i in &compiled.moving_geoms {
+        let g = &compiled.geoms[i];
+        if g.frame <= compiled.links.len() {
             let motion = velocity[g.frame - 1];
             let arm = sub(pos[i], kinematics.origin[compiled.links[g.frame - 1].tree]);
             out[i] = (norm(velocity_at(&motion, arm)) + norm(angular(&motion)) * compiled.params.bounding_radius(i)) * time;
-        } else if g.frame > compiled.links.len() {
+        } else {
             let motion = &kinematics.posed[g.frame - compiled.links.len() - 1];
             // A plane has no bound: 0 * infinity must not become NaN.
             let spin = norm(angular(motion));
@@ -234,17 +311,21 @@ pub(crate) struct Scene<'a, R: Real> {
 }
 
 impl<R: Real> Scene<'_, R> {
-    /// Takes up the contacts of a pair in the lanes `near`. Returns those that are too far from the beginning of the step.
+    /// Takes up the contacts of a pair in the lanes `near`; those of pairs in `packed` were found before. Returns the lanes
+    /// that are too far from the beginning of the step.
     #[inline(always)]
     pub(crate) fn collide(
         &self,
         index: usize,
         pair: &CompiledPair<R::Scalar>,
         near: R::Mask,
+        packed: &mut PackedPairs<R::Scalar>,
         search: &mut Search,
         contacts: &mut Contacts<R>,
     ) -> R::Mask {
-        self.test_pair(index, pair, near, search, contacts);
+        if !self.take_packed(index, pair, near, packed, contacts) {
+            self.test_pair(index, pair, near, search, contacts);
+        }
         if self.looks_ahead { near.and(self.moves_too_far(pair)) } else { R::Mask::splat(false) }
     }
 

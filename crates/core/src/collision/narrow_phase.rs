@@ -281,7 +281,7 @@ impl<R: Real> Scene<'_, R> {
 
     /// Takes the point up in the lanes where it can touch within the step. A kernel of its own, as [`Scene::meet`].
     #[inline(never)]
-    fn offer(
+    pub(crate) fn offer(
         &self,
         index: usize,
         feature: u32,

@@ -22,11 +22,8 @@ const MAX_PAIR_POINTS: usize = 16;
 /// Largest number of poses at which the distance of a pair is evaluated. Newton and bisection steps need two to six.
 const MAX_POSES: usize = 16;
 
-/// Number of bisections for the time of first touch. Ten give 1e-3 of the path.
-const TOUCH_BISECTIONS: usize = 10;
-
 /// Rotation of a body on its path above which the straight path is invalid, rad. Its gap then counts as closed.
-const MAX_ROTATION: f64 = 1.0;
+pub(super) const MAX_ROTATION: f64 = 1.0;
 
 /// Motion of a pair at constant velocity from the pose where contacts were found.
 pub(crate) struct Path<'a, R: Real> {
@@ -73,53 +70,26 @@ impl<R: Real> SweptPair<R> {
         kinematics.velocities(compiled, v, &mut self.placed.velocity);
     }
 
-    /// Lanes of `lanes` in which the distance of the pair falls below `-tolerance` on the path, and a time at which it does, s.
-    ///
-    /// `gap` is the distance and its rate at the start of the path.
+    /// [`find_touch`] of the pair of a path.
     #[inline(always)]
     pub(crate) fn find_touch(&mut self, path: &Path<'_, R>, lanes: R::Mask, gap: Gap<R>, tolerance: R) -> (R::Mask, R) {
-        let (mut low, mut high, mut tangent) = (R::zero(), path.time, gap);
-        let end = self.gap_at(path, high, lanes);
-        let mut hits = lanes.and(end.distance.lt(-tolerance).or(self.exceeds_max_rotation(path)));
-        // A distance that still decreases at the end of the path has its minimum there.
-        let shrinks = end.distance.lt(R::of(f64::INFINITY)).and(end.rate.le(R::zero()));
-        let mut open = lanes.and_not(hits).and_not(shrinks);
-        let mut at = high;
-        for _ in 0..MAX_POSES {
-            open = open.and_not((tangent.distance + (high - low) * tangent.rate).ge(-tolerance));
-            if open.none() {
-                break;
-            }
-            let approaches = open.and(tangent.rate.lt(R::zero()));
-            let touch = low - tangent.distance / R::select(approaches, tangent.rate, R::of(-1.0));
-            let newton = approaches.and(tangent.distance.gt(tolerance)).and(touch.lt(high));
-            let time = R::select(newton, touch, (low + high) * R::of(0.5));
-            let here = self.gap_at(path, time, open);
-            let deep = open.and(here.distance.lt(-tolerance));
-            (hits, at) = (hits.or(deep), R::select(deep, time, at));
-            open = open.and_not(deep);
-            let approaching = here.distance.lt(R::of(f64::INFINITY)).and(here.rate.lt(R::zero()));
-            low = R::select(approaching, time, low);
-            tangent.distance = R::select(approaching, here.distance, tangent.distance);
-            tangent.rate = R::select(approaching, here.rate, tangent.rate);
-            high = R::select(approaching, high, time);
-        }
-        (hits, at)
+        let end = self.gap_at(path, path.time, lanes);
+        let rotates = self.exceeds_max_rotation(path);
+        find_touch(
+            [gap, end],
+            path.time,
+            lanes,
+            rotates,
+            tolerance,
+            #[inline(always)]
+            |time, lanes| self.gap_at(path, time, lanes),
+        )
     }
 
-    /// Earliest time at which the distance of the pair is below `-tolerance`, s, within 1e-3 of `until`.
-    ///
-    /// The distance must be below `-tolerance` at the time `until`.
+    /// Velocity of a link's frame.
     #[inline(always)]
-    pub(crate) fn first_touch(&mut self, path: &Path<'_, R>, lanes: R::Mask, until: R, tolerance: R) -> R {
-        let (mut low, mut high) = (R::zero(), until);
-        for _ in 0..TOUCH_BISECTIONS {
-            let middle = (low + high) * R::of(0.5);
-            let deep = self.gap_at(path, middle, lanes).distance.lt(-tolerance);
-            low = R::select(deep, low, middle);
-            high = R::select(deep, middle, high);
-        }
-        high
+    pub(super) fn velocity_of(&self, frame: usize) -> V6<R> {
+        self.placed.velocity[frame - 1]
     }
 
     /// Lanes in which a body of the pair rotates by more than [`MAX_ROTATION`] on the path.
@@ -136,7 +106,7 @@ impl<R: Real> SweptPair<R> {
 
     /// Smallest distance of the pair, and its rate, at `time` seconds along the path.
     #[inline(always)]
-    fn gap_at(&mut self, path: &Path<'_, R>, time: R, lanes: R::Mask) -> Gap<R> {
+    pub(crate) fn gap_at(&mut self, path: &Path<'_, R>, time: R, lanes: R::Mask) -> Gap<R> {
         let Path { compiled, kinematics, slack, index, pair, .. } = *path;
         for geom in pair.geoms {
             self.place(path, geom, time);
@@ -176,6 +146,47 @@ impl<R: Real> SweptPair<R> {
         let swing = R::select(norm(turn).gt(R::zero()), norm(turn) * reach, R::zero());
         self.placed.travel[geom] = (norm(velocity) + swing) * (path.time + path.time);
     }
+}
+
+/// Lanes of `lanes` in which a distance falls below `-tolerance` on a path of `end_time` seconds, and a time at which it does, s.
+///
+/// `gap` is the distance and its rate at the start of the path, `end` at its end; `gap_at` returns it at any time. Lanes that `rotates` too
+/// far count.
+#[inline(always)]
+pub(crate) fn find_touch<R: Real>(
+    [gap, end]: [Gap<R>; 2],
+    end_time: R,
+    lanes: R::Mask,
+    rotates: R::Mask,
+    tolerance: R,
+    mut gap_at: impl FnMut(R, R::Mask) -> Gap<R>,
+) -> (R::Mask, R) {
+    let (mut low, mut high, mut tangent) = (R::zero(), end_time, gap);
+    let mut hits = lanes.and(end.distance.lt(-tolerance).or(rotates));
+    // A distance that still decreases at the end of the path has its minimum there.
+    let shrinks = end.distance.lt(R::of(f64::INFINITY)).and(end.rate.le(R::zero()));
+    let mut open = lanes.and_not(hits).and_not(shrinks);
+    let mut at = high;
+    for _ in 0..MAX_POSES {
+        open = open.and_not((tangent.distance + (high - low) * tangent.rate).ge(-tolerance));
+        if open.none() {
+            break;
+        }
+        let approaches = open.and(tangent.rate.lt(R::zero()));
+        let touch = low - tangent.distance / R::select(approaches, tangent.rate, R::of(-1.0));
+        let newton = approaches.and(tangent.distance.gt(tolerance)).and(touch.lt(high));
+        let time = R::select(newton, touch, (low + high) * R::of(0.5));
+        let here = gap_at(time, open);
+        let deep = open.and(here.distance.lt(-tolerance));
+        (hits, at) = (hits.or(deep), R::select(deep, time, at));
+        open = open.and_not(deep);
+        let approaching = here.distance.lt(R::of(f64::INFINITY)).and(here.rate.lt(R::zero()));
+        low = R::select(approaching, time, low);
+        tangent.distance = R::select(approaching, here.distance, tangent.distance);
+        tangent.rate = R::select(approaching, here.rate, tangent.rate);
+        high = R::select(approaching, high, time);
+    }
+    (hits, at)
 }
 
 impl<R: Real> Placed<R> {

@@ -41,23 +41,25 @@ pub fn may_have_passed<R: Real>(
     if !compiled.can_tunnel {
         return R::Mask::splat(false);
     }
-    let GeomPoses { placed, slack, near, near_count, broad, search, .. } = poses;
-    let slack = *slack;
-    if step.is_free && placed.moved_little(compiled, alive) {
+    let slack = poses.slack;
+    if step.is_free && poses.placed.moved_little(compiled, alive) {
         return R::Mask::splat(false);
     }
     let [moved, beyond_search] = R::vectorize(
         #[inline(always)]
-        || placed.update_displacements(compiled, kinematics, step.velocity, step.h, slack),
+        || poses.placed.update_displacements(compiled, kinematics, step.velocity, step.h, slack),
     );
     if moved.and(alive).none() {
         return R::Mask::splat(false);
     }
     // If no geom moves farther than stage 3 assumed, the candidate pairs of stage 3 suffice.
     let within_search = beyond_search.and(alive).none();
-    if let (Some(dynamic_pairs), false) = (&compiled.dynamic_pairs, within_search) {
-        broad.find(compiled, dynamic_pairs, alive.bits(), &placed.pos, &placed.displacement, slack);
+    if !within_search && compiled.dynamic_pairs.is_some() {
+        poses.near_count = 0;
+        poses.find_static(compiled, alive, false, |placed| &placed.displacement);
+        poses.find_dynamic(compiled, alive, |placed| &placed.displacement);
     }
+    let GeomPoses { placed, near, near_count, broad, search, .. } = poses;
     let placed = &*placed;
     let paths = Path { compiled, kinematics, placed, step, slack };
     R::vectorize(
@@ -74,7 +76,7 @@ pub fn may_have_passed<R: Real>(
                 }
             }
             if let Some(dynamic_pairs) = &compiled.dynamic_pairs {
-                for pair in broad.pairs.iter().filter_map(|p| dynamic_pairs.pair(p.0)) {
+                for pair in broad.pairs.iter().filter_map(|p| dynamic_pairs.pair(p.0 as usize)) {
                     passed = paths.test(&pair, alive, passed, &mut search.narrow);
                 }
             }
@@ -200,8 +202,8 @@ impl<R: Real> Placed<R> {
             #[inline(always)]
             || {
                 let mut moved = R::Mask::splat(false);
-                for (g, travel) in self.travel.iter().enumerate() {
-                    moved = moved.or(travel.gt(compiled.params.inscribed_radius(g)));
+                for &g in &compiled.moving_geoms {
+                    moved = moved.or(self.travel[g].gt(compiled.params.inscribed_radius(g)));
                 }
                 moved.and(alive).none()
             },
@@ -217,11 +219,12 @@ impl<R: Real> Placed<R> {
         self.update_lead(compiled, kinematics, v_next, h);
         let [mut any, mut beyond_search] = [R::Mask::splat(false); 2];
         let half = R::of(0.5);
-        for (g, ((&displacement, &travel), fast)) in self.displacement.iter().zip(&self.travel).zip(&mut self.fast).enumerate() {
+        for &g in &compiled.moving_geoms {
+            let displacement = self.displacement[g];
             let moved = displacement.gt(compiled.params.inscribed_radius(g) * half);
-            *fast = moved.any();
+            self.fast[g] = moved.any();
             any = any.or(moved);
-            beyond_search = beyond_search.or(displacement.gt(travel + slack * half));
+            beyond_search = beyond_search.or(displacement.gt(self.travel[g] + slack * half));
         }
         [any, beyond_search]
     }

@@ -72,6 +72,8 @@ impl<S> CompiledPair<S> {
 pub struct DynamicPairs<S> {
     /// Geoms of the group, ascending.
     pub members: Vec<Member>,
+    /// Places among the members of those that are not fixed to the world.
+    pub moving: Vec<u32>,
     /// Radius of the largest ball about one of them, margin included, m.
     pub widest: f64,
     /// Number of the first dynamic pair; the pairs before it are listed.
@@ -213,6 +215,7 @@ pub(crate) fn compile<S: Scalar>(model: &Model, merged: &Merged) -> Collision<S>
     }
     let dynamic_pairs = (!members.is_empty()).then(|| DynamicPairs {
         widest: members.iter().map(|m| bounding_radius(model, &model.geoms[m.model_geom].shape) + m.margin).fold(0.0, f64::max),
+        moving: (0..).zip(&members).filter(|(_, m)| geoms[m.geom].frame != 0).map(|(i, _)| i).collect(),
         has_rolling_friction: members.iter().any(|m| model.geoms[m.model_geom].condim > 3),
         members,
         first: pairs.len(),

@@ -15,6 +15,7 @@ use crate::compile::parameters::Params;
 use crate::compile::passive::{CompiledFluid, CompiledSurface, GravityCompensation};
 use crate::compile::sensing::CompiledSensing;
 use crate::compile::softness::CompiledSoftness;
+use crate::compile::static_pairs::StaticPairs;
 use crate::compile::tree::{
     CompiledBallLimit, CompiledBody, CompiledFriction, CompiledJoint, CompiledLimit, CompiledMocap, CompiledSpinner, Descendant, Dof, Link,
 };
@@ -77,6 +78,8 @@ pub struct ModelStructure<S: Scalar> {
     pub bodies: Vec<CompiledBody<S>>,
     /// Geoms that take part in collision.
     pub geoms: Vec<CompiledGeom<S>>,
+    /// Those of the geoms that are not fixed to the world.
+    pub moving_geoms: Vec<usize>,
     /// Pairs that can collide and for which there is a kernel, in a fixed order; all of them, if none are dynamic.
     pub pairs: Vec<CompiledPair<S>>,
     /// Contact group of every listed pair: pairs with the same number join the same two frames. Empty if no pair has a group.
@@ -85,6 +88,8 @@ pub struct ModelStructure<S: Scalar> {
     pub has_contact_springs: bool,
     /// Geoms whose pairs are too many to list.
     pub dynamic_pairs: Option<DynamicPairs<S>>,
+    /// Pairs of a moving geom and one that is fixed to the world.
+    pub static_pairs: StaticPairs,
     /// Whether each link floats freely; empty if none does.
     pub floating: Vec<bool>,
     /// Whether any pair can have torsional or rolling friction.

@@ -7,6 +7,7 @@ use crate::compile::compiled_model::{CompiledModel, ModelStructure};
 use crate::compile::limits::{ball_limits, frictions, limits};
 use crate::compile::merging::Merged;
 use crate::compile::sensing::CompiledSensing;
+use crate::compile::static_pairs::{Collision, StaticPairs};
 use crate::compile::tree::{CompiledJoint, CompiledSpinner, Link, scalars};
 use crate::compile::{actuators, collision, equality, merging, passive};
 use crate::model::actuator_spec::ActuatorSpec;
@@ -67,6 +68,7 @@ impl<S: Scalar> CompiledModel<S> {
             mocap: merging::mocap(model, &merged),
             bodies: merging::bodies(model, &merged),
             patches: collision::patches(&geoms, &pairs),
+            moving_geoms: (0..geoms.len()).filter(|&g| geoms[g].frame != 0).collect(),
             geoms,
             has_rolling_friction: dynamic_pairs.as_ref().is_some_and(DynamicPairs::has_rolling_friction)
                 || pairs.iter().any(|p| p.condim > 3),
@@ -74,6 +76,7 @@ impl<S: Scalar> CompiledModel<S> {
                 || dynamic_pairs.is_some() && model.geoms.iter().any(|g| !g.spring.is_rigid()),
             pairs,
             dynamic_pairs,
+            static_pairs: StaticPairs::default(),
             limits,
             frictions,
             ball_limits,
@@ -95,7 +98,11 @@ impl<S: Scalar> CompiledModel<S> {
             merged,
         };
         let params = structure.params_of(model).map(S::from_f64);
-        Self { structure, params }
+        let ModelStructure { geoms, pairs, dynamic_pairs, ntree, .. } = &structure;
+        let collision = Collision { geoms, pairs, dynamic_pairs: dynamic_pairs.as_ref() };
+        let group = |frame: usize| structure.tree_of(frame).unwrap_or(frame + ntree);
+        let static_pairs = StaticPairs::new(&collision, |geom| params.geom_pos(geom).map(S::to_f64), group);
+        Self { structure: ModelStructure { static_pairs, ..structure }, params }
     }
 
     /// Links that are alone on a free or ball joint.

@@ -16,6 +16,7 @@ mod ray_surfaces;
 pub mod sensing;
 mod soften;
 mod softness;
+mod static_pairs;
 mod tree;
 
 pub use crate::model::Kernel;
@@ -29,4 +30,5 @@ pub use passive::{CompiledEllipsoid, FluidShape};
 pub use ray_surfaces::RaySurfaces;
 pub use softness::{CompiledSoftness, SoftContactLaw, SoftLaw};
 pub(crate) use softness::{EndLaw, MIN_FRICTION, MIN_MOBILITY};
+pub use static_pairs::StaticPairs;
 pub use tree::{CompiledJoint, CompiledSpinner, Descendant, Dof, Link};

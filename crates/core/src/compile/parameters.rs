@@ -208,6 +208,12 @@ impl<T: Copy> Params<T> {
         self.numbers[start..end].as_chunks().0
     }
 
+    /// Whether any of some places, ascending, is in the table of geoms.
+    pub fn has_geoms(&self, places: &[u32]) -> bool {
+        let [start, end] = self.tables.geoms.map(|at| places.partition_point(|&place| (place as usize) < at));
+        start < end
+    }
+
     /// Origin of a geom of the compiled model in its frame, m.
     #[inline(always)]
     pub fn geom_pos(&self, geom: usize) -> [T; 3] {

@@ -4,14 +4,19 @@ use stepper_real::{Mask, Real, Scalar};
 
 use crate::collision::contact_set::Contacts;
 use crate::collision::detection::GeomPoses;
+use crate::collision::packed_pairs::{Item, gather_scalars};
+use crate::collision::packed_sweep::{PackedSweep, is_packed};
 use crate::collision::swept_pair::{Gap, Path, SweptPair};
-use crate::compile::LaneModel;
+use crate::compile::{CompiledPair, Kernel, LaneModel};
 use crate::constraints::ConstraintProblem;
 use crate::constraints::approaching::resting_speed;
 use crate::dynamics::kinematics::Kinematics;
-use crate::math::lanes::each_of;
+use crate::math::lanes::{MAX_LANES, each_of};
 use crate::options::StepSettings;
 use crate::tuning::SIMULTANEOUS_FRACTION;
+
+/// Number of bisections for the time of first touch at most. Ten give 1e-3 of the path.
+const BISECTIONS: usize = 10;
 
 /// Candidate pairs of deferred contacts, and the lanes in which they collide.
 #[derive(Clone, Debug)]
@@ -23,6 +28,22 @@ pub(crate) struct CollisionSearch<R: Real> {
     pairs: Vec<CandidatePair<R>>,
     /// Velocity after the step by the predicted impulses, nv.
     pub(crate) v_predicted: Vec<R>,
+    /// Pairs that are tested side by side.
+    packed: Vec<PackedPath<R::Scalar>>,
+}
+
+/// Path of a candidate in one lane, tested side by side with others.
+#[derive(Clone, Copy, Debug)]
+struct PackedPath<S> {
+    /// Index of the candidate.
+    candidate: usize,
+    kernel: Kernel,
+    item: Item<S>,
+    gap: Gap<S>,
+    /// Overlap on the path that counts, m.
+    tolerance: S,
+    /// Time until which the first touch is searched, s.
+    until: S,
 }
 
 /// Candidate pair: its linearised gap closes in some lanes.
@@ -34,8 +55,9 @@ struct CandidatePair<R: Real> {
     lanes: R::Mask,
     /// Overlap below which the pair does not collide, m.
     tolerance: R,
-    /// Time of the first touch after the start of the path, s.
+    /// Time at which the pair touches, and a time before its first touch, s: both are narrowed where the order of candidates matters.
     time: R,
+    before: R,
     /// Lanes (bits) in which another pair of the same trees touches earlier.
     later_lanes: u32,
 }
@@ -66,6 +88,7 @@ impl<R: Real> CollisionSearch<R> {
             rates: Vec::with_capacity(max_contacts + rolling),
             pairs: Vec::with_capacity(max_contacts * R::LANES),
             v_predicted: vec![R::zero(); compiled.nv],
+            packed: vec![],
         }
     }
 
@@ -127,7 +150,14 @@ impl<R: Real> CollisionSearch<R> {
                 let lanes = R::Mask::from_bits(lanes);
                 match self.pairs.iter_mut().find(|candidate| candidate.pair == pair) {
                     Some(candidate) => candidate.lanes = candidate.lanes.or(lanes),
-                    None => self.pairs.push(CandidatePair { pair, lanes, tolerance: R::zero(), time: R::zero(), later_lanes: 0 }),
+                    None => self.pairs.push(CandidatePair {
+                        pair,
+                        lanes,
+                        tolerance: R::zero(),
+                        time: R::zero(),
+                        before: R::zero(),
+                        later_lanes: 0,
+                    }),
                 }
             }
         }
@@ -138,27 +168,146 @@ impl<R: Real> CollisionSearch<R> {
     #[inline(always)]
     fn test_paths(&mut self, query: &CollisionQuery<'_, R>, problem: &ConstraintProblem<R>) {
         let CollisionQuery { compiled, kinematics, poses, .. } = *query;
-        let Self { swept, rates, pairs, .. } = self;
+        let Self { swept, rates, pairs, packed, .. } = self;
         let time = problem.closing_time;
         let path = |index: usize, pair| Path { compiled, kinematics, start: &poses.placed, time, slack: poses.slack, index, pair };
-        let (mut once, mut several) = (R::Mask::splat(false), R::Mask::splat(false));
-        for candidate in pairs.iter_mut() {
+        packed.clear();
+        for (k, candidate) in pairs.iter_mut().enumerate() {
             let pair = compiled.pair(candidate.pair);
             let (gap, touch) = farthest_closing_gap(query, problem, rates, candidate);
             let least = -(gap.distance + time * gap.rate) * R::of(query.margin);
             candidate.tolerance = resting_overlap(query, problem, candidate) + touch;
             let tolerance = candidate.tolerance.max(least);
-            (candidate.lanes, candidate.time) = swept.find_touch(&path(candidate.pair, pair), candidate.lanes, gap, tolerance);
+            if is_packed(compiled, &pair, candidate.lanes.bits()) {
+                add_packed(packed, k, (candidate.pair, &pair), candidate.lanes, gap, [tolerance, R::zero()]);
+                candidate.lanes = R::Mask::splat(false);
+            } else {
+                (candidate.lanes, candidate.time) = swept.find_touch(&path(candidate.pair, pair), candidate.lanes, gap, tolerance);
+            }
+        }
+        for_each_packed::<R>(
+            packed,
+            #[inline(always)]
+            |kernel, batch, items| {
+                let sweep = PackedSweep::new(swept, &path(batch[0].item.index, compiled.pair(batch[0].item.index)), kernel, items);
+                let gap = Gap {
+                    distance: gather_scalars(
+                        batch,
+                        #[inline(always)]
+                        |b| b.gap.distance,
+                    ),
+                    rate: gather_scalars(
+                        batch,
+                        #[inline(always)]
+                        |b| b.gap.rate,
+                    ),
+                };
+                let (used, tolerance) = (
+                    R::Mask::from_bits((1u64 << batch.len()).wrapping_sub(1) as u32),
+                    gather_scalars(
+                        batch,
+                        #[inline(always)]
+                        |b| b.tolerance,
+                    ),
+                );
+                let (hits, at) = sweep.find_touch(gap, used, tolerance);
+                for place in each_of(hits.bits()) {
+                    let candidate = &mut pairs[batch[place].candidate];
+                    candidate.lanes = candidate.lanes.or(R::Mask::from_bits(1 << batch[place].item.lane));
+                    candidate.time.set_lane(batch[place].item.lane, at.lane(place));
+                }
+            },
+        );
+        let (mut once, mut several) = (R::Mask::splat(false), R::Mask::splat(false));
+        for candidate in pairs.iter() {
             several = several.or(once.and(candidate.lanes));
             once = once.or(candidate.lanes);
         }
-        if query.ignores_order || several.none() {
-            return;
+        if !query.ignores_order {
+            self.narrow_times(query, several, time);
         }
-        for candidate in pairs.iter_mut().filter(|candidate| candidate.lanes.and(several).any()) {
+    }
+
+    /// Narrows the times of first touch in the lanes `several` by at most [`BISECTIONS`]. Those of paths that are not packed are narrowed
+    /// until the order of the candidates is certain. `closing_time` is the duration of the paths, s.
+    #[inline(always)]
+    fn narrow_times(&mut self, query: &CollisionQuery<'_, R>, several: R::Mask, closing_time: R) {
+        let CollisionQuery { compiled, kinematics, poses, .. } = *query;
+        let path =
+            |index: usize, pair| Path { compiled, kinematics, start: &poses.placed, time: closing_time, slack: poses.slack, index, pair };
+        let Self { swept, pairs, packed, .. } = self;
+        packed.clear();
+        for (k, candidate) in pairs.iter().enumerate().filter(|(_, candidate)| candidate.lanes.and(several).any()) {
             let (pair, lanes) = (compiled.pair(candidate.pair), candidate.lanes.and(several));
-            candidate.time = swept.first_touch(&path(candidate.pair, pair), lanes, candidate.time, candidate.tolerance);
+            if is_packed(compiled, &pair, candidate.lanes.bits()) {
+                let gap = Gap { distance: R::zero(), rate: R::zero() };
+                add_packed(packed, k, (candidate.pair, &pair), lanes, gap, [candidate.tolerance, candidate.time]);
+            }
         }
+        for_each_packed::<R>(
+            packed,
+            #[inline(always)]
+            |kernel, batch, items| {
+                let sweep = PackedSweep::new(swept, &path(batch[0].item.index, compiled.pair(batch[0].item.index)), kernel, items);
+                let until = gather_scalars(
+                    batch,
+                    #[inline(always)]
+                    |b| b.until,
+                );
+                let tolerance: R = gather_scalars(
+                    batch,
+                    #[inline(always)]
+                    |b| b.tolerance,
+                );
+                let mut times = [R::zero(), until];
+                for _ in 0..BISECTIONS {
+                    let middle = (times[0] + times[1]) * R::of(0.5);
+                    let deep = sweep.gap_at(middle, R::Mask::splat(true)).distance.lt(-tolerance);
+                    times = [R::select(deep, times[0], middle), R::select(deep, middle, times[1])];
+                }
+                for (place, path) in batch.iter().enumerate() {
+                    let candidate = &mut pairs[path.candidate];
+                    candidate.before.set_lane(path.item.lane, times[0].lane(place));
+                    candidate.time.set_lane(path.item.lane, times[1].lane(place));
+                }
+            },
+        );
+        for _ in 0..BISECTIONS {
+            let open = R::Mask::from_bits(self.lanes_without_order(compiled, several.bits(), closing_time));
+            if open.none() {
+                return;
+            }
+            let Self { swept, pairs, .. } = self;
+            for candidate in pairs.iter_mut().filter(|candidate| candidate.lanes.and(open).any()) {
+                let (pair, lanes) = (compiled.pair(candidate.pair), candidate.lanes.and(open));
+                if !is_packed(compiled, &pair, candidate.lanes.bits()) {
+                    let middle = (candidate.before + candidate.time) * R::of(0.5);
+                    let deep = swept.gap_at(&path(candidate.pair, pair), middle, lanes).distance.lt(-candidate.tolerance);
+                    candidate.time = R::select(lanes.and(deep), middle, candidate.time);
+                    candidate.before = R::select(lanes.and_not(deep), middle, candidate.before);
+                }
+            }
+        }
+    }
+
+    /// Those of some lanes in which the times of first touch are not known well enough to tell which candidates of the same trees are
+    /// later.
+    fn lanes_without_order(&self, compiled: &LaneModel<R>, several: u32, closing_time: R) -> u32 {
+        let mut open = 0;
+        for lane in each_of(several) {
+            let window = SIMULTANEOUS_FRACTION * closing_time.lane(lane).to_f64();
+            let here = || self.pairs.iter().filter(|candidate| candidate.lanes.bits() >> lane & 1 == 1);
+            let of = |x: R| x.lane(lane).to_f64();
+            let is_certain = |first: &CandidatePair<R>, second: &CandidatePair<R>| {
+                of(first.time) < of(second.before) - window || of(first.before) >= of(second.time) - window
+            };
+            let mut pairs = here().flat_map(|first| here().map(move |second| (first, second)));
+            let is_open = pairs.any(|(first, second)| {
+                first.pair != second.pair && !is_certain(first, second) && share_trees(compiled, first.pair, second.pair)
+            });
+            open |= u32::from(is_open) << lane;
+        }
+        open
     }
 
     /// Removes candidates from the lanes in which another pair of the same trees touches earlier.
@@ -166,21 +315,57 @@ impl<R: Real> CollisionSearch<R> {
     /// The earlier impact changes the motion of these trees.
     fn keep_earliest(&mut self, query: &CollisionQuery<'_, R>, problem: &ConstraintProblem<R>) {
         let lanes = self.pairs.iter().fold(0, |bits, candidate| bits | candidate.lanes.bits());
-        let trees_of = |candidate: &CandidatePair<R>| trees_of_pair(query.compiled, candidate.pair);
         for lane in each_of(lanes) {
             let here = |candidate: &&CandidatePair<R>| candidate.lanes.bits() >> lane & 1 == 1;
             let time = |candidate: &CandidatePair<R>| candidate.time.lane(lane).to_f64();
             let window = SIMULTANEOUS_FRACTION * problem.closing_time.lane(lane).to_f64();
             for i in 0..self.pairs.len() {
                 let candidate = self.pairs[i];
-                let shares =
-                    |other: &CandidatePair<R>| trees_of(other).iter().flatten().any(|tree| trees_of(&candidate).contains(&Some(*tree)));
+                let shares = |other: &CandidatePair<R>| share_trees(query.compiled, other.pair, candidate.pair);
                 let is_later = self.pairs.iter().filter(here).any(|other| time(other) < time(&candidate) - window && shares(other));
                 self.pairs[i].later_lanes |= u32::from(is_later) << lane;
             }
         }
         for candidate in &mut self.pairs {
             candidate.lanes = candidate.lanes.and_not(R::Mask::from_bits(candidate.later_lanes));
+        }
+    }
+}
+
+/// Adds the path of a candidate in the lanes `lanes`.
+#[inline(always)]
+fn add_packed<R: Real>(
+    packed: &mut Vec<PackedPath<R::Scalar>>,
+    candidate: usize,
+    (index, pair): (usize, &CompiledPair<R::Scalar>),
+    lanes: R::Mask,
+    gap: Gap<R>,
+    [tolerance, until]: [R; 2],
+) {
+    for lane in each_of(lanes.bits()) {
+        packed.push(PackedPath {
+            candidate,
+            kernel: pair.kernel,
+            item: Item { index, geoms: pair.geoms, margin: pair.margin, lane },
+            gap: Gap { distance: gap.distance.lane(lane), rate: gap.rate.lane(lane) },
+            tolerance: tolerance.lane(lane),
+            until: until.lane(lane),
+        });
+    }
+}
+
+/// Calls `test` with as many paths of one kernel as a register has lanes, and their items.
+#[inline(always)]
+fn for_each_packed<R: Real>(packed: &[PackedPath<R::Scalar>], mut test: impl FnMut(Kernel, &[PackedPath<R::Scalar>], &[Item<R::Scalar>])) {
+    for kernel in [Kernel::SphereBox, Kernel::CapsuleBox] {
+        let mut paths = packed.iter().filter(|path| path.kernel == kernel).peekable();
+        while let Some(&&first) = paths.peek() {
+            let (mut batch, mut items, mut count) = ([first; MAX_LANES], [first.item; MAX_LANES], 0);
+            for path in paths.by_ref().take(R::LANES) {
+                (batch[count], items[count]) = (*path, path.item);
+                count += 1;
+            }
+            test(kernel, &batch[..count], &items[..count]);
         }
     }
 }
@@ -228,6 +413,12 @@ fn resting_overlap<R: Real>(query: &CollisionQuery<'_, R>, problem: &ConstraintP
 #[inline(always)]
 fn touch_tolerance<R: Real>(query: &CollisionQuery<'_, R>, problem: &ConstraintProblem<R>, slot: usize) -> R {
     (problem.closing_time * R::of(resting_speed(query.options))).max(query.contacts.data[slot].point.rounding())
+}
+
+/// Whether two pairs have bodies of one kinematic tree.
+fn share_trees<R: Real>(compiled: &LaneModel<R>, first: usize, second: usize) -> bool {
+    let (first, second) = (trees_of_pair(compiled, first), trees_of_pair(compiled, second));
+    first.iter().flatten().any(|tree| second.contains(&Some(*tree)))
 }
 
 /// Kinematic trees of the bodies of a pair. `None` for the world and mocap bodies.

@@ -36,7 +36,7 @@ pub fn detect<R: Real>(
         return R::Mask::splat(false);
     }
     let looks_ahead = compiled.can_tunnel && time_before.gt(R::zero()).any();
-    probe.span(Span::BroadPhase, || find_pairs(compiled, kinematics, v_free, h, alive, poses));
+    probe.span(Span::BroadPhase, || find_pairs(compiled, kinematics, [v, v_free], [h, time_before], looks_ahead, alive, poses));
     if poses.near_count == 0 && compiled.dynamic_pairs.is_none() {
         return R::Mask::splat(false);
     }
@@ -48,21 +48,32 @@ pub fn detect<R: Real>(
     })
 }
 
-/// Broad phase: poses of the geoms, and the pairs that can touch within the step with the free velocity `v_free`.
-fn find_pairs<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, v_free: &[R], h: R, alive: R::Mask, poses: &mut GeomPoses<R>) {
+/// Broad phase: poses of the geoms, and the pairs that can touch within the step with the free velocity `v_free`. With `looks_ahead` also
+/// the pairs of fast and static geoms that may have passed each other since the beginning of the step.
+fn find_pairs<R: Real>(
+    compiled: &LaneModel<R>,
+    kinematics: &Kinematics<R>,
+    [v, v_free]: [&[R]; 2],
+    [h, time_before]: [R; 2],
+    looks_ahead: bool,
+    alive: R::Mask,
+    poses: &mut GeomPoses<R>,
+) {
+    let looks_back = looks_ahead && !compiled.static_pairs.is_empty();
     R::vectorize(
         #[inline(always)]
         || {
             poses.slack = slack(compiled, h);
             poses.placed.update_poses(compiled, kinematics);
             poses.placed.update_travel(compiled, kinematics, v_free, h + h);
+            if looks_back {
+                poses.placed.update_lead(compiled, kinematics, v, time_before);
+            }
             poses.find_near(compiled, alive);
         },
     );
-    if let Some(dynamic_pairs) = &compiled.dynamic_pairs {
-        let GeomPoses { placed, slack, broad, .. } = poses;
-        broad.find(compiled, dynamic_pairs, alive.bits(), &placed.pos, &placed.travel, *slack);
-    }
+    poses.find_static(compiled, alive, looks_back, |placed| &placed.travel);
+    poses.find_dynamic(compiled, alive, |placed| &placed.travel);
 }
 
 /// Narrow phase: contacts of those pairs. With `looks_ahead`, returns the lanes whose contacts are unreliable at this time of the step.
@@ -75,11 +86,11 @@ fn find_contacts<R: Real>(
     poses: &mut GeomPoses<R>,
     contacts: &mut Contacts<R>,
 ) -> R::Mask {
-    let GeomPoses { placed, slack, near, near_count, broad, search, .. } = poses;
+    let GeomPoses { placed, slack, near, near_count, broad, dynamic, packed, search, .. } = poses;
     let (near, slack) = (&near[..*near_count], *slack);
     let is_thin = |&(index, _): &(u32, u32)| !compiled.geoms[compiled.pairs[index as usize].geoms[0]].is_plane;
     let looks_ahead = looks_ahead && (compiled.dynamic_pairs.is_some() || near.iter().any(is_thin));
-    if looks_ahead {
+    if looks_ahead && compiled.static_pairs.is_empty() {
         R::vectorize(
             #[inline(always)]
             || placed.update_lead(compiled, kinematics, v, time_before),
@@ -89,20 +100,29 @@ fn find_contacts<R: Real>(
         #[inline(always)]
         || {
             let scene = Scene { compiled, kinematics, poses: placed, h, slack, look_ahead: time_before, looks_ahead };
+            packed.clear();
+            for &(index, lanes) in near {
+                packed.add::<R>(index as usize, &compiled.pairs[index as usize], lanes);
+            }
+            dynamic.clear();
+            if let Some(dynamic_pairs) = &compiled.dynamic_pairs {
+                for &(number, lanes) in &broad.pairs {
+                    let Some(pair) = dynamic_pairs.pair(number as usize) else { continue };
+                    let lanes = R::Mask::from_bits(lanes).and(scene.can_touch(&pair));
+                    if lanes.any() {
+                        packed.add::<R>(number as usize, &pair, lanes.bits());
+                        dynamic.push((number as usize, lanes, pair));
+                    }
+                }
+            }
+            scene.test_packed(packed);
             let mut too_far = R::Mask::splat(false);
             for &(index, lanes) in near {
                 let (index, lanes) = (index as usize, R::Mask::from_bits(lanes));
-                too_far = too_far.or(scene.collide(index, &compiled.pairs[index], lanes, search, contacts));
+                too_far = too_far.or(scene.collide(index, &compiled.pairs[index], lanes, packed, search, contacts));
             }
-            if let Some(dynamic_pairs) = &compiled.dynamic_pairs {
-                for &(number, lanes) in &broad.pairs {
-                    if let Some(pair) = dynamic_pairs.pair(number) {
-                        let lanes = R::Mask::from_bits(lanes).and(scene.can_touch(&pair));
-                        if lanes.any() {
-                            too_far = too_far.or(scene.collide(number, &pair, lanes, search, contacts));
-                        }
-                    }
-                }
+            for (number, lanes, pair) in &*dynamic {
+                too_far = too_far.or(scene.collide(*number, pair, *lanes, packed, search, contacts));
             }
             too_far
         },

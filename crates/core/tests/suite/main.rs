@@ -15,4 +15,5 @@ mod public_face;
 mod scratch;
 #[path = "../../../geometry/tests/suite/shapes.rs"]
 mod shapes;
+mod static_geoms;
 mod terrain;

@@ -1,0 +1,1 @@
+"""Cost of a step on terrain beside MuJoCo: `python -m terrains --help`."""

@@ -1,0 +1,158 @@
+"""Grounds under a quadruped: geoms of an `MjSpec`, and the height that robots start at."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import mujoco
+import numpy as np
+from many_contacts.scene import Array
+
+BOX, PLANE = mujoco.mjtGeom.mjGEOM_BOX, mujoco.mjtGeom.mjGEOM_PLANE
+
+Height = Callable[[Array, Array], Array]
+"""Height of the ground at places along x and y, m."""
+
+
+@dataclass(frozen=True)
+class Ground:
+    """A kind of terrain.
+
+    Attributes:
+        name: In tables.
+        about: Its geoms, for the page.
+        add: Function that adds the geoms to an `MjSpec`.
+        height: Height of the ground, m.
+        spread: Half of the square in which robots start, m.
+        mesh: Function that adds the concave mesh "ground" for stepper where MuJoCo has something else; None where both have the same.
+        target: Wanted ratios to MuJoCo's time, f64 and f32; None where the ground is only compared with others.
+    """
+
+    name: str
+    about: str
+    add: Callable[[Any], None]
+    height: Height
+    spread: float = 3.0
+    mesh: Callable[[Any], None] | None = None
+    target: tuple[float, float] | None = None
+
+
+POINTS, HALF = 100, 5.0
+"""Points along each side of the height field, and half of its width, m."""
+STEP_DEPTH, STEP_HEIGHT, STAIRS = 0.3, 0.1, 30
+"""Of the stairs, m, and their number."""
+STONES = 200
+
+
+def _flat(x: Array, _: Array) -> Array:
+    return np.zeros_like(x)
+
+
+def _plane(spec: Any) -> None:
+    spec.worldbody.add_geom(name="floor", type=PLANE, size=[0, 0, 0.01])
+
+
+def _box(spec: Any, half: list[float], pos: list[float]) -> None:
+    spec.worldbody.add_geom(type=BOX, size=half, pos=pos)
+
+
+def _stairs(spec: Any) -> None:
+    for k in range(STAIRS):
+        top = STEP_HEIGHT * (k + 1)
+        _box(spec, [STEP_DEPTH / 2, 4.0, top / 2], [STEP_DEPTH * (k - STAIRS / 2 + 0.5), 0.0, top / 2])
+
+
+def _stair_height(x: Array, _: Array) -> Array:
+    return STEP_HEIGHT * np.clip(np.floor(x / STEP_DEPTH + STAIRS / 2) + 1, 1, STAIRS)
+
+
+def elevation() -> Array:
+    """Heights of the field, (POINTS, POINTS) with x along the columns, m: waves and roughness of 3 cm."""
+    line = np.linspace(-HALF, HALF, POINTS)
+    x, y = np.meshgrid(line, line)
+    return 0.1 + 0.07 * np.sin(1.5 * x) * np.cos(1.2 * y) + np.random.default_rng(0).uniform(0.0, 0.03, x.shape)
+
+
+def _field(spec: Any) -> None:
+    z = elevation()
+    low, high = float(z.min()), float(z.max())
+    asset = spec.add_hfield(name="rough", nrow=POINTS, ncol=POINTS, size=[HALF, HALF, high - low, 0.5])
+    asset.userdata = ((z - low) / (high - low)).ravel()
+    spec.worldbody.add_geom(name="rough", type=mujoco.mjtGeom.mjGEOM_HFIELD, hfieldname="rough", pos=[0, 0, low])
+
+
+def _mesh(spec: Any) -> None:
+    line = np.linspace(-HALF, HALF, POINTS)
+    x, y = np.meshgrid(line, line)
+    vertices = np.stack([x, y, elevation()], axis=-1).reshape(-1, 3)
+    corner = (np.arange(POINTS - 1)[:, None] * POINTS + np.arange(POINTS - 1)).ravel()
+    beside, above, across = corner + 1, corner + POINTS, corner + POINTS + 1
+    faces = np.concatenate([np.stack([corner, beside, across], axis=-1), np.stack([corner, across, above], axis=-1)])
+    spec.add_mesh(name="ground", inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL, uservert=vertices.ravel(), userface=faces.ravel())
+    spec.worldbody.add_geom(name="ground", type=mujoco.mjtGeom.mjGEOM_MESH, meshname="ground")
+
+
+def _field_height(x: Array, y: Array) -> Array:
+    z = elevation()
+    column, row = (np.clip(np.rint((at + HALF) / (2 * HALF) * (POINTS - 1)).astype(int), 0, POINTS - 1) for at in (x, y))
+    return np.asarray(z[row, column])
+
+
+def _stones() -> Array:
+    """Centres along x and y, half sizes and turn of every stone, (STONES, 6)."""
+    rng = np.random.default_rng(1)
+    return np.column_stack(
+        [
+            rng.uniform(-4, 4, (STONES, 2)),
+            rng.uniform(0.1, 0.25, (STONES, 2)),
+            rng.uniform(0.02, 0.08, STONES),
+            rng.uniform(-1.5, 1.5, STONES),
+        ]
+    )
+
+
+def _stones_and_floor(spec: Any) -> None:
+    _plane(spec)
+    for x, y, a, b, c, turn in _stones():
+        spec.worldbody.add_geom(type=BOX, size=[a, b, c], pos=[x, y, c], quat=[np.cos(turn / 2), 0, 0, np.sin(turn / 2)])
+
+
+def _stone_height(x: Array, y: Array) -> Array:
+    height = np.zeros_like(x)
+    for cx, cy, a, b, c, _ in _stones():
+        height = np.where(np.hypot(x - cx, y - cy) < np.hypot(a, b), np.maximum(height, 2 * c), height)
+    return height
+
+
+def _tiles(count: int) -> Callable[[Any], None]:
+    def add(spec: Any) -> None:
+        side = int(np.ceil(np.sqrt(count)))
+        rng = np.random.default_rng(2)
+        for k in range(count):
+            x, y = (0.3 * (i - side / 2 + 0.5) for i in divmod(k, side))
+            _box(spec, [0.15, 0.15, 0.1], [x, y, -0.1 + rng.uniform(-0.02, 0.02)])
+
+    return add
+
+
+def _far_boxes(spec: Any) -> None:
+    _plane(spec)
+    for k in range(200):
+        _box(spec, [0.15, 0.15, 0.1], [50.0 + 0.5 * (k % 20), 0.5 * (k // 20), 0.1])
+
+
+def _tile_height(x: Array, _: Array) -> Array:
+    return np.full_like(x, 0.02)
+
+
+GROUNDS = (
+    Ground("flat", "a plane", _plane, _flat),
+    Ground("stairs", f"{STAIRS} boxes of {STEP_DEPTH} x 8 m, each {STEP_HEIGHT} m above the last", _stairs, _stair_height, target=(3, 5)),
+    Ground("height field", f"{POINTS} x {POINTS} points over 10 x 10 m, rough by 3 cm", _field, _field_height, target=(3, 5)),
+    Ground("stones", f"{STONES} boxes over a plane", _stones_and_floor, _stone_height, target=(2.5, 4)),
+    Ground("concave mesh", "the triangles of the height field; MuJoCo has the field", _field, _field_height, mesh=_mesh, target=(2.5, 4)),
+    Ground("far boxes", "a plane, and 200 boxes 50 m away", _far_boxes, _flat),
+    Ground("3,000 tiles", "3,000 boxes of 0.3 x 0.3 m side by side", _tiles(3000), _tile_height),
+)

@@ -1,0 +1,186 @@
+"""Time of a step of mjlab's Go1 on a ground, in stepper and in MuJoCo."""
+
+from __future__ import annotations
+
+import re
+import time
+import warnings
+from collections import Counter
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+from many_contacts.assets import Assets, written
+from many_contacts.engines import LAW, Batch, Ours, Theirs
+from many_contacts.scene import Array, Script
+from many_contacts.scenes import unitree
+from stepper import Model, ModelWarning, Status, load
+from stepper._options import Precision
+from stepper.lab.demo.crowd import Referee
+from stepper.lab.demo.race import MATCHED
+from stepper.shared.machine import one_core
+
+from terrains.grounds import Ground
+
+CHUNK = 20
+"""Steps of an engine before the next one has its turn."""
+LOOKED_AT = 32
+"""Environments of which contacts and penetration are measured."""
+
+
+@dataclass(frozen=True)
+class Plan:
+    """How much is measured.
+
+    Attributes:
+        num_envs: Environments of stepper.
+        peers: Environments of MuJoCo.
+        steps: Length of an episode, steps.
+        rounds: Repetitions of the episode; of each turn the median counts.
+        noise: Standard deviation of the actions, in those of mjlab's untrained policy; 0 stands.
+        precisions: "f64", "f32".
+        law: Whether stepper also runs with MuJoCo's law of contact.
+    """
+
+    num_envs: int = 256
+    peers: int = 64
+    steps: int = 200
+    rounds: int = 3
+    noise: float = 1.0
+    precisions: Sequence[Precision] = ("f64", "f32")
+    law: bool = True
+
+
+@dataclass
+class Track:
+    """What an engine did in an episode.
+
+    Attributes:
+        times: Microseconds per step and environment, by turn and round.
+        contacts: Touching pairs of geoms per environment, mean over turns.
+        penetration: Deepest penetration at the end of any turn, m.
+        flags: Environment-steps with each status flag.
+        env_steps: Environment-steps that were looked at.
+        iterations: Sum of the solver's iterations over them.
+    """
+
+    times: dict[int, list[float]] = field(default_factory=dict)
+    contacts: list[float] = field(default_factory=list)
+    penetration: float = 0.0
+    flags: Counter[str] = field(default_factory=Counter)
+    env_steps: int = 0
+    iterations: int = 0
+
+    def look(self, batch: Ours) -> None:
+        """Adds what a batch says of its last step."""
+        status = np.asarray(batch.sim.status)
+        self.env_steps += status.size
+        self.iterations += int(np.sum(batch.sim.iterations))
+        for flag in Status:
+            if count := int(np.count_nonzero(status & flag)):
+                self.flags[str(flag.name)] += count
+
+    def figures(self) -> dict[str, Any]:
+        """For JSON: microseconds are means over turns of the median round."""
+        steps = max(self.env_steps, 1)
+        return {
+            "microseconds": float(np.mean([np.median(turn) for turn in self.times.values()])),
+            "contacts": float(np.mean(self.contacts)),
+            "penetration": self.penetration,
+            "flags": {name: count / steps for name, count in self.flags.items()},
+            "iterations": self.iterations / steps,
+        }
+
+
+def build(ground: Ground, cache: Path, out: Path) -> tuple[Model, Path]:
+    """The model as stepper reads it, and MuJoCo's file."""
+    path = _written(ground, ground.add, cache, out)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", ModelWarning)
+        if ground.mesh is None:
+            return load(path), path
+        model = load(_written(ground, ground.mesh, cache, out / "meshes"))
+    concave = model.geom_concave.copy()
+    concave[list(model.geom_names).index("ground")] = 1
+    return model.replace(geom_concave=concave), path
+
+
+def _written(ground: Ground, add: Callable[[Any], None], cache: Path, out: Path) -> Path:
+    spec = unitree.spec(unitree.GO1, Assets(cache))
+    spec.delete(spec.geom("floor"))
+    add(spec)
+    return written(spec, out / ("go1_" + re.sub(r"\W+", "_", ground.name) + ".xml"))
+
+
+def script(ground: Ground, model: mujoco.MjModel, plan: Plan, seed: int = 0) -> Script:
+    """Actions of an untrained policy, and starts above the ground."""
+    found = unitree.script(unitree.GO1, model, plan.num_envs, np.random.default_rng(seed), plan.noise)
+    rng = np.random.default_rng(seed + 1)
+    for qpos in (found.qpos, *(() if found.anew is None else found.anew)):
+        qpos[:, :2] = rng.uniform(-ground.spread, ground.spread, (plan.num_envs, 2))
+        qpos[:, 2] += _foothold(ground, qpos)
+    return found
+
+
+def _foothold(ground: Ground, qpos: Array) -> Array:
+    """Greatest height of the ground under a robot, m."""
+    around = np.linspace(-0.35, 0.35, 15)
+    dx, dy = (d.ravel() for d in np.meshgrid(around, around))
+    return np.asarray(np.max(ground.height(qpos[:, :1] + dx, qpos[:, 1:2] + dy), axis=1))
+
+
+def measure(ground: Ground, plan: Plan, cache: Path, out: Path) -> dict[str, Any]:
+    """A row of the table, ready for JSON."""
+    model, path = build(ground, cache, out)
+    actions = script(ground, mujoco.MjModel.from_xml_path(str(path)), plan)
+    referee = Referee(str(path))
+    with one_core():
+        batches: list[Batch] = [
+            Ours(model, plan.num_envs, precision=precision, options=options, setting=setting)
+            for precision in plan.precisions
+            for setting, options in (("default", None), ("law", LAW))
+            if setting == "default" or plan.law
+        ]
+        if plan.peers:
+            peers = min(plan.peers, plan.num_envs)
+            batches += [Theirs(str(path), peers, settings=MATCHED), Theirs(str(path), peers)]
+        tracks = {batch.name: Track() for batch in batches}
+        for k in range(plan.rounds):
+            _play(batches, actions, plan, tracks, referee if k == 0 else None)
+    return {"ground": ground.name, "engines": {name: track.figures() for name, track in tracks.items()}}
+
+
+def _play(batches: Sequence[Batch], actions: Script, plan: Plan, tracks: dict[str, Track], referee: Referee | None) -> None:
+    """Plays an episode in every batch, in turns."""
+    for batch in batches:
+        batch.begin(actions)
+    restarts = {batch.name: np.zeros(batch.num_envs, np.intp) for batch in batches}
+    for turn, begin in enumerate(range(0, plan.steps, CHUNK)):
+        for batch in batches:
+            track, spent = tracks[batch.name], 0.0
+            for step in range(begin, min(begin + CHUNK, plan.steps)):
+                ctrl = actions.control[min(step // actions.hold, len(actions.control) - 1), : batch.num_envs]
+                start = time.process_time()
+                batch.step(ctrl)
+                spent += time.process_time() - start
+                if referee is not None and isinstance(batch, Ours):
+                    track.look(batch)
+            track.times.setdefault(turn, []).append(1e6 * spent / (CHUNK * batch.num_envs))
+            if referee is not None:
+                found = referee.measure(batch.qpos[:LOOKED_AT], batch.qvel[:LOOKED_AT])
+                track.contacts.append(found.contacts)
+                track.penetration = max(track.penetration, found.penetration)
+            _restart(batch, actions, restarts[batch.name])
+
+
+def _restart(batch: Batch, actions: Script, restarts: Any) -> None:
+    """Begins anew where a robot has fallen."""
+    assert actions.ended is not None
+    assert actions.anew is not None
+    mask = actions.ended(batch.qpos)
+    if mask.any():
+        batch.restart(mask, actions.anew[restarts % len(actions.anew), np.arange(batch.num_envs)])
+        restarts += mask

@@ -1,0 +1,149 @@
+//! The narrow phase of balls and capsules that are near boxes in few lanes, see [`PackedPairs`].
+
+use stepper_geometry::pairs::{ContactPoint, Cuboid, Segment, capsule_box, sphere_box};
+use stepper_real::{Mask, Real};
+
+use crate::collision::contact_set::Contacts;
+use crate::collision::detection::Scene;
+use crate::collision::packed_pairs::{Found, Item, PackedPairs, Queue, gather, gather_scalars};
+use crate::compile::CompiledPair;
+use crate::math::lanes::each_of;
+use crate::math::spatial::*;
+
+impl<R: Real> Scene<'_, R> {
+    /// Finds the points of all pairs in `packed`.
+    #[inline(never)]
+    pub(crate) fn test_packed(&self, packed: &mut PackedPairs<R::Scalar>) {
+        R::vectorize(
+            #[inline(always)]
+            || {
+                let Queue { items, found, .. } = &mut packed.balls;
+                for items in items.chunks(R::LANES) {
+                    let [radius] = gather(
+                        items,
+                        #[inline(always)]
+                        |item| [self.compiled.params.geom_size(item.geoms[0])[0]],
+                    );
+                    let centre = gather(
+                        items,
+                        #[inline(always)]
+                        |item| self.poses.pos[item.geoms[0]],
+                    );
+                    let point = sphere_box(centre, radius, &self.gather_box(items));
+                    self.keep(items, &[point], [R::Mask::splat(true)], found);
+                }
+                let Queue { items, found, .. } = &mut packed.capsules;
+                for items in items.chunks(R::LANES) {
+                    let [radius, half_length] = gather(
+                        items,
+                        #[inline(always)]
+                        |item| {
+                            let [radius, half_length, _] = self.compiled.params.geom_size(item.geoms[0]);
+                            [radius, half_length]
+                        },
+                    );
+                    let centre = gather(
+                        items,
+                        #[inline(always)]
+                        |item| self.poses.pos[item.geoms[0]],
+                    );
+                    let axis = gather(
+                        items,
+                        #[inline(always)]
+                        |item| column(&self.poses.mat[item.geoms[0]], 2),
+                    );
+                    let (points, exist) = capsule_box(&Segment { centre, axis, half_length, radius }, &self.gather_box(items));
+                    self.keep(items, &points, exist, found);
+                }
+            },
+        );
+    }
+
+    /// Takes up the contacts of a pair, if it is in `packed`. Returns whether it is.
+    #[inline(always)]
+    pub(crate) fn take_packed(
+        &self,
+        index: usize,
+        pair: &CompiledPair<R::Scalar>,
+        near: R::Mask,
+        packed: &mut PackedPairs<R::Scalar>,
+        contacts: &mut Contacts<R>,
+    ) -> bool {
+        let Some(queue) = packed.queue::<R>(pair.kernel, near.bits()) else { return false };
+        let first = queue.taken;
+        queue.taken += queue.found[first..].iter().take_while(|found| found.index == index).count();
+        let own = &queue.found[first..queue.taken];
+        for feature in 0..2 {
+            let (mut lanes, mut point) = (0, ContactPoint { distance: R::zero(), pos: zero(), normal: zero() });
+            for found in own.iter().filter(|found| found.feature == feature) {
+                lanes |= 1 << found.lane;
+                point.distance.set_lane(found.lane, found.point.distance);
+                for k in 0..3 {
+                    point.pos[k].set_lane(found.lane, found.point.pos[k]);
+                    point.normal[k].set_lane(found.lane, found.point.normal[k]);
+                }
+            }
+            if lanes != 0 {
+                self.offer(index, feature, pair, R::Mask::from_bits(lanes), point, contacts);
+            }
+        }
+        true
+    }
+
+    #[inline(always)]
+    fn gather_box(&self, items: &[Item<R::Scalar>]) -> Cuboid<R> {
+        Cuboid {
+            centre: gather(
+                items,
+                #[inline(always)]
+                |item| self.poses.pos[item.geoms[1]],
+            ),
+            mat: gather(
+                items,
+                #[inline(always)]
+                |item| self.poses.mat[item.geoms[1]],
+            ),
+            half: gather(
+                items,
+                #[inline(always)]
+                |item| self.compiled.params.geom_size(item.geoms[1]),
+            ),
+        }
+    }
+
+    /// Keeps the points of items, where they exist and can touch within the step.
+    #[inline(always)]
+    fn keep<const N: usize>(
+        &self,
+        items: &[Item<R::Scalar>],
+        points: &[ContactPoint<R>; N],
+        exist: [R::Mask; N],
+        found: &mut Vec<Found<R::Scalar>>,
+    ) {
+        let margin = gather_scalars(
+            items,
+            #[inline(always)]
+            |item| item.margin,
+        );
+        let [reach] = gather(
+            items,
+            #[inline(always)]
+            |item| {
+                let [a, b] = item.geoms;
+                [self.poses.travel[a] + self.poses.travel[b] + self.slack]
+            },
+        );
+        let mut near = [0; N];
+        for feature in 0..N {
+            near[feature] = exist[feature].and((points[feature].distance - margin).lt(reach)).bits();
+        }
+        let any = near.iter().fold(0, |bits, near| bits | near);
+        for place in each_of(any).take_while(|&place| place < items.len()) {
+            for feature in (0..N).filter(|&feature| near[feature] >> place & 1 == 1) {
+                let (of, point) = (|x: R| x.lane(place), &points[feature]);
+                let point = ContactPoint { distance: of(point.distance), pos: point.pos.map(of), normal: point.normal.map(of) };
+                found.push(Found { index: items[place].index, feature: feature as u32, lane: items[place].lane, point });
+            }
+        }
+    }
+}

@@ -1,0 +1,188 @@
+//! Distances of balls and capsules to static boxes along the motion of a step, for pairs that few lanes test: they share a register, as in
+//! [`PackedPairs`](crate::collision::packed_pairs::PackedPairs). The numbers are those of [`SweptPair`].
+
+use stepper_geometry::pairs::{ContactPoint, Cuboid, Segment, capsule_box, sphere_box};
+use stepper_real::{Mask, Real};
+
+use crate::collision::packed_pairs::{Item, gather, gather_scalars};
+use crate::collision::swept_pair::{Gap, MAX_ROTATION, Path, SweptPair, find_touch};
+use crate::compile::{CompiledPair, Kernel, LaneModel};
+use crate::math::spatial::*;
+
+/// Balls or capsules and static boxes side by side: one kernel, a pair and a lane each.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct PackedSweep<R> {
+    kernel: Kernel,
+    /// Pose of the ball or capsule at the start of the path: its origin, and its axis.
+    pos: V3<R>,
+    axis: V3<R>,
+    radius: R,
+    half_length: R,
+    bounding_radius: R,
+    cuboid: Cuboid<R>,
+    /// Origin of the frame of the ball or capsule, its angular velocity, and the linear velocity of its origin.
+    origin: V3<R>,
+    turn: V3<R>,
+    velocity: V3<R>,
+    /// Motion of the link, and the point that its linear part is of.
+    motion: V6<R>,
+    motion_origin: V3<R>,
+    margin: R,
+    slack: R,
+    time: R,
+}
+
+/// Whether a pair that is tested in the lanes `lanes` (bits) can be packed.
+pub(crate) fn is_packed<R: Real>(compiled: &LaneModel<R>, pair: &CompiledPair<R::Scalar>, lanes: u32) -> bool {
+    let [first, second] = pair.geoms.map(|g| compiled.geoms[g].frame);
+    matches!(pair.kernel, Kernel::SphereBox | Kernel::CapsuleBox)
+        && 2 * lanes.count_ones() as usize <= R::LANES
+        && (1..=compiled.links.len()).contains(&first)
+        && second == 0
+}
+
+impl<R: Real> PackedSweep<R> {
+    /// The first of some items along the motion of `swept`; all have one kernel. The pair of `path` does not count.
+    #[inline(always)]
+    pub(crate) fn new(swept: &SweptPair<R>, path: &Path<'_, R>, kernel: Kernel, items: &[Item<R::Scalar>]) -> Self {
+        let Path { compiled, kinematics, start, .. } = *path;
+        let frame = |item: &Item<R::Scalar>| compiled.geoms[item.geoms[0]].frame;
+        let of_ball = |item: &Item<R::Scalar>| item.geoms[0];
+        let of_box = |item: &Item<R::Scalar>| item.geoms[1];
+        let motion = gather(
+            items,
+            #[inline(always)]
+            |item| swept.velocity_of(frame(item)),
+        );
+        let origin = gather(
+            items,
+            #[inline(always)]
+            |item| kinematics.pos[frame(item)],
+        );
+        let motion_origin = gather(
+            items,
+            #[inline(always)]
+            |item| kinematics.origin[compiled.links[frame(item) - 1].tree],
+        );
+        let [radius, half_length, bounding_radius] = gather(
+            items,
+            #[inline(always)]
+            |item| {
+                let [radius, half_length, _] = compiled.params.geom_size(of_ball(item));
+                [radius, half_length, compiled.params.bounding_radius(of_ball(item))]
+            },
+        );
+        let [slack, time] = gather(
+            items,
+            #[inline(always)]
+            |_| [path.slack, path.time],
+        );
+        Self {
+            kernel,
+            pos: gather(
+                items,
+                #[inline(always)]
+                |item| start.pos[of_ball(item)],
+            ),
+            axis: gather(
+                items,
+                #[inline(always)]
+                |item| column(&start.mat[of_ball(item)], 2),
+            ),
+            radius,
+            half_length,
+            bounding_radius,
+            cuboid: Cuboid {
+                centre: gather(
+                    items,
+                    #[inline(always)]
+                    |item| start.pos[of_box(item)],
+                ),
+                mat: gather(
+                    items,
+                    #[inline(always)]
+                    |item| start.mat[of_box(item)],
+                ),
+                half: gather(
+                    items,
+                    #[inline(always)]
+                    |item| compiled.params.geom_size(of_box(item)),
+                ),
+            },
+            origin,
+            turn: angular(&motion),
+            velocity: velocity_at(&motion, sub(origin, motion_origin)),
+            motion,
+            motion_origin,
+            margin: gather_scalars(
+                items,
+                #[inline(always)]
+                |item| item.margin,
+            ),
+            slack,
+            time,
+        }
+    }
+
+    /// [`find_touch`] of the items `items`.
+    #[inline(always)]
+    pub(crate) fn find_touch(&self, gap: Gap<R>, items: R::Mask, tolerance: R) -> (R::Mask, R) {
+        let end = self.gap_at(self.time, items);
+        let rotates = self.exceeds_max_rotation();
+        find_touch(
+            [gap, end],
+            self.time,
+            items,
+            rotates,
+            tolerance,
+            #[inline(always)]
+            |time, items| self.gap_at(time, items),
+        )
+    }
+
+    /// Items whose body rotates by more than [`MAX_ROTATION`] on the path.
+    #[inline(always)]
+    fn exceeds_max_rotation(&self) -> R::Mask {
+        (norm(self.turn) * self.time).gt(R::of(MAX_ROTATION))
+    }
+
+    /// Smallest distance of each of the items `items`, and its rate, at `time` seconds along the path.
+    #[inline(always)]
+    pub(crate) fn gap_at(&self, time: R, items: R::Mask) -> Gap<R> {
+        let rotation = quat_to_mat(quat_exp(scale(self.turn, time)));
+        let arm = rotate(&rotation, sub(self.pos, self.origin));
+        let centre = add(add_scaled(self.origin, self.velocity, time), arm);
+        let spin = norm(self.turn);
+        let swing = R::select(spin.gt(R::zero()), spin * (norm(arm) + self.bounding_radius), R::zero());
+        let travel = (norm(self.velocity) + swing) * (self.time + self.time);
+        let mut least = Gap { distance: R::of(f64::INFINITY), rate: R::zero() };
+        if self.kernel == Kernel::SphereBox {
+            self.take(&sphere_box(centre, self.radius, &self.cuboid), items, travel, time, &mut least);
+        } else {
+            let Self { half_length, radius, .. } = *self;
+            let capsule = Segment { centre, axis: rotate(&rotation, self.axis), half_length, radius };
+            let (points, exist) = capsule_box(&capsule, &self.cuboid);
+            for (point, exist) in points.iter().zip(exist) {
+                self.take(point, items.and(exist), travel, time, &mut least);
+            }
+        }
+        least
+    }
+
+    /// Takes over a point of the items `items` where it can touch within the step and is nearer than `least`.
+    #[inline(always)]
+    fn take(&self, point: &ContactPoint<R>, items: R::Mask, travel: R, time: R, least: &mut Gap<R>) {
+        let distance = point.distance - self.margin;
+        let near = items.and(distance.lt(travel + self.slack));
+        if near.none() {
+            return;
+        }
+        let velocity = velocity_at(&self.motion, sub(point.pos, self.motion_origin));
+        let closing = (-dot(point.normal, sub(zero(), velocity))).max(R::zero());
+        let nearer = near.and(distance.lt(closing * (self.time + self.time) + self.slack)).and(distance.lt(least.distance));
+        let origin = add_scaled(self.origin, self.velocity, time);
+        let rate = R::zero() + dot(point.normal, add(self.velocity, cross(self.turn, sub(point.pos, origin)))) * -R::one();
+        least.distance = R::select(nearer, distance, least.distance);
+        least.rate = R::select(nearer, rate, least.rate);
+    }
+}

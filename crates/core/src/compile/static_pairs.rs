@@ -1,0 +1,190 @@
+//! Pairs of a moving geom and one that is fixed to the world, both convex. The broad phase finds them with a tree of boxes.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::ops::Range;
+
+use stepper_geometry::Solid;
+use stepper_real::Scalar;
+
+use crate::compile::collision::{CompiledGeom, CompiledPair, DynamicPairs};
+
+/// Number of what does not exist.
+const NONE: u32 = u32::MAX;
+
+/// Geom that is fixed to the world.
+#[derive(Clone, Copy, Debug)]
+pub struct StaticGeom {
+    /// Index into the compiled model's geoms.
+    pub geom: usize,
+    /// Largest margin of its pairs, m.
+    pub margin: f64,
+    /// Its row in the table of listed pairs.
+    row: u32,
+    /// Its place among the members of the dynamic pairs.
+    member: u32,
+}
+
+/// Geom that moves.
+#[derive(Clone, Copy, Debug)]
+pub struct MovingGeom {
+    /// Index into the compiled model's geoms.
+    pub geom: usize,
+    /// Its place among the members of the dynamic pairs.
+    member: u32,
+}
+
+/// Node of the tree, whose nodes are in depth-first order.
+#[derive(Clone, Copy, Debug)]
+pub struct TreeNode {
+    /// Index of the first node after the subtree.
+    pub end: u32,
+    leaf: u32,
+}
+
+impl TreeNode {
+    /// Index of the static geom of a leaf.
+    #[inline(always)]
+    pub fn leaf(&self) -> Option<usize> {
+        (self.leaf != NONE).then_some(self.leaf as usize)
+    }
+}
+
+/// Pairs of a moving geom and one that is fixed to the world.
+#[derive(Clone, Debug, Default)]
+pub struct StaticPairs {
+    /// Static geoms.
+    pub fixed: Vec<StaticGeom>,
+    /// Moving geoms, group by group.
+    pub moving: Vec<MovingGeom>,
+    /// Moving geoms of each kinematic tree and of each body that the user poses.
+    pub groups: Vec<Range<usize>>,
+    /// Nodes of the tree over the static geoms.
+    pub nodes: Vec<TreeNode>,
+    /// For every listed pair whether it is one of these.
+    listed: Vec<bool>,
+    /// Numbers of listed pairs: a row of all moving geoms for each static geom that has any.
+    numbers: Vec<u32>,
+    /// Number of the first dynamic pair, and number of members.
+    dynamic: [u32; 2],
+}
+
+/// Geoms and pairs of a compiled model.
+pub(super) struct Collision<'a, S> {
+    pub(super) geoms: &'a [CompiledGeom<S>],
+    /// Listed pairs.
+    pub(super) pairs: &'a [CompiledPair<S>],
+    pub(super) dynamic_pairs: Option<&'a DynamicPairs<S>>,
+}
+
+impl StaticPairs {
+    /// Pairs of `collision`. `place` returns the position of a static geom, m, and `group` the number of the group of a moving frame.
+    pub(super) fn new<S: Scalar>(collision: &Collision<'_, S>, place: impl Fn(usize) -> [f64; 3], group: impl Fn(usize) -> usize) -> Self {
+        let Collision { geoms, pairs, dynamic_pairs } = *collision;
+        let is_convex = |g: usize| matches!(geoms[g].solid, Some(Solid::Convex(_)));
+        // The static geom first, if there is one.
+        let sorted = |[a, b]: [usize; 2]| if geoms[a].frame == 0 { [a, b] } else { [b, a] };
+        let is_one =
+            |[fixed, moving]: [usize; 2]| geoms[fixed].frame == 0 && geoms[moving].frame != 0 && is_convex(fixed) && is_convex(moving);
+        let listed: Vec<bool> = pairs.iter().map(|pair| is_one(sorted(pair.geoms))).collect();
+        let ones = || (0..).zip(pairs).zip(&listed).filter(|(_, listed)| **listed).map(|(pair, _)| pair);
+        let members = dynamic_pairs.map_or(&[][..], |dynamic| &dynamic.members);
+        let places: BTreeMap<usize, u32> = members.iter().map(|m| m.geom).zip(0..).collect();
+        let member = |g: usize| places.get(&g).copied().unwrap_or(NONE);
+        let mut margins = BTreeMap::new();
+        let mut moving = BTreeSet::new();
+        let mut add = |fixed: usize, margin: f64| {
+            let most = margins.entry(fixed).or_insert(0.0_f64);
+            *most = most.max(margin);
+        };
+        for (_, pair) in ones() {
+            let [a, b] = sorted(pair.geoms);
+            add(a, pair.margin.to_f64());
+            moving.insert(b);
+        }
+        let most = members.iter().filter(|m| geoms[m.geom].frame != 0).map(|m| m.margin).fold(0.0, f64::max);
+        for m in members {
+            if geoms[m.geom].frame == 0 {
+                add(m.geom, m.margin + most);
+            } else {
+                moving.insert(m.geom);
+            }
+        }
+        if margins.is_empty() || moving.is_empty() {
+            return Self { listed: vec![false; pairs.len()], ..Self::default() };
+        }
+
+        let group = |g: usize| (group(geoms[g].frame), g);
+        let mut moving: Vec<usize> = moving.into_iter().collect();
+        moving.sort_by_key(|&g| group(g));
+        let mut end = 0;
+        let groups = moving.chunk_by(|&a, &b| group(a).0 == group(b).0).map(|geoms| {
+            end += geoms.len();
+            end - geoms.len()..end
+        });
+        let groups = groups.collect();
+
+        let mut fixed: Vec<StaticGeom> =
+            margins.into_iter().map(|(geom, margin)| StaticGeom { geom, margin, row: NONE, member: member(geom) }).collect();
+        let (mut numbers, mut rows) = (vec![], 0);
+        for (number, pair) in ones() {
+            let [a, b] = sorted(pair.geoms);
+            let at = fixed.binary_search_by_key(&a, |f| f.geom).expect("made of these pairs");
+            if fixed[at].row == NONE {
+                fixed[at].row = rows;
+                rows += 1;
+                numbers.resize(rows as usize * moving.len(), NONE);
+            }
+            let column = moving.iter().position(|&g| g == b).expect("made of these pairs");
+            numbers[fixed[at].row as usize * moving.len() + column] = number;
+        }
+        let centres: Vec<[f64; 3]> = fixed.iter().map(|f| place(f.geom)).collect();
+        let mut nodes = vec![];
+        add_nodes(&mut (0..fixed.len()).collect::<Vec<_>>(), &centres, &mut nodes);
+        let first = dynamic_pairs.map_or(0, |dynamic| dynamic.number(0, 0) as u32);
+        let moving = moving.into_iter().map(|geom| MovingGeom { geom, member: member(geom) }).collect();
+        Self { fixed, moving, groups, nodes, listed, numbers, dynamic: [first, members.len() as u32] }
+    }
+
+    /// Whether there are none.
+    #[inline(always)]
+    pub fn is_empty(&self) -> bool {
+        self.fixed.is_empty()
+    }
+
+    /// Whether a listed pair is one of these.
+    pub fn is_listed(&self, pair: usize) -> bool {
+        self.listed[pair]
+    }
+
+    /// Number of the pair of a static and a moving geom; `None` if they do not collide. A dynamic pair may yet be filtered out.
+    #[inline(always)]
+    pub fn number(&self, fixed: &StaticGeom, moving: usize) -> Option<u32> {
+        if fixed.row != NONE {
+            let number = self.numbers[fixed.row as usize * self.moving.len() + moving];
+            if number != NONE {
+                return Some(number);
+            }
+        }
+        let (i, j) = (fixed.member, self.moving[moving].member);
+        let [first, members] = self.dynamic;
+        (i != NONE && j != NONE).then(|| first + i.min(j) * members + i.max(j))
+    }
+}
+
+/// Adds the nodes of a subtree over some static geoms: halves by their centres along the axis on which these spread most.
+fn add_nodes(fixed: &mut [usize], centres: &[[f64; 3]], nodes: &mut Vec<TreeNode>) {
+    let at = nodes.len();
+    nodes.push(TreeNode { end: 0, leaf: if fixed.len() == 1 { fixed[0] as u32 } else { NONE } });
+    if fixed.len() > 1 {
+        let spread = |k: usize| {
+            let along = || fixed.iter().map(|&i| centres[i][k]);
+            along().fold(f64::NEG_INFINITY, f64::max) - along().fold(f64::INFINITY, f64::min)
+        };
+        let axis = (0..3).max_by(|&j, &k| spread(j).total_cmp(&spread(k))).expect("three axes");
+        fixed.sort_by(|&i, &j| centres[i][axis].total_cmp(&centres[j][axis]));
+        let (low, high) = fixed.split_at_mut(fixed.len() / 2);
+        add_nodes(low, centres, nodes);
+        add_nodes(high, centres, nodes);
+    }
+    nodes[at].end = nodes.len() as u32;
+}

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 PEERS = "MuJoCo"
-PAGE = Path(__file__).parents[2] / "docs" / "terrain.md"
+PAGE = Path(__file__).parents[2] / "docs" / "benchmarks" / "terrain.md"
 BEGIN, END = "<!-- table of benches/terrains -->", "<!-- end of the table -->"
 
 

@@ -19,8 +19,9 @@ import hashlib
 import json
 from collections.abc import Iterator
 from contextlib import contextmanager
+from io import BufferedReader
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any, BinaryIO, cast
 
 import numpy as np
 
@@ -74,7 +75,7 @@ def reading(place: str | Path) -> Iterator[None]:
 
 def digest_of(file: BinaryIO) -> str:
     """SHA-256 of a file from its present place on, in hexadecimal."""
-    return hashlib.file_digest(file, "sha256").hexdigest()
+    return hashlib.file_digest(cast("BufferedReader", file), "sha256").hexdigest()
 
 
 def write_header(folder: Path, head: Header) -> None:

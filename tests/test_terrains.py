@@ -1,0 +1,31 @@
+"""benches/terrains: robots start above the ground, and the table has a line for each ground."""
+
+import mujoco
+import numpy as np
+import pytest
+from terrains.grounds import GROUNDS
+from terrains.report import table
+
+
+@pytest.mark.parametrize("ground", [g for g in GROUNDS if g.name != "3,000 tiles"], ids=lambda g: g.name)
+def test_no_ground_is_higher_than_it_says(ground):
+    spec = mujoco.MjSpec()
+    ground.add(spec)
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    rng = np.random.default_rng(0)
+    for x, y in rng.uniform(-ground.spread, ground.spread, (20, 2)):
+        distance = mujoco.mj_ray(model, data, np.array([x, y, 9.0]), np.array([0.0, 0.0, -1.0]), None, 1, -1, np.zeros(1, np.int32))
+        # Between points of a field the ground is as high as a neighbour at most: a robot's whole footprint is looked at.
+        around = x + np.array([-0.1, 0.0, 0.1]), y + np.array([-0.1, 0.0, 0.1])
+        highest = np.max(ground.height(*(np.ravel(a) for a in np.meshgrid(*around))))
+        assert 9.0 - distance <= highest + 1e-6  # heights of fields are in single precision
+
+
+def test_the_table_compares_with_the_faster_setting():
+    figures = {"contacts": 1.0, "penetration": 0.0, "flags": {}, "iterations": 2.0}
+    engines = {"stepper f64 default": 2.0, "MuJoCo own": 8.0, "MuJoCo same": 6.0}
+    row = {"ground": "stairs", "engines": {name: figures | {"microseconds": time} for name, time in engines.items()}}
+    line = table([row]).splitlines()[-1].split(" | ")
+    assert line[:4] == ["| stairs", "2.00", "8.0 / 6.0", "3.00"]

@@ -21,13 +21,13 @@ pub(super) struct Ball<'a> {
     pub(super) prediction: f64,
 }
 
-/// What a shape finds at a triangle.
+/// Result of the test of a shape with a triangle.
 pub(super) enum Touch {
     /// Its points, or none.
     Found,
     /// No point: the nearest one is left to a neighbour.
     Left(Facing),
-    /// Undecided.
+    /// Unclear.
     Unknown,
 }
 
@@ -102,8 +102,8 @@ impl Ball<'_> {
         })
     }
 
-    /// Adds the point along the normal of the triangle where the centre is over it, or behind a valley beside it by no more than the share
-    /// of its depth by which the neighbours rise.
+    /// Adds the point along the normal of the triangle if the centre is over the triangle. A centre next to it, behind a valley, counts too
+    /// if its distance is at most the share of its depth by which the neighbours rise.
     fn add_over(&self, beyond: &V, out: &mut Manifold) {
         let Self { facet, pair, height, radius, prediction, .. } = *self;
         let (depth, tolerance) = (-height, pair.tolerance);

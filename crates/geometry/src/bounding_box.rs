@@ -1,5 +1,4 @@
-//! Boxes about solids, over lanes: a face of either may show that two solids are too far from each other to touch, before anything is
-//! asked about the solids themselves.
+//! Bounding boxes of solids, over lanes. A face of a box may separate two solids, which then need no further test.
 
 use stepper_real::Real;
 
@@ -12,7 +11,7 @@ use crate::surface::Surface;
 /// Box about a solid along the axes of its frame.
 #[derive(Clone, Copy, Debug)]
 pub struct BoundingBox<R> {
-    /// Its centre, m.
+    /// Centre, m.
     centre: V3<R>,
     /// Half sizes, m.
     half: V3<R>,
@@ -82,9 +81,8 @@ impl<R: Real> BoundingBox<R> {
         }
     }
 
-    /// Lanes in which a face of either box shows that the two are further than `reach` (m) from each other: `apart` leads from the frame of
-    /// this one to that of the other, `mats` are the axes of both frames. (Gottschalk, Lin & Manocha 1996; the nine axes across two edges
-    /// are left out.)
+    /// Lanes in which a face of either box separates the two by more than `reach`, m (Gottschalk, Lin & Manocha 1996, without the nine
+    /// axes across two edges). `apart` leads from the frame of this box to that of the other; `mats` are the axes of both frames.
     #[inline(always)]
     pub fn is_beyond(&self, other: &Self, apart: V3<R>, mats: [&M3<R>; 2], reach: R) -> R::Mask {
         let d = sub(rotate_back(mats[0], add(apart, rotate(mats[1], other.centre))), self.centre);

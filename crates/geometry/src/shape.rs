@@ -6,10 +6,10 @@ use crate::hull::Hull;
 use crate::linear_algebra::*;
 use crate::vectors::{V, furthest, neg, unit_or, widest};
 
-/// A convex shape in its own frame; lengths in m.
+/// Convex shape, with lengths in m along the axes of its frame.
 #[derive(Clone, Debug)]
 pub enum ConvexShape {
-    /// A ball.
+    /// Ball.
     Sphere {
         /// m
         radius: f64,

@@ -20,13 +20,13 @@ use crate::math::spatial::*;
 #[derive(Clone, Debug)]
 pub struct GeomPoses<R: Real> {
     pub(crate) placed: Placed<R>,
-    /// What gravity covers in a step, m.
+    /// Distance that gravity covers in a step, m.
     pub(crate) slack: R,
     /// Listed pairs without the static ones, cut where the first geom or the margin changes.
     pub(crate) runs: Vec<Range<usize>>,
     /// Listed pairs that can touch, and the lanes (bits) in which they can; with one unused entry.
     pub(crate) near: Vec<(u32, u32)>,
-    /// How many there are.
+    /// Number of near pairs.
     pub(crate) near_count: usize,
     pub(crate) broad: Broad,
     pub(crate) statics: StaticSearch<R>,

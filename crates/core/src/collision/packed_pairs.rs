@@ -1,8 +1,8 @@
 //! Balls and capsules that are near boxes in few lanes: such pairs of all lanes share a register.
 //!
 //! Over stairs or stones every environment is near other boxes. A kernel over lanes would then compute a pair in all lanes for one that
-//! needs it. Here an item is a pair in one lane, and a register holds as many items as it has lanes. A number does not depend on what is
-//! beside it in a register, so that the contacts have the same bits.
+//! needs it. Here an item is a pair in one lane, and a register holds as many items as it has lanes. A number does not depend on its
+//! neighbours in a register, so that the contacts have the same bits.
 
 use stepper_geometry::pairs::ContactPoint;
 use stepper_real::{Real, Scalar};
@@ -36,7 +36,7 @@ pub(super) struct Found<S> {
 pub(super) struct Queue<S> {
     pub(super) items: Vec<Item<S>>,
     pub(super) found: Vec<Found<S>>,
-    /// How many of the points are taken.
+    /// Number of points that are taken.
     pub(super) taken: usize,
 }
 

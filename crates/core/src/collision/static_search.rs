@@ -1,6 +1,7 @@
-//! Broad phase of moving geoms and those that are fixed to the world: boxes along the axes of the world, and a tree over the static ones.
+//! Broad phase of moving geoms and geoms that are fixed to the world. It uses boxes along the axes of the world, and a tree over the
+//! static ones.
 //!
-//! The bounds of the tree hold a static geom in all lanes, where environments may have their own. Each lane walks down the tree with the
+//! The bounds of the tree hold a static geom in all lanes, because its pose may differ between environments. Each lane walks down the tree with the
 //! box about all geoms of a kinematic tree. At a leaf the boxes of these geoms are tested, as many at a time as a register has lanes.
 
 use stepper_geometry::BoundingBox;
@@ -19,11 +20,11 @@ type Bounds<T> = [T; 6];
 /// Boxes, and the pairs whose boxes overlap.
 #[derive(Clone, Debug)]
 pub(crate) struct StaticSearch<R: Real> {
-    /// Of the nodes of the tree.
+    /// Bounds of the nodes of the tree.
     nodes: Vec<Bounds<R::Scalar>>,
-    /// Of each group of moving geoms.
+    /// Bounds of each group of moving geoms.
     groups: Vec<Bounds<R>>,
-    /// Of the moving geoms: for every lane and coordinate a row of all geoms.
+    /// Bounds of the moving geoms: for every lane and coordinate a row of all geoms.
     boxes: Vec<R::Scalar>,
     found: Vec<u64>,
     /// Largest bounding radius of the static geoms, and their least inscribed one, m.
@@ -33,7 +34,7 @@ pub(crate) struct StaticSearch<R: Real> {
     pub(crate) pairs: Vec<(u32, u32)>,
 }
 
-/// Static geoms near each moving geom for which there is room from the beginning.
+/// Static geoms near each moving geom for which memory is reserved at the beginning.
 const EXPECTED: usize = 8;
 
 /// Bits of a lane in an entry of `found`.
@@ -56,7 +57,7 @@ impl<R: Real> StaticSearch<R> {
         }
     }
 
-    /// Length of a row of `boxes`: with room to read a whole register at its end.
+    /// Length of a row of `boxes`: padded for a whole register at its end.
     fn row(pairs: &StaticPairs) -> usize {
         pairs.moving.len() + R::LANES
     }
@@ -89,8 +90,8 @@ impl<R: Real> StaticSearch<R> {
         displacement.gt(R::of(0.5) * (compiled.params.inscribed_radius(geom) + R::splat(self.thinnest)))
     }
 
-    /// Finds the pairs of the lanes in `alive` whose boxes overlap. `travel` bounds the displacement of every geom, m, and says whether to
-    /// find all pairs whose bounding balls overlap.
+    /// Finds the pairs of the lanes in `alive` whose boxes overlap. `travel` bounds the displacement of every geom, m, and selects
+    /// whether to find all pairs whose bounding balls overlap.
     pub(crate) fn find(&mut self, compiled: &LaneModel<R>, alive: u32, poses: (&[V3<R>], &[M3<R>]), travel: impl Fn(usize) -> (R, bool)) {
         self.found.clear();
         R::vectorize(
@@ -235,7 +236,7 @@ fn union_of_lanes<R: Real>(a: &Bounds<R>, b: &Bounds<R>) -> Bounds<R> {
     )
 }
 
-/// Merges pairs into a list of pairs, both ascending. Of the list the first `count` entries are used; it has room for all.
+/// Merges pairs into a list of pairs, both ascending. The first `count` entries of the list are used; it has capacity for all.
 pub(crate) fn merge(more: &[(u32, u32)], list: &mut [(u32, u32)], count: usize) {
     let (mut i, mut j) = (count, more.len());
     while j > 0 {

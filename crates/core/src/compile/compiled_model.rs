@@ -78,7 +78,7 @@ pub struct ModelStructure<S: Scalar> {
     pub bodies: Vec<CompiledBody<S>>,
     /// Geoms that take part in collision.
     pub geoms: Vec<CompiledGeom<S>>,
-    /// Those of the geoms that are not fixed to the world.
+    /// Indices of the geoms that are not fixed to the world.
     pub moving_geoms: Vec<usize>,
     /// Pairs that can collide and for which there is a kernel, in a fixed order; all of them, if none are dynamic.
     pub pairs: Vec<CompiledPair<S>>,

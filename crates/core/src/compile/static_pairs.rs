@@ -8,7 +8,7 @@ use stepper_real::Scalar;
 
 use crate::compile::collision::{CompiledGeom, CompiledPair, DynamicPairs};
 
-/// Number of what does not exist.
+/// Index of a geom that is not a member.
 const NONE: u32 = u32::MAX;
 
 /// Geom that is fixed to the world.
@@ -18,9 +18,9 @@ pub struct StaticGeom {
     pub geom: usize,
     /// Largest margin of its pairs, m.
     pub margin: f64,
-    /// Its row in the table of listed pairs.
+    /// Row in the table of listed pairs.
     row: u32,
-    /// Its place among the members of the dynamic pairs.
+    /// Index among the members of the dynamic pairs.
     member: u32,
 }
 
@@ -29,7 +29,7 @@ pub struct StaticGeom {
 pub struct MovingGeom {
     /// Index into the compiled model's geoms.
     pub geom: usize,
-    /// Its place among the members of the dynamic pairs.
+    /// Index among the members of the dynamic pairs.
     member: u32,
 }
 

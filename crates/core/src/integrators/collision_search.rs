@@ -290,8 +290,7 @@ impl<R: Real> CollisionSearch<R> {
         }
     }
 
-    /// Those of some lanes in which the times of first touch are not known well enough to tell which candidates of the same trees are
-    /// later.
+    /// Lanes (bits) of `several` in which the times of first touch do not yet determine the order of candidates of the same trees.
     fn lanes_without_order(&self, compiled: &LaneModel<R>, several: u32, closing_time: R) -> u32 {
         let mut open = 0;
         for lane in each_of(several) {

@@ -10,8 +10,8 @@ use stepper_geometry::{ConvexShape, Grid, Hull, Manifold, MeshSurface, Pose, Roo
 
 type V = V3<f64>;
 
-/// Of points whose depths differ by less than 1e-6 of the size of what touches (a shape and a triangle of up to 1.7 m together) the first
-/// is kept, so that the choice does not change from step to step: a point on a seam instead of the lowest one beside it.
+/// Difference of depths below which the first of two points is kept, m: 1e-6 of the size of a shape and a triangle of 1.7 m together.
+/// The choice then does not change from step to step, for example from a point on a seam to the lowest one near it.
 const TIE: f64 = 2e-6;
 
 const STILL: Pose = Pose { pos: [0.0; 3], mat: [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0] };
@@ -104,7 +104,7 @@ proptest! {
         if exact > 0.1 {
             prop_assert!(points.is_empty(), "{exact} {points:?}");
         } else if exact > 0.0 {
-            // The nearest point is on some triangle: its normal and distance are the solid's. A shape beside a seam that bulges less than
+            // The nearest point is on some triangle: its normal and distance are the solid's. A shape next to a seam that bulges less than
             // its edge's share of it may see more.
             let best = points.iter().find(|p| (p.distance - exact).abs() < 1e-6 && norm(sub(p.normal, n)) < 1e-3);
             prop_assert!(best.is_some(), "{exact} {n:?} {points:?}");
@@ -182,7 +182,7 @@ proptest! {
         // all triangles that meet there it is the nearest point. Two faces of a valley may each have such a point, however close together.
         for p in &points {
             let x = add_scaled(centre, p.normal, -(p.distance + radius));
-            // Normals within 1e-6 of a neighbour's are taken for its own, which moves the point by as much, and the distance by its square.
+            // Normals within 1e-6 of a neighbour's count as its normals, which moves the point by as much, and the distance by its square.
             prop_assert!(distance_to(x) < 1e-6, "{x:?} is off the surface by {}", distance_to(x));
             let meeting = corners.iter().filter(|t| norm(sub(nearest_of_triangle(t, x), x)) < 1e-10);
             let nearest = meeting.map(|t| norm(sub(nearest_of_triangle(t, centre), centre))).fold(f64::INFINITY, f64::min);

@@ -1,8 +1,8 @@
 //! Broad phase of moving geoms and geoms that are fixed to the world. It uses boxes along the axes of the world, and a tree over the
 //! static ones.
 //!
-//! The bounds of the tree hold a static geom in all lanes, because its pose may differ between environments. Each lane walks down the tree with the
-//! box about all geoms of a kinematic tree. At a leaf the boxes of these geoms are tested, as many at a time as a register has lanes.
+//! The bounds of the tree hold a static geom in all lanes, because its pose may differ between environments. Each lane walks down
+//! the tree with the box about all geoms of a kinematic tree. At a leaf the boxes of these geoms are tested, as many at a time as a register has lanes.
 
 use stepper_geometry::BoundingBox;
 use stepper_real::{Mask, Real, Scalar};

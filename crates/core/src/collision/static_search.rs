@@ -2,7 +2,8 @@
 //! static ones.
 //!
 //! The bounds of the tree hold a static geom in all lanes, because its pose may differ between environments. Each lane walks down
-//! the tree with the box about all geoms of a kinematic tree. At a leaf the boxes of these geoms are tested, as many at a time as a register has lanes.
+//! the tree with the box about all geoms of a kinematic tree. At a leaf the boxes of these geoms are tested, as many at a time as a
+//! register has lanes.
 
 use stepper_geometry::BoundingBox;
 use stepper_real::{Mask, Real, Scalar};

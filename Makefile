@@ -7,7 +7,7 @@ MJBATCH := .venv-mjbatch
 DOCS := .venv-docs
 DENY := 0.20.2
 
-.PHONY: demo test wheel bench loading many-contacts floors docs atlas corpus adapters identify studies study-libraries fuzz training gymnasium viewer check advisories build format clean
+.PHONY: demo test wheel bench loading many-contacts terrains floors docs atlas corpus adapters identify studies study-libraries fuzz training gymnasium viewer check advisories build format clean
 
 # The main job: 1,024 humanoids, beside MuJoCo. It compiles the CPU level of this machine alone, in less than half the time of all levels.
 demo: export STEPPER_ONE_LEVEL := native
@@ -63,6 +63,11 @@ loading: build
 # SCENES=--update-docs rewrites. SCENES='--scene g1 --quick' and more, see --help.
 many-contacts: build
 	PYTHONPATH=benches $(BIN)/python -m many_contacts $(SCENES)
+
+# Time of a quadruped's step on stairs, stones, height fields and meshes, beside MuJoCo: docs/benchmarks/terrain.md. TERRAINS='--ground stairs' and more,
+# see --help.
+terrains: build
+	PYTHONPATH=benches $(BIN)/python -m terrains $(TERRAINS)
 
 # The least time that the arithmetic of a step could take, of the same scenes and of the robots of comparison/throughput.py: out/floors.json, which the
 # page and `python -m many_contacts --targets` read. SCENES as above.

@@ -4,7 +4,7 @@ import mujoco
 import numpy as np
 import pytest
 from terrains.grounds import GROUNDS
-from terrains.report import table
+from terrains.report import steps, times
 
 
 @pytest.mark.parametrize("ground", [g for g in GROUNDS if g.name != "3,000 tiles"], ids=lambda g: g.name)
@@ -27,5 +27,5 @@ def test_the_table_compares_with_the_faster_setting():
     figures = {"contacts": 1.0, "penetration": 0.0, "flags": {}, "iterations": 2.0}
     engines = {"stepper f64 default": 2.0, "MuJoCo own": 8.0, "MuJoCo same": 6.0}
     row = {"ground": "stairs", "engines": {name: figures | {"microseconds": time} for name, time in engines.items()}}
-    line = table([row]).splitlines()[-1].split(" | ")
-    assert line[:4] == ["| stairs", "2.00", "8.0 / 6.0", "3.00"]
+    assert times([row]).splitlines()[-1] == "| stairs | 2.0 (3.00) | 8.0 | 6.0 |"
+    assert len(steps([row]).splitlines()) == 5

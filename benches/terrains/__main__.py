@@ -10,7 +10,7 @@ from stepper.shared.machine import provenance, require
 
 from terrains.grounds import GROUNDS
 from terrains.measure import Plan, measure
-from terrains.report import table, update_page
+from terrains.report import table, times, update_page
 
 
 def main() -> None:
@@ -36,7 +36,7 @@ def main() -> None:
     rows = []
     for ground in grounds:
         rows.append(measure(ground, plan, args.cache, args.out))
-        print(table(rows[-1:]).splitlines()[-1], flush=True)
+        print(times(rows[-1:]).splitlines()[-1], flush=True)
     args.out.mkdir(parents=True, exist_ok=True)
     came_from = provenance()
     (args.out / "terrains.json").write_text(json.dumps({"rows": rows, "provenance": came_from}, indent=1) + "\n", encoding="utf-8")

@@ -1,4 +1,4 @@
-"""The table of docs/benchmarks/terrain.md."""
+"""Tables of docs/benchmarks/terrain.md."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ BEGIN, END = "<!-- table of benches/terrains -->", "<!-- end of the table -->"
 
 
 def update_page(rows: Sequence[dict[str, Any]], came_from: Mapping[str, Any]) -> None:
-    """Writes the table into docs/benchmarks/terrain.md."""
+    """Writes the tables into docs/benchmarks/terrain.md."""
     text = PAGE.read_text(encoding="utf-8")
     before, rest = text.split(BEGIN)
     after = rest.split(END)[1]
@@ -21,31 +21,46 @@ def update_page(rows: Sequence[dict[str, Any]], came_from: Mapping[str, Any]) ->
 
 
 def table(rows: Sequence[dict[str, Any]]) -> str:
-    """A markdown table with a line for every ground."""
-    names = list(dict.fromkeys(name for row in rows for name in row["engines"]))
-    ours, theirs = ([name for name in names if name.startswith(PEERS) == peer] for peer in (False, True))
-    labels = [name.removeprefix("stepper ").removesuffix(" default") for name in ours]
-    head = ["ground", *(f"us {label}" for label in labels), "us MuJoCo same / own", *(f"{label} x" for label in labels)]
-    every = " / ".join(labels)
-    head += [
-        f"contacts {every} / MuJoCo",
-        f"penetration mm {every} / MuJoCo",
-        f"unsolved % {every}",
-        f"iterations {every}",
-        "other flags %",
-    ]
-    lines = [head, ["---"] * len(head)]
+    """Two markdown tables with a line for every ground: times with their ratios, and what the steps computed."""
+    return f"{times(rows)}\n\n{steps(rows)}"
+
+
+def times(rows: Sequence[dict[str, Any]]) -> str:
+    """Time per step, us, with the ratio of MuJoCo's faster setting to it in parentheses."""
+    ours, theirs = _engines(rows)
+    lines = [["ground", *map(_label, ours), *(name.removeprefix(PEERS).strip() + " (MuJoCo)" for name in theirs)]]
     for row in rows:
-        found = row["engines"]
-        best = min((found[name]["microseconds"] for name in theirs), default=float("nan"))
-        cells = [row["ground"], *(f"{found[name]['microseconds']:.2f}" for name in ours)]
-        cells += [" / ".join(f"{found[name]['microseconds']:.1f}" for name in theirs)]
-        cells += [f"{best / found[name]['microseconds']:.2f}" for name in ours]
-        cells += [" / ".join(f"{found[name]['contacts']:.1f}" for name in names)]
-        cells += [" / ".join(f"{1e3 * found[name]['penetration']:.2g}" for name in names)]
-        cells += [" / ".join(f"{100 * found[name]['flags'].get('NOT_CONVERGED', 0):.2g}" for name in ours)]
-        cells += [" / ".join(f"{found[name]['iterations']:.1f}" for name in ours)]
-        flags = sorted({flag for name in ours for flag in found[name]["flags"]} - {"NOT_CONVERGED"})
-        cells += [", ".join(f"{flag} " + " / ".join(f"{100 * found[n]['flags'].get(flag, 0):.2g}" for n in ours) for flag in flags)]
-        lines.append(cells)
-    return "\n".join("| " + " | ".join(line) + " |" for line in lines)
+        time = {name: engine["microseconds"] for name, engine in row["engines"].items()}
+        best = min((time[name] for name in theirs), default=float("nan"))
+        cells = [f"{time[name]:.1f} ({best / time[name]:.2f})" for name in ours]
+        lines.append([row["ground"], *cells, *(f"{time[name]:.1f}" for name in theirs)])
+    return _markdown(lines)
+
+
+def steps(rows: Sequence[dict[str, Any]]) -> str:
+    """Contacts, deepest penetration, iterations and flags of every engine on every ground."""
+    lines = [["ground", "engine", "contacts", "penetration, mm", "iterations", "NOT_CONVERGED, %", "other flags, %"]]
+    for row in rows:
+        for name, engine in row["engines"].items():
+            cells = [row["ground"], _label(name), f"{engine['contacts']:.1f}", f"{1e3 * engine['penetration']:.2g}"]
+            if name.startswith(PEERS):
+                lines.append([*cells, "", "", ""])
+                continue
+            flags = engine["flags"]
+            others = ", ".join(f"{flag} {100 * share:.2g}" for flag, share in sorted(flags.items()) if flag != "NOT_CONVERGED")
+            lines.append([*cells, f"{engine['iterations']:.1f}", f"{100 * flags.get('NOT_CONVERGED', 0):.2g}", others])
+    return _markdown(lines)
+
+
+def _engines(rows: Sequence[dict[str, Any]]) -> tuple[list[str], list[str]]:
+    """Names of stepper's settings, and of MuJoCo's."""
+    names = list(dict.fromkeys(name for row in rows for name in row["engines"]))
+    return [name for name in names if not name.startswith(PEERS)], [name for name in names if name.startswith(PEERS)]
+
+
+def _label(name: str) -> str:
+    return name.removeprefix("stepper ").removesuffix(" default")
+
+
+def _markdown(lines: list[list[str]]) -> str:
+    return "\n".join("| " + " | ".join(line) + " |" for line in [lines[0], ["---"] * len(lines[0]), *lines[1:]])

@@ -99,7 +99,7 @@ fn solve_step<R: Real>(compiled: &LaneModel<R>, options: &StepSettings, s: &mut 
     let solver = solve_velocities(place, free, problem, velocity, collisions, probe);
     let mut outcome = bound_velocities(place, free, problem, velocity, position, solver, probe);
     let excluded = if s.rk4.is_some() { problem.constrained.not() } else { R::Mask::splat(false) };
-    probe.span(Span::GuardEnergy, || find_energy_gain(place, free, velocity, guard, excluded));
+    outcome.gains_energy = probe.span(Span::GuardEnergy, || find_energy_gain(place, free, velocity, guard, excluded));
     outcome.tunnelled = probe.span(Span::Tunnelling, || find_tunnelling(input, evaluation, velocity, &outcome));
     if options.poison {
         free.scratch.poison();
@@ -107,7 +107,7 @@ fn solve_step<R: Real>(compiled: &LaneModel<R>, options: &StepSettings, s: &mut 
     }
     // 7 integrate position
     integrate_positions(Place { input, evaluation }, velocity, position, probe);
-    // The impulses of the solution are final. Stage 8 continues from them with a second solution.
+    // The impulses of the step are stored here, because stage 8 overwrites them with those of its own solution.
     probe.span(Span::IntegrateVelocity, || {
         store_impulses(problem, velocity, &mut evaluation.contacts);
         store_joint_impulse(compiled, &free.smooth.mass, velocity, &mut free.impulse);

@@ -19,7 +19,7 @@ pub(crate) const ROUGH_MOTION: f64 = 0.3;
 /// Largest number of Gauss-Seidel iterations of a solved estimate at the default tolerance of the step.
 pub(crate) const ESTIMATE_ITERATIONS: f64 = 16.0;
 
-/// Error of the free velocity by a solved estimate, m/s, at the default tolerance of the step.
+/// Error of the free velocity by an estimate, m/s, at the default tolerance of the step.
 ///
 /// An error d of the estimated velocity changes the effect of inertial forces by about h |v| d. The iterations therefore stop at
 /// `ESTIMATE_ERROR / (h |v|)`.

@@ -79,7 +79,7 @@ pub struct ForceState<'a, R: Real> {
     pub v_at: &'a [R],
     /// Activations.
     pub act: &'a [R],
-    /// Controls after the actuator dynamics.
+    /// Controls after the actuator pipelines.
     pub ctrl: &'a [R],
     /// Actuator dynamics that act within a step.
     pub actuator_dynamics: &'a [ActuatorDynamics<R>],
@@ -101,7 +101,7 @@ pub struct ActuatorForces<R: Real> {
     pub joint: Vec<R>,
     /// Force of every actuator with explicit servos.
     pub force: Vec<R>,
-    /// Effective inertia that each servo adds to the mass matrix, kg m^2 or kg.
+    /// Inertia that each servo adds to the mass matrix by its implicit terms, kg m^2 or kg.
     pub weight: Vec<R>,
     /// Mobility of the joints of each servo, for servos that are implicit in part.
     pub(crate) effective_inertias: Vec<EffectiveInertia<R>>,

@@ -93,7 +93,7 @@ impl<S: LaneScalar> Configuration for Batch<S> {
 
     fn clear_overrides(&mut self) {
         self.overrides = ParameterOverrides::default();
-        // Idle workers still hold their last readings.
+        // Idle workers still hold the overridden numbers in their lane models.
         self.workers.idle_workers().clear();
     }
 

@@ -40,7 +40,7 @@ impl Randomization {
     }
 
     /// Whether this assignment, to `all` environments or to some, removes the last per-environment field.
-    pub fn ends_with(&self, assigned: &[Assignment<'_>], all: bool) -> bool {
+    pub fn leaves_no_fields(&self, assigned: &[Assignment<'_>], all: bool) -> bool {
         let taken_back = |name: &&str| all && assigned.iter().any(|(assigned, _)| assigned == name);
         assigned.iter().all(|(_, values)| values.is_none()) && self.fields.keys().all(taken_back)
     }
@@ -115,7 +115,7 @@ pub struct ParameterOverrides<S> {
 }
 
 impl<S: Scalar> ParameterOverrides<S> {
-    /// Sets the differences of environments from the model, and removes all earlier ones. Groups have `lanes` lanes.
+    /// Replaces the differences of the environments `envs` from the model. Groups have `lanes` lanes.
     pub fn assign(&mut self, shared: &Params<S>, groups: usize, lanes: usize, envs: &[usize], differences: &[Differences]) {
         self.add_places(shared, groups, lanes, differences);
         if self.places.is_empty() {

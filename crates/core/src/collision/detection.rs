@@ -127,7 +127,7 @@ impl<R: Real> GeomPoses<R> {
         }
     }
 
-    /// Begins a step: what the last one found is known.
+    /// Begins a step: searches start from the separating planes of the last step.
     pub(crate) fn begin(&mut self) {
         self.search.exchange();
     }

@@ -27,7 +27,8 @@ pub(crate) fn resting_speed(options: &StepSettings) -> f64 {
 impl<R: Real> Assembler<'_, R> {
     /// Lanes of `lanes` in which the contact of slot `k` is deferred: its surfaces approach each other and may pass.
     ///
-    /// `before` is the normal velocity before the step and `free` the contact velocity after it without constraint forces, m/s.
+    /// `before` is the normal velocity before the step. `free` is the contact velocity after it without the forces of constraints, except
+    /// hard equalities, m/s.
     #[inline(always)]
     pub(crate) fn approaching_lanes(
         &self,
@@ -131,7 +132,7 @@ impl<R: Real> ConstraintProblem<R> {
         self.rows.redundant = self.rows.redundant.and_not(lanes).or(new.and(lanes));
     }
 
-    /// Activates, with zero impulse, the deferred contacts that the solution satisfies.
+    /// Activates, with zero impulse, the deferred contacts that the solution satisfies. Stage 8 and the next step then keep them.
     ///
     /// Deferred contacts that it violates without a collision stay deferred: their surfaces pass each other.
     #[inline(always)]
@@ -185,7 +186,7 @@ impl<R: Real> ConstraintProblem<R> {
 
     /// Activates deferred contact `i` in the lanes `lanes` with the initial impulse `impulse`.
     ///
-    /// The snapshot `shared`, towards which load sharing blends the impulses, gets the same value: a shared load stays shared.
+    /// The saved impulses get the same value, so that restoring them keeps it.
     #[inline(always)]
     fn activate_contact(&mut self, velocity: &mut VelocitySolution<R>, i: usize, lanes: R::Mask, impulse: [R; 6]) {
         if lanes.any() {

@@ -47,7 +47,7 @@ pub(crate) struct AssemblyInput<'a, R: Real> {
 }
 
 impl<R: Real> AssemblyInput<'_, R> {
-    /// Fraction of the distance `phi` that may close in the step, m. An overlap is returned unchanged.
+    /// Part of the distance `phi` that may close in the step, m. An overlap is returned unchanged.
     #[inline(always)]
     pub(crate) fn gap(&self, phi: R) -> R {
         R::select(phi.gt(R::zero()), phi * self.closing_fraction, phi)

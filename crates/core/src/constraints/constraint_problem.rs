@@ -11,8 +11,8 @@ use crate::math::spatial::*;
 
 /// Constraint problem of a step, with the element of the model that each row belongs to.
 ///
-/// Rows are fixed once stage 4 has assembled them. The passes of a step change two things: the target velocities
-/// ([`ConstraintProblem::shift`]) and the deferred contacts that are active ([`ConstraintProblem::activate`]).
+/// Rows are fixed once stage 4 has assembled them. The passes of a step change two things: the offsets g, which contain the free velocity
+/// ([`ConstraintProblem::shift`]), and the deferred contacts that are active ([`ConstraintProblem::activate`]).
 #[derive(Clone, Debug)]
 pub struct ConstraintProblem<R: Real> {
     /// Rows in the form of the solver.
@@ -27,21 +27,21 @@ pub struct ConstraintProblem<R: Real> {
     pub rolling_slots: Vec<(usize, R::Mask, V3<R>)>,
     /// Lanes with at least one row.
     pub constrained: R::Mask,
-    /// Lanes whose positions need a separate solve in stage 8.
+    /// Lanes with position errors, which need a separate solve in stage 8. Lanes with impacts need it too.
     pub needs_position_solve: R::Mask,
     /// Lanes in which Baumgarte's bias is part of the velocities.
     pub biased: R::Mask,
-    /// Lanes in which a contact bounces. Positions and velocities may differ there by any speed.
+    /// Lanes in which a contact bounces. Stage 8 does not bound their correction.
     pub rebounding: R::Mask,
     /// Whether the problem may have immovable rows.
     pub(crate) may_be_held: bool,
     /// Impacts of the contacts, in their order: contacts of three rows first. Empty if no contact is elastic.
     pub(crate) impacts: Vec<Impact<R>>,
-    /// Whether a contact is elastic, for a scheme that resolves the times of impacts.
-    pub(crate) has_impacts: bool,
+    /// Whether the step resolves times of impacts: the scheme does, and some contact is elastic.
+    pub(crate) resolves_impacts: bool,
     /// Approaching contacts, whose rows are deferred until the solved motion closes their gap.
     pub(crate) deferred: Vec<DeferredContact<R>>,
-    /// Time within which a row lets its gap close, s.
+    /// Time to the evaluation point of the next step, within which a row lets its gap close, s.
     pub(crate) closing_time: R,
     /// Lanes in which each equality of the model is active.
     pub(crate) active_equalities: ActiveEqualities<R>,
@@ -54,7 +54,7 @@ pub struct ConstraintProblem<R: Real> {
 pub(crate) struct Impact<R: Real> {
     /// Lanes in which the contact bounces.
     pub(crate) lanes: R::Mask,
-    /// Lanes in which the contact overlapped before.
+    /// Lanes in which the contact overlaps at the evaluation point.
     pub(crate) overlapping: R::Mask,
     /// Time of the impact after the beginning of the step, as a fraction of the step.
     pub(crate) time_fraction: R,
@@ -73,7 +73,7 @@ pub(crate) struct DeferredContact<R: Real> {
     pub(crate) lanes: R::Mask,
     /// Lanes in which the contact bounces. The bias there is the rebound velocity.
     pub(crate) bounces: R::Mask,
-    /// Bias of the normal row, m/s: g minus the free velocity.
+    /// Bias of the normal row, m/s: its offset g minus its velocity without impulses.
     pub(crate) bias: R,
     /// Initial impulse of the rows at activation, N s and N m s.
     pub(crate) impulse: [R; 6],
@@ -100,7 +100,7 @@ impl<R: Real> ConstraintProblem<R> {
             rebounding: none,
             may_be_held: false,
             impacts: Vec::with_capacity(max_contacts + rolling_contacts),
-            has_impacts: false,
+            resolves_impacts: false,
             deferred: Vec::with_capacity(max_contacts + rolling_contacts),
             closing_time: R::zero(),
             active_equalities: ActiveEqualities::new(compiled),
@@ -108,7 +108,7 @@ impl<R: Real> ConstraintProblem<R> {
         }
     }
 
-    /// Adds a change of the free velocity, in the lanes `lanes`, to the target velocities. Overwrites `change`.
+    /// Adds a change of the free velocity, in the lanes `lanes`, to the offsets g of the rows. Overwrites `change`.
     pub fn shift(&mut self, compiled: &LaneModel<R>, mass: &MassMatrix<R>, change: &mut [R], lanes: R::Mask) {
         if self.rows.is_empty() {
             return;

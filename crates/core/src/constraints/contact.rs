@@ -26,11 +26,11 @@ fn least_lever<R: Real>() -> f64 {
 
 /// Rows of a slot along the normal and the tangents. Their entries are in the column of the row builder.
 pub(crate) struct SlidingRows<R: Real> {
-    /// Target velocity of each row in the velocity solve and in the position solve, m/s.
+    /// Offset g of each row in the velocity solve and in the position solve, m/s: its velocity without impulses, plus its bias.
     pub(crate) targets: [[R; 2]; 3],
     /// Squared lengths of the rows, if equalities are eliminated from them.
     pub(crate) lengths: Option<SquaredLengths<R, 3>>,
-    /// Lanes in which the contact can push, now or once it is activated.
+    /// Lanes with a row, active or deferred.
     pub(crate) active: R::Mask,
     /// Lanes in which the rows are deferred. The caller sets the contact, slot and impulse.
     pub(crate) deferred: DeferredContact<R>,
@@ -55,8 +55,8 @@ impl<R: Real> Assembler<'_, R> {
         );
         if self.problem.rows.contacts.held().any() {
             let (released, rounding) = self.reconsider(input, contacts, k, lanes);
-            self.problem.rows.contacts.release(released);
-            self.problem.rows.contacts.forgive(rounding);
+            self.problem.rows.contacts.make_movable(released);
+            self.problem.rows.contacts.drop_rounding(rounding);
         }
         if let Some(lengths) = lengths {
             self.problem.rows.contacts.set_trace_ratio(lengths.trace_ratio());
@@ -123,7 +123,7 @@ impl<R: Real> Assembler<'_, R> {
         let (slot, active) = (&contacts.data[k], R::Mask::from_bits(lanes));
         let [free, before] = self.builder.contact_columns(input, contacts, k, lanes);
         let curves = assembly.in_the_middle && self.builder.moving != 0;
-        let change = if self.problem.has_impacts || curves { self.builder.free_change(assembly) } else { zero() };
+        let change = if self.problem.resolves_impacts || curves { self.builder.free_change(assembly) } else { zero() };
         self.builder.half_solve::<3>(compiled, mass);
         let springs = compiled.has_contact_springs.then(|| self.builder.comply(input, contacts, k, lanes, [free[0], before[0]]));
         let rigid = springs.as_ref().map_or(active, |row| active.and_not(row.lanes));
@@ -136,14 +136,14 @@ impl<R: Real> Assembler<'_, R> {
         let (bias, mut active) = self.bounce(compiled, options, slot, assembly, active, [free[0], before[0]], bias);
         let mut targets = [[free[0] + bias, free[0] + position], [free[1]; 2], [free[2]; 2]];
         let lengths = self.builder.eliminate(&self.problem.rows, mass, &mut targets);
-        let held = [targets[0][0] - bias, targets[1][0], targets[2][0]];
-        if self.problem.has_impacts {
+        let free_eliminated = [targets[0][0] - bias, targets[1][0], targets[2][0]];
+        if self.problem.resolves_impacts {
             active = self.bounce_within(input, slot, active, [free, change], bias, &mut targets);
         }
         let bounces = self.problem.impacts.last().map_or(R::Mask::splat(false), |impact| impact.lanes);
-        let lanes = self.approaching_lanes(input, contacts, k, active.and(rigid), before[0], held);
+        let lanes = self.approaching_lanes(input, contacts, k, active.and(rigid), before[0], free_eliminated);
         let impulse = [R::zero(); 6];
-        let deferred = DeferredContact { contact: 0, slot: k, lanes, bounces, bias: targets[0][0] - held[0], impulse };
+        let deferred = DeferredContact { contact: 0, slot: k, lanes, bounces, bias: targets[0][0] - free_eliminated[0], impulse };
         if curves {
             self.add_curve(input, contacts, k, active, [free, change], &mut targets);
         }

@@ -26,8 +26,8 @@ pub struct PositionSolution<R: Real> {
     pub(crate) islands: Islands,
     /// Free velocity of the position solve, nv.
     pub(crate) v_free: Vec<R>,
-    /// Displacement velocity that impacts leave out of `v_free`, nv.
-    pub(crate) carried: Vec<R>,
+    /// Velocity that over a step gives the displacement by impacts, which is added to `v_free`, nv.
+    pub(crate) impact_displacement: Vec<R>,
     /// Velocity of the correction, nv.
     pub(crate) correction: Vec<R>,
     /// Corrected configuration, nq.
@@ -51,7 +51,7 @@ impl<R: Real> PositionSolution<R> {
             reference: Reference::new(&capacity),
             islands: Islands::new(compiled.ntree),
             v_free: v(),
-            carried: v(),
+            impact_displacement: v(),
             correction: v(),
             q_corrected: q(),
             kinematics: Kinematics::new(compiled),
@@ -61,8 +61,8 @@ impl<R: Real> PositionSolution<R> {
 
     /// Fills with NaN the vectors that a step computes before it reads them.
     pub(crate) fn poison(&mut self) {
-        let Self { q, act, v_free, carried, correction, q_corrected, .. } = self;
-        [q, act, v_free, carried, correction, q_corrected].into_iter().for_each(|buffer| buffer.fill(R::of(f64::NAN)));
+        let Self { q, act, v_free, impact_displacement, correction, q_corrected, .. } = self;
+        [q, act, v_free, impact_displacement, correction, q_corrected].into_iter().for_each(|buffer| buffer.fill(R::of(f64::NAN)));
     }
 
     /// Copies the rows of the problem.

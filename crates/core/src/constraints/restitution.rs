@@ -190,7 +190,8 @@ impl<R: Real> PositionSolution<R> {
     /// Removes impacts from the position solve in the lanes `lanes`: their impulses, and the contacts that did not overlap before.
     ///
     /// A contact that overlapped is pushed out if it does not separate fast enough. `impulses` are those of the velocity solution.
-    /// `carried` receives a velocity: over a step it gives the displacement by the impulses beyond that of the velocity after the step.
+    /// `impact_displacement` receives a velocity: over a step it gives the displacement by the impulses, 1 + (time_before - t) / h times
+    /// their velocity change, with t the time of the impact.
     /// `time_before` is the evaluation time of the step of `h` seconds.
     pub(crate) fn remove_impacts(
         &mut self,
@@ -204,7 +205,7 @@ impl<R: Real> PositionSolution<R> {
         R::vectorize(
             #[inline(always)]
             || {
-                let (Self { rows: positions, carried: moved, correction: removed, .. }, rows) = (self, &problem.rows);
+                let (Self { rows: positions, impact_displacement: moved, correction: removed, .. }, rows) = (self, &problem.rows);
                 let narrow = rows.contacts.len();
                 moved.fill(R::zero());
                 removed.fill(R::zero());
@@ -236,12 +237,12 @@ impl<R: Real> PositionSolution<R> {
         );
     }
 
-    /// Adds the change `carried` of the free velocity, in the lanes `lanes`, to the position rows. Overwrites `carried`.
+    /// Adds the change `impact_displacement` of the free velocity, in the lanes `lanes`, to the position rows. Overwrites `impact_displacement`.
     pub(crate) fn shift(&mut self, compiled: &LaneModel<R>, mass: &MassMatrix<R>, problem: &ConstraintProblem<R>, lanes: R::Mask) {
         R::vectorize(
             #[inline(always)]
             || {
-                let Self { rows: positions, carried: change, .. } = self;
+                let Self { rows: positions, impact_displacement: change, .. } = self;
                 mass.scale(compiled, change);
                 positions.shift(&problem.rows, change, lanes);
                 shift_impacts(

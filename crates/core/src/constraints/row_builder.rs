@@ -32,7 +32,8 @@ pub(crate) struct RowBuilder<R: Real> {
     pub(crate) eliminated_entries: [Vec<R>; 2],
     /// Coefficients of the last elimination, or their scales, by index of the eliminated row.
     pub(crate) projections: Vec<V3<R>>,
-    /// Squared scales of the entries of a column.
+    /// Squared scales of the entries of a column. A scale is the size of the terms that an entry is the sum of; it tells entries from
+    /// rounding errors.
     pub(crate) scales: Vec<V3<R>>,
     /// Squared scales of the terms that the elimination of equalities removes from each entry of a column.
     pub(crate) removed_scales: Vec<V3<R>>,

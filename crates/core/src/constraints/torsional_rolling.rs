@@ -65,7 +65,7 @@ impl<R: Real> Assembler<'_, R> {
             self.builder.linear[d as usize] = self.builder.column[d as usize];
         }
         let turning = self.builder.turn_columns(input, contacts, k, lanes, friction.scale);
-        let change = if self.problem.has_impacts { self.builder.free_change(assembly) } else { zero() };
+        let change = if self.problem.resolves_impacts { self.builder.free_change(assembly) } else { zero() };
         self.builder.half_solve::<3>(compiled, mass);
         let mut turns = [[turning[0]; 2], [turning[1]; 2], [turning[2]; 2]];
         let turned = self.builder.eliminate(&self.problem.rows, mass, &mut turns);
@@ -88,8 +88,8 @@ impl<R: Real> Assembler<'_, R> {
         );
         if self.problem.rows.rolling_contacts.held().any() {
             let (released, rounding) = self.reconsider(input, contacts, k, lanes);
-            self.problem.rows.rolling_contacts.release(released);
-            self.problem.rows.rolling_contacts.forgive(rounding);
+            self.problem.rows.rolling_contacts.make_movable(released);
+            self.problem.rows.rolling_contacts.drop_rounding(rounding);
         }
         if let (Some(sliding), Some(turned)) = (sliding, turned) {
             let (before, after) =

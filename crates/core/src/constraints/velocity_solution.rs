@@ -21,7 +21,7 @@ pub struct VelocitySolution<R: Real> {
     pub scalar_impulse: Vec<R>,
     /// Contact groups with redundant supports. Their contacts share the load evenly.
     pub(crate) groups: ContactGroups<R>,
-    /// Saved impulses, for lanes that may restore them.
+    /// Impulses before an estimate or before sharing loads, for lanes that may restore them.
     pub(crate) shared: Snapshot<R>,
     /// Newton's method with its workspace, which stage 8 uses too.
     pub newton: Newton,
@@ -66,7 +66,7 @@ impl<R: Real> VelocitySolution<R> {
     }
 
     /// Computes the velocity change of the present impulses into `out`, nv.
-    pub fn impulse_change(&self, compiled: &LaneModel<R>, mass: &MassMatrix<R>, out: &mut [R]) {
+    pub fn velocity_by_impulses(&self, compiled: &LaneModel<R>, mass: &MassMatrix<R>, out: &mut [R]) {
         R::vectorize(
             #[inline(always)]
             || {

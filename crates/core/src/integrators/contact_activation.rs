@@ -62,7 +62,7 @@ pub(crate) fn activate_colliding<R: Real>(
         return R::Mask::splat(false);
     }
     if motion == SweptMotion::Predicted {
-        velocity.impulse_change(compiled, &free.smooth.mass, &mut collisions.v_predicted);
+        velocity.velocity_by_impulses(compiled, &free.smooth.mass, &mut collisions.v_predicted);
         R::vectorize(
             #[inline(always)]
             || {

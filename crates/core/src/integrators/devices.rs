@@ -11,7 +11,7 @@ use crate::sensing::memory::Memory;
 pub struct Devices<'a, S> {
     /// Number of the group among those of the batch.
     pub(crate) group: usize,
-    /// Actuator dynamics between controls and forces; none if the model has none.
+    /// Actuator pipelines between controls and forces; none without an actuator model.
     pub(crate) actuators: Option<ActuatorDevices<'a, S>>,
     /// Sensors; none in a trial step, whose result is discarded.
     pub(crate) sensors: Option<SensorDevices<'a, S>>,

@@ -7,28 +7,28 @@ use crate::dynamics::kinematics::displace;
 use crate::integrators::step_resolution::StepResolution;
 use crate::integrators::step_values::{Evaluation, FreeMotion, Place, StepInput};
 
-/// Finds the lanes in which the error of the midpoint rule adds energy, before positions are corrected.
+/// Lanes in which the error of the midpoint rule adds energy, before positions are corrected.
 ///
 /// The lanes `excluded` do not count: the Runge-Kutta scheme replaces their step.
 #[inline(always)]
 pub(crate) fn find_energy_gain<R: Real>(
     place: Place<'_, R>,
-    free: &mut FreeMotion<R>,
+    free: &FreeMotion<R>,
     velocity: &VelocitySolution<R>,
     guard: &mut StepResolution<R>,
     excluded: R::Mask,
-) {
+) -> R::Mask {
     let Place { input: StepInput { compiled, state, .. }, evaluation: Evaluation { scheme, q, kinematics, .. } } = place;
-    free.gains = R::Mask::splat(false);
     if !scheme.corrects || !scheme.in_the_middle {
-        return;
+        return R::Mask::splat(false);
     }
     // A step that is not evaluated in its middle has an energy error of first order in its rotation.
     let lanes = free.may_gain.and_not(free.unresolved).and_not(excluded).and(scheme.time_before.eq(scheme.time_after));
-    if lanes.any() {
-        displace(compiled, q, &velocity.v, scheme.time_after, &mut guard.q_end);
-        free.gains = lanes.and(guard.gains_energy(compiled, kinematics, [&state.q, &state.v], &velocity.v, free, scheme));
+    if lanes.none() {
+        return lanes;
     }
+    displace(compiled, q, &velocity.v, scheme.time_after, &mut guard.q_end);
+    lanes.and(guard.gains_energy(compiled, kinematics, [&state.q, &state.v], &velocity.v, free, scheme))
 }
 
 /// Limits the kinetic energy of the lanes `limited`.

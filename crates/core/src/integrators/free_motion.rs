@@ -39,7 +39,7 @@ pub(crate) fn compute_free_motion<R: Real>(place: Place<'_, R>, free: &mut FreeM
 /// Recomputes stages 1 and 2 after velocities, activations or controls have changed, with the same mass matrix.
 pub(crate) fn recompute_free_motion<R: Real>(input: StepInput<'_, R>, evaluation: &mut Evaluation<R>, free: &mut FreeMotion<R>) {
     let StepInput { compiled, state, .. } = input;
-    advance_evaluation(input, evaluation);
+    advance_activations(input, evaluation);
     let scheme = evaluation.scheme;
     free.actuator_forces.transmit(compiled, &evaluation.kinematics, &state.v, scheme.time_ahead);
     actuate_freely(Place { input, evaluation }, free);
@@ -49,7 +49,7 @@ pub(crate) fn recompute_free_motion<R: Real>(input: StepInput<'_, R>, evaluation
 
 /// Advances the activations to the evaluation point.
 #[inline(always)]
-pub(crate) fn advance_evaluation<R: Real>(input: StepInput<'_, R>, evaluation: &mut Evaluation<R>) {
+pub(crate) fn advance_activations<R: Real>(input: StepInput<'_, R>, evaluation: &mut Evaluation<R>) {
     let StepInput { compiled, state, inputs, .. } = input;
     if evaluation.scheme.in_the_middle {
         advance_activation(compiled, &state.act, &state.act, &inputs.ctrl, evaluation.scheme.time_before, &mut evaluation.act);
@@ -89,9 +89,9 @@ fn saturate_servos<R: Real>(place: Place<'_, R>, free: &mut FreeMotion<R>) {
     let Evaluation { scheme, kinematics, .. } = evaluation;
     for pass in 0..SATURATION_PASSES {
         // Expected change of velocity: by the forces, and by constraints that push as in the last step.
-        free.scratch.impulse_change.copy_from_slice(&free.expected_impulse);
-        free.smooth.solve(compiled, &mut free.scratch.impulse_change);
-        advance(&free.scratch.impulse_change, &free.smooth.acc, scheme.h, &mut free.scratch.expected_change);
+        free.scratch.velocity_by_impulses.copy_from_slice(&free.expected_impulse);
+        free.smooth.solve(compiled, &mut free.scratch.velocity_by_impulses);
+        advance(&free.scratch.velocity_by_impulses, &free.smooth.acc, scheme.h, &mut free.scratch.expected_change);
         // Lanes in which nothing has changed repeat the computation and get the same bits.
         let changed = free.actuator_forces.saturate(
             compiled,

@@ -24,7 +24,12 @@ use crate::tuning::{MAX_RESOLVED_ROTATION, MIN_IMPACT_RATIO, MIN_VELOCITY_ERROR,
 /// An evaluation point within PLACEMENT_TOLERANCE of the impact stays. `v_free` is the free velocity. A contact that overlaps beyond the
 /// slop while its surfaces separate must have passed through its surface before. On the first pass its lane moves to the beginning of the
 /// step.
-pub(crate) fn first_impacts<R: Real>(input: StepInput<'_, R>, evaluation: &mut Evaluation<R>, v_free: &[R], first: bool) -> R::Mask {
+pub(crate) fn move_to_first_impacts<R: Real>(
+    input: StepInput<'_, R>,
+    evaluation: &mut Evaluation<R>,
+    v_free: &[R],
+    first: bool,
+) -> R::Mask {
     let StepInput { compiled, options, state, alive, .. } = input;
     let Evaluation { scheme, kinematics, contacts, impacts: Impacts { lanes, velocities }, .. } = evaluation;
     R::vectorize(
@@ -92,9 +97,9 @@ fn normal_velocities<R: Real>(
 /// Prepares the position solve if any lane needs it: its rows and its free velocity. Returns the lanes with impacts, which need it.
 ///
 /// Positions advance from `time_before` with the velocity after the step. The free velocity of the position solve therefore contains two
-/// more terms. The first is (time_before - t) / h times the velocity change by each impulse. The second is (time_before / h - 1/2) times
-/// the change by smooth forces, because the step was not evaluated in its middle. `impulses` are those of the velocity solution. Impacts
-/// are removed from them.
+/// more terms. The first is 1 + (time_before - t) / h times the velocity change by each impulse, where t is the time of its impact and the
+/// 1 replaces the removed impulse. The second is (time_before / h - 1/2) times the change by smooth forces, because the step was not
+/// evaluated in its middle. `impulses` are those of the velocity solution. Impacts are removed from them.
 #[inline(always)]
 pub(crate) fn prepare_position_solve<R: Real>(
     place: Place<'_, R>,
@@ -119,8 +124,8 @@ pub(crate) fn prepare_position_solve<R: Real>(
         || {
             let late = scheme.time_before / scheme.h - R::of(0.5);
             for i in 0..compiled.nv {
-                let moved = position.carried[i] + (free.v[i] - state.v[i]) * late;
-                position.carried[i] = R::select(lanes, moved, R::zero());
+                let moved = position.impact_displacement[i] + (free.v[i] - state.v[i]) * late;
+                position.impact_displacement[i] = R::select(lanes, moved, R::zero());
                 position.v_free[i] = R::select(lanes, free.v[i] + moved, free.v[i]);
             }
         },
@@ -129,7 +134,8 @@ pub(crate) fn prepare_position_solve<R: Real>(
     lanes
 }
 
-/// Recomputes the free velocity in lanes in which an impact has changed the velocity. Returns these lanes, which must be solved again.
+/// Recomputes the free velocity in lanes in which contacts made the velocity jump, elastic or not. Returns these lanes, which must be
+/// solved again.
 ///
 /// The midpoint rule moves half of the step with the velocity before it and half with the velocity after it. Inertial forces are therefore
 /// the mean of those at both velocities. The first solution evaluates them at the mean of the velocities. At an impact that is an error of
@@ -185,15 +191,15 @@ fn lanes_with_impacts<R: Real>(
 
 /// Computes the free velocity with inertial forces at the velocity before the step and at `v_next`.
 ///
-/// Each acts for half of the step, or until the impact and after it. The forces of stage 1 do not change, because their velocity-dependent
-/// terms are implicit.
+/// Each acts for half of the step, or until the impact and after it. The forces of stage 1 stay those at the predicted mean velocity; only
+/// inertial forces are recomputed.
 fn compute_inertial_forces<R: Real>(place: Place<'_, R>, free: &mut FreeMotion<R>, problem: &ConstraintProblem<R>, v_next: &[R]) {
     let Place { input: StepInput { compiled, state, .. }, evaluation: Evaluation { scheme, kinematics, impacts, .. } } = place;
     let half = scheme.h * R::of(0.5);
     let times = [scheme.time_before, scheme.time_after].map(|time| R::select(impacts.lanes, time, half));
     free.accelerate(compiled, kinematics, &state.v, &state.v);
     advance(&state.v, &free.smooth.acc, times[0], &mut free.scratch.v_half);
-    if problem.has_impacts {
+    if problem.resolves_impacts {
         advance(&state.v, &free.smooth.acc, scheme.h, &mut free.scratch.before_impact);
     }
     free.accelerate(compiled, kinematics, &state.v, v_next);
@@ -232,12 +238,12 @@ fn update_free_velocity<R: Real>(
                 free_change[i] = new - v[i];
                 v[i] = new;
                 v_expected[i] = R::select(lanes, v_next[i], v_expected[i]);
-                if problem.has_impacts {
+                if problem.resolves_impacts {
                     before_impact[i] = if first { before_impact[i] - new } else { -free_change[i] };
                 }
             }
         },
     );
-    let before_impacts = problem.has_impacts.then_some(&mut before_impact[..]);
+    let before_impacts = problem.resolves_impacts.then_some(&mut before_impact[..]);
     shift_targets(compiled, &smooth.mass, problem, free_change, before_impacts, lanes);
 }

@@ -4,8 +4,8 @@ use stepper_real::{Mask, Real};
 
 use crate::dynamics::kinematics::displace;
 use crate::dynamics::mocap;
-use crate::integrators::free_motion::{advance_evaluation, compute_free_motion};
-use crate::integrators::impact::first_impacts;
+use crate::integrators::free_motion::{advance_activations, compute_free_motion};
+use crate::integrators::impact::move_to_first_impacts;
 use crate::integrators::scheme;
 use crate::integrators::step_values::{Evaluation, FreeMotion, Place, StepInput};
 use crate::probe::{Probe, Span};
@@ -37,7 +37,7 @@ pub(crate) fn locate<R: Real>(input: StepInput<'_, R>, evaluation: &mut Evaluati
         if !(0..evaluation.contacts.slots()).any(elastic) {
             return;
         }
-        let moved = probe.span(Span::ImpactTimes, || first_impacts(input, evaluation, &free.v, pass == 0));
+        let moved = probe.span(Span::ImpactTimes, || move_to_first_impacts(input, evaluation, &free.v, pass == 0));
         if moved.none() {
             return;
         }
@@ -78,7 +78,7 @@ fn displace_evaluation<R: Real>(input: StepInput<'_, R>, evaluation: &mut Evalua
     } else {
         evaluation.q.copy_from_slice(&state.q);
     }
-    advance_evaluation(input, evaluation);
+    advance_activations(input, evaluation);
     if evaluation.scheme.looks_ahead {
         displace(compiled, &evaluation.q, &state.v, evaluation.scheme.time_ahead, &mut evaluation.q_ahead);
     }

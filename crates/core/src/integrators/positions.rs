@@ -42,7 +42,7 @@ pub(crate) fn find_tunnelling<R: Real>(
     may_have_passed(input.compiled, kinematics, step, input.alive, poses)
 }
 
-/// Stage 8: corrects the positions after the step, and returns the lanes whose constraints cannot be satisfied.
+/// Stage 8: corrects the positions after the step, and returns the lanes that are proven infeasible.
 ///
 /// The solve starts from the impulses of the velocity solution and overwrites them.
 #[inline(always)]

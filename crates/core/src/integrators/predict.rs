@@ -60,7 +60,7 @@ fn servos_disagree<R: Real>(
     let estimate = Estimate::new(compiled, options, &state.v, scheme.h, velocity);
     estimate.make(options, lanes, problem, velocity);
     let FreeMotion { smooth, actuator_forces, v, expected_impulse, scratch: Scratch { expected_change, impulse, .. }, .. } = free;
-    velocity.impulse_change(compiled, &smooth.mass, expected_change);
+    velocity.velocity_by_impulses(compiled, &smooth.mass, expected_change);
     R::vectorize(
         #[inline(always)]
         || {
@@ -89,8 +89,8 @@ fn servos_disagree<R: Real>(
 
 /// Predicts the velocity after the step by an estimate of the impulses, and recomputes the forces that depend on it.
 ///
-/// The prediction includes the impulses, so that a robot at rest feels no force of a motion that its contacts prevent. They are estimated
-/// from this step alone, so that the next state follows from the present one.
+/// The prediction includes the impulses, so that a robot at rest feels no force of a motion that its contacts prevent. In
+/// moving lanes the estimate depends on the previous impulses only within its tolerance.
 pub(crate) fn predict<R: Real>(
     place: Place<'_, R>,
     free: &mut FreeMotion<R>,
@@ -111,7 +111,7 @@ pub(crate) fn predict<R: Real>(
             predict_collisions(place, free, problem, velocity, collisions, (&estimate, constrained));
         });
     }
-    compute_smooth_velocity(place, free, problem, velocity, probe);
+    correct_free_velocity(place, free, problem, velocity, probe);
     if constrained.any() {
         probe.span(Span::EstimateImpulses, || estimate.choose_start(constrained, problem, velocity));
     }
@@ -120,8 +120,8 @@ pub(crate) fn predict<R: Real>(
 /// Computes the free velocity with velocity-dependent forces at the mean velocity of the step, which follows from the present impulses.
 ///
 /// The implicit rule evaluates these forces at the velocity after the step instead of the mean. One such pass keeps the second order of the
-/// midpoint rule. The change of the free velocity goes to the target velocities of `problem`.
-pub(crate) fn compute_smooth_velocity<R: Real>(
+/// midpoint rule. The offsets g of `problem` change with the free velocity.
+pub(crate) fn correct_free_velocity<R: Real>(
     place: Place<'_, R>,
     free: &mut FreeMotion<R>,
     problem: &mut ConstraintProblem<R>,
@@ -130,12 +130,12 @@ pub(crate) fn compute_smooth_velocity<R: Real>(
 ) {
     let Place { input: StepInput { compiled, state, alive, .. }, evaluation: Evaluation { scheme, kinematics, .. } } = place;
     let FreeMotion { smooth, actuator_forces, applied, v, v_expected, scratch, .. } = &mut *free;
-    let Scratch { impulse_change, v_mean, v_free_corrected, free_change, .. } = scratch;
-    velocity.impulse_change(compiled, &smooth.mass, impulse_change);
-    ignore_large_impacts(scheme, v, impulse_change);
-    advance(v, impulse_change, R::one(), v_expected);
+    let Scratch { velocity_by_impulses, v_mean, v_free_corrected, free_change, .. } = scratch;
+    velocity.velocity_by_impulses(compiled, &smooth.mass, velocity_by_impulses);
+    ignore_large_impacts(scheme, v, velocity_by_impulses);
+    advance(v, velocity_by_impulses, R::one(), v_expected);
     blend(&state.v, v_expected, scheme.velocity_weight, v_mean);
-    // Without servos no force of stage 1 depends on the velocity.
+    // Without servos no force of stage 1 depends on the velocity. With servos their explicit parts do.
     if !compiled.servos.is_empty() {
         probe.span(Span::Actuate, || actuate(compiled, &place.forces_at(v_mean), scheme.servos(), actuator_forces));
     }

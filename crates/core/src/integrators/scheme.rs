@@ -15,7 +15,7 @@ pub(crate) struct Scheme<R> {
     pub(crate) time_before: R,
     /// Time from the evaluation point to the configuration after the step, s.
     pub(crate) time_after: R,
-    /// Time from the evaluation point to that of springs and servos, s. The mass matrix has their change after that.
+    /// Time from the evaluation point to that of springs and servos, s. Their change with the velocity is implicit, in the mass matrix.
     pub(crate) time_ahead: R,
     /// Shares of damping and stiffness in the mass matrix.
     pub(crate) weights: ImplicitWeights<R>,
@@ -30,9 +30,10 @@ pub(crate) struct Scheme<R> {
 }
 
 impl<R: Real> Scheme<R> {
-    /// Fraction of a gap that may close in a step. The next step should meet the surface exactly in its middle, and not beyond it.
+    /// Fraction of a gap that may close in a step: the time step over the time to the evaluation point of the next step. A body then meets
+    /// the surface at that point and not before.
     ///
-    /// Two thirds where the midpoint rule evaluates the beginning of a step. `impacts` marks lanes that are evaluated at any time.
+    /// Two thirds where the midpoint rule evaluates the beginning of a step and the middle of the next one. `impacts` marks lanes that are evaluated at any time.
     #[inline(always)]
     pub(crate) fn closing_fraction(&self, at_beginning: R::Mask, impacts: R::Mask) -> R {
         let whole = R::select(at_beginning, R::of(2.0 / 3.0), R::one());

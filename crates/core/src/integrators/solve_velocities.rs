@@ -19,9 +19,9 @@ use crate::tuning::{IMPACT_PASSES, ORDERED_PASSES};
 
 /// Solves for the velocity after the step until it agrees with the problem.
 ///
-/// A solution must close no gap of a deferred contact. After an impact its velocity must be that at which inertial forces were evaluated.
-/// Otherwise colliding contacts become active, or the free velocity is recomputed, and the lanes are solved again. The last pass gives the
-/// velocity after an impact.
+/// In the motion of a solution no deferred contact may collide. After an impact, its velocity must be that at which inertial forces were
+/// evaluated. Otherwise colliding contacts become active, or the free velocity is recomputed, and the lanes are solved again. Impacts
+/// repeat the solve at most three times. The last pass evaluates inertial forces at the velocity after the impact.
 #[inline(always)]
 pub(crate) fn solve_velocities<R: Real>(
     place: Place<'_, R>,
@@ -78,10 +78,11 @@ pub(crate) fn bound_velocities<R: Real>(
     let rows = PositionInput { problem, mass: &free.smooth.mass, contacts, lanes, rebounding, h: scheme.h };
     let infeasible = probe.span(Span::Stabilise, || limit_baumgarte(compiled, options, &rows, &free.v, velocity, position, &mut outcome));
     let [ambiguous, limited] = probe.span(Span::GuardEnergy, || limit_speed(place, free, problem, velocity, outcome.residual));
-    StepOutcome { solver: outcome, impulses_act, ambiguous, limited, infeasible, tunnelled: R::Mask::splat(false) }
+    let none = R::Mask::splat(false);
+    StepOutcome { solver: outcome, impulses_act, ambiguous, limited, infeasible, tunnelled: none, gains_energy: none }
 }
 
-/// Limits joint speeds in lanes whose motion is too fast for the step or whose energy is ambiguous. Stage 7 limits their energy.
+/// Limits joint speeds in lanes whose motion is too fast for the step or whose energy is ambiguous. [`limit_energy`](crate::integrators::energy_guard::limit_energy) limits their energy after stage 8.
 ///
 /// Returns the ambiguous lanes and all limited lanes.
 #[inline(always)]

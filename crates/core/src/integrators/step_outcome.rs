@@ -19,10 +19,12 @@ pub(crate) struct StepOutcome<R: Real> {
     pub(crate) ambiguous: R::Mask,
     /// Lanes whose speed and energy are limited: the ambiguous ones, and those whose motion is too fast for the step.
     pub(crate) limited: R::Mask,
-    /// Lanes whose constraints are infeasible.
+    /// Lanes in which impulses prove that no bounded correction removes the position errors.
     pub(crate) infeasible: R::Mask,
     /// Lanes in which a geom may have passed through a thin one.
     pub(crate) tunnelled: R::Mask,
+    /// Lanes in which the error of the time step adds energy.
+    pub(crate) gains_energy: R::Mask,
 }
 
 /// Residual, or the largest unmet target velocity of a row that cannot move, whichever is larger.
@@ -73,7 +75,7 @@ pub(crate) fn record<R: Real>(
         infeasible: alive.and(finite).and(outcome.infeasible),
         non_finite: alive.and_not(finite),
         contacts_full: state.contacts.full,
-        unresolved: free.unresolved.or(free.gains),
+        unresolved: free.unresolved.or(outcome.gains_energy),
         tunnelled: outcome.tunnelled,
     }
 }

@@ -16,7 +16,10 @@ use crate::math::spatial::*;
 use crate::options::StepSettings;
 use crate::stages::s02_smooth::Smooth;
 
-/// State of a group of lanes. With the scalar impulses of the constraints it is all that a step passes to the next.
+/// State of a group of lanes. A step passes it to the next, with the impulses of scalar rows ([`VelocitySolution::scalar_impulse`]) and
+/// the memories of sensors and actuator pipelines.
+///
+/// [`VelocitySolution::scalar_impulse`]: crate::constraints::VelocitySolution::scalar_impulse
 #[derive(Clone, Debug)]
 pub(crate) struct State<R: Real> {
     /// Configuration, nq.
@@ -35,7 +38,7 @@ pub(crate) struct State<R: Real> {
     pub(crate) elapsed: f64,
 }
 
-/// Input of a step, which the step does not change until it accepts the next state.
+/// Input of a step: model, settings, state and inputs. After the step is accepted, `state` is the next state.
 #[derive(Clone, Copy)]
 pub(crate) struct StepInput<'a, R: Real> {
     pub(crate) compiled: &'a LaneModel<R>,
@@ -46,7 +49,7 @@ pub(crate) struct StepInput<'a, R: Real> {
     pub(crate) alive: R::Mask,
 }
 
-/// Evaluation point of a step, with the step's input. Stages 4 to 8 read it and do not change it.
+/// Evaluation point of a step, with the step's input. Stages 4 to 8 do not move it.
 #[derive(Clone, Copy)]
 pub(crate) struct Place<'a, R: Real> {
     pub(crate) input: StepInput<'a, R>,
@@ -111,7 +114,8 @@ impl<R: Real> Evaluation<R> {
         [q, q_ahead, act].into_iter().for_each(|buffer| buffer.fill(R::of(f64::NAN)));
     }
 
-    /// Chooses the tangents of the contacts, and copies the impulses of the same contacts in `last`. Overwrites `last`.
+    /// Closes gaps of rounding in single precision, chooses the tangents of the contacts, and copies the impulses of the same contacts in
+    /// `last`. Overwrites `last`.
     #[inline(always)]
     pub(crate) fn match_contacts(&mut self, compiled: &LaneModel<R>, last: &mut Contacts<R>) {
         self.contacts.close_rounded_gaps(norm(compiled.params.gravity()) * self.scheme.h * self.scheme.h);
@@ -119,7 +123,7 @@ impl<R: Real> Evaluation<R> {
     }
 }
 
-/// Motion without constraints, and the forces that cause it.
+/// Motion without constraints and the forces that cause it, with what the step expects of its constraints.
 #[derive(Clone, Debug)]
 pub(crate) struct FreeMotion<R: Real> {
     /// Mass matrix, bias forces and acceleration.
@@ -130,7 +134,8 @@ pub(crate) struct FreeMotion<R: Real> {
     pub(crate) applied: Vec<R>,
     /// Velocity after the step without constraints, nv.
     pub(crate) v: Vec<R>,
-    /// Velocity after the step at which inertial forces are evaluated, nv.
+    /// Predicted velocity after the step, nv. Velocity-dependent forces are evaluated between the velocity before the step and this one
+    /// ([`Scheme::velocity_weight`]).
     pub(crate) v_expected: Vec<R>,
     /// Impulse of constraints on the joints that servos at their bounds expect, nv.
     pub(crate) expected_impulse: Vec<R>,
@@ -140,8 +145,6 @@ pub(crate) struct FreeMotion<R: Real> {
     pub(crate) unresolved: R::Mask,
     /// Lanes whose motion is so fast that the error of the time step may add energy.
     pub(crate) may_gain: R::Mask,
-    /// Lanes of `may_gain` in which the error of the time step adds energy.
-    pub(crate) gains: R::Mask,
     /// Buffers of the functions that compute the free motion.
     pub(crate) scratch: Scratch<R>,
 }
@@ -150,7 +153,7 @@ pub(crate) struct FreeMotion<R: Real> {
 #[derive(Clone, Debug)]
 pub(crate) struct Scratch<R: Real> {
     /// Change of the velocity by the impulses of constraints.
-    pub(crate) impulse_change: Vec<R>,
+    pub(crate) velocity_by_impulses: Vec<R>,
     /// Change of the velocity that servos expect.
     pub(crate) expected_change: Vec<R>,
     /// Impulses on the joints.
@@ -172,9 +175,9 @@ pub(crate) struct Scratch<R: Real> {
 impl<R: Real> Scratch<R> {
     /// Fills all buffers with NaN.
     pub(crate) fn poison(&mut self) {
-        let Self { impulse_change, expected_change, impulse, v_mean, v_forces, v_free_corrected, free_change, v_half, before_impact } =
+        let Self { velocity_by_impulses, expected_change, impulse, v_mean, v_forces, v_free_corrected, free_change, v_half, before_impact } =
             self;
-        [impulse_change, expected_change, impulse, v_mean, v_forces, v_free_corrected, free_change, v_half, before_impact]
+        [velocity_by_impulses, expected_change, impulse, v_mean, v_forces, v_free_corrected, free_change, v_half, before_impact]
             .into_iter()
             .for_each(|buffer| buffer.fill(R::of(f64::NAN)));
     }
@@ -194,9 +197,8 @@ impl<R: Real> FreeMotion<R> {
             impulse: v(),
             unresolved: none,
             may_gain: none,
-            gains: none,
             scratch: Scratch {
-                impulse_change: v(),
+                velocity_by_impulses: v(),
                 expected_change: v(),
                 impulse: v(),
                 v_mean: v(),

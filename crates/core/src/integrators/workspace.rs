@@ -37,7 +37,7 @@ pub(crate) struct Sensors<R: Real> {
 pub struct Workspace<R: Real> {
     pub(crate) state: State<R>,
     pub(crate) inputs: Inputs<R>,
-    /// Controls as the user gave them, nu; actuator pipelines turn them into `inputs`.
+    /// Controls before the actuator pipelines, nu. Without pipelines the controls are in `inputs` alone.
     pub(crate) user_controls: Vec<R>,
     /// Lanes that are environments.
     pub(crate) alive: R::Mask,
@@ -52,7 +52,7 @@ pub struct Workspace<R: Real> {
     pub(crate) sensors: Sensors<R>,
     /// Search for the contacts that the solved motion closes.
     pub(crate) collisions: CollisionSearch<R>,
-    /// Energy balance of fast motions.
+    /// Energy balance of motions that are too fast for the step.
     pub(crate) step_resolution: StepResolution<R>,
     /// Runge-Kutta scheme with hard contact.
     pub(crate) rk4: Option<Rk4<R>>,

@@ -10,7 +10,8 @@ use crate::dynamics::kinematics::quat_at;
 use crate::math::spatial::*;
 use crate::model::{Activation, JointKind};
 
-/// Computes the forces of actuators and springs, N or N m, and the added inertia of servos. Stage 2 adds joint damping and joint stiffness.
+/// Computes the forces of actuators and springs, N or N m, and the added inertia of servos. Stage 2 adds joint damping, and the
+/// implicit terms of both to the mass matrix.
 ///
 /// Servos at a bound of their force stay there until [`ActuatorForces::release`]. Without `implicit` all terms are explicit.
 pub fn actuate<R: Real>(

@@ -1,11 +1,11 @@
 //! Stage 4: contacts, equalities, limits, tendon springs and dry friction become the constraint problem.
 //!
 //! Each row is scaled to y = D^-1/2 L^-T J^T, which touches only the ancestors of the bodies that it joins. The Delassus matrix is then Y^T
-//! Y. The bias of a row sets its target velocity at the end of the step:
+//! Y. The bias of a row sets its target velocity v_n+ at the end of the step:
 //!
 //! ```text
-//! apart (phi > 0):                v_n+ >= -c phi / h           the gap may just close (c = 1)
-//! touching:                       v_n+ >= 0
+//! apart (phi > 0):                v_n+ >= -c phi / h           the gap may just close (c: `AssemblyInput::closing_fraction`)
+//! touching, or overlapping:       v_n+ >= 0
 //! overlapping, Baumgarte:         v_n+ >= min(beta (overlap - slop) / h, cap)
 //! closing and fast, e > 0:        v_n+ >= -e v_n-              Newton's law (Moreau 1988), and no other bias
 //! ```
@@ -48,7 +48,7 @@ pub(crate) fn assemble<R: Real>(input: RowInput<'_, R>, contacts: &Contacts<R>, 
             if !compiled.equalities.is_empty() {
                 assembler.add_equalities(input, false);
             }
-            assembler.problem.has_impacts = input.assembly.in_the_middle && any_elastic(contacts);
+            assembler.problem.resolves_impacts = input.assembly.in_the_middle && any_elastic(contacts);
             for k in 0..contacts.slots() {
                 let lanes = contacts.lanes_of(k);
                 let narrow = lanes & !rolling_lanes(compiled, contacts, k, lanes);
@@ -103,7 +103,7 @@ impl<R: Real> Assembler<'_, R> {
     }
 }
 
-/// Adds a change of the free velocity, in the lanes `lanes`, to the target velocities of the rows.
+/// Adds a change of the free velocity, in the lanes `lanes`, to the offsets g of the rows.
 ///
 /// `before_impacts` is the change of the velocity before impacts, if a contact bounces within the step. Overwrites both changes.
 pub(crate) fn shift_targets<R: Real>(

@@ -13,7 +13,7 @@ use crate::tuning::{
     ROUGH_MOTION, STRUCTURE_MOTION,
 };
 
-/// Solves the lanes `lanes` to the tolerance, and stores the impulses as the warm start of the next step.
+/// Solves the lanes `lanes` to the tolerance. [`store_impulses`] keeps the impulses for the next step.
 ///
 /// The tolerance of slow lanes is a fraction of their speed `v`. Otherwise a robot at rest would creep at the speed of the tolerance.
 #[inline(always)]
@@ -126,8 +126,8 @@ pub struct Estimate<R: Real> {
 impl<R: Real> Estimate<R> {
     /// Predictor for a step of `h` seconds from the velocity `v`.
     ///
-    /// A rough estimate has an error of up to [`ESTIMATE_ERROR`]. The estimate is solved if a smaller error is required. It is also solved
-    /// where it decides which servos are at their bounds, where loads are shared, and with Newton's method.
+    /// A rough estimate causes an error of up to [`ESTIMATE_ERROR`]. The estimate is solved if a smaller error is required. It is also
+    /// solved where it decides which servos are at their bounds, where loads are shared, and with Newton's method.
     #[inline(always)]
     pub fn new(compiled: &LaneModel<R>, options: &StepSettings, v: &[R], h: R, velocity: &VelocitySolution<R>) -> Self {
         let error = ESTIMATE_ERROR / options.refinement();
@@ -207,10 +207,10 @@ pub(crate) fn fastest<R: Real>(v: &[R]) -> R {
     fastest
 }
 
-/// Residual at which each lane stops, m/s, at least the rounding error of velocities of order one.
+/// Residual at which each lane stops, m/s: a fraction of its speed, above the rounding of velocities and at most the tolerance.
 ///
-/// In 32 bits that is more than the default tolerance, at which heavy boxes creep into light ones below them. Lanes with contact groups
-/// therefore solve further.
+/// In 32 bits velocities of 1 m/s round at 1e-3 m/s, above the default tolerance. Heavy boxes would creep into light ones at that residual,
+/// so lanes with contact groups stop at a smaller one.
 fn tolerance<R: Real>(options: &StepSettings, v: &[R], groups: R::Mask) -> R {
     R::vectorize(
         #[inline(always)]

@@ -14,7 +14,7 @@ use crate::integrators::assemble::assemble_problem;
 use crate::integrators::free_motion::recompute_free_motion;
 use crate::integrators::locate::locate;
 use crate::integrators::positions::integrate_positions;
-use crate::integrators::predict::compute_smooth_velocity;
+use crate::integrators::predict::correct_free_velocity;
 use crate::integrators::recomputed::Recomputed;
 use crate::integrators::scheme;
 use crate::integrators::scheme::Scheme;
@@ -233,7 +233,7 @@ impl<R: Real> HardResponse<R> {
         }
         if self.scheme.corrects {
             pass.find_step_impulses(options, &mut self.estimate, problem, velocity, &evaluation.contacts);
-            compute_smooth_velocity(place, free, problem, velocity, NoProbe);
+            correct_free_velocity(place, free, problem, velocity, NoProbe);
         }
         self.v_free.copy_from_slice(&free.v);
         pass.find_step_impulses(options, &mut self.solution, problem, velocity, &evaluation.contacts);

@@ -27,14 +27,14 @@ impl Stepper {
         if taken == Some(true) { Ok(()) } else { self.convert_ctrl(given, nstep) }
     }
 
-    /// The same of what is no plain array of the right shape.
+    /// Converts controls that are not an array of the right shape and type.
     #[cold]
     fn convert_ctrl(&mut self, given: &Bound<'_, PyAny>, nstep: usize) -> PyResult<()> {
         let rows = self.rows(given, "ctrl", self.simulation.model().nu())?;
         self.simulation.set_ctrl(rows.as_slice()?, nstep).map_err(value_error)
     }
 
-    /// Makes `nstep` steps with these inputs and what is in force, fewer when a signal ends them: then the number is in it.
+    /// Makes `nstep` steps with these inputs and the stored ones. If a signal ends them early, the result has the number of steps made.
     fn advance(&mut self, py: Python<'_>, inputs: StepInputs<'_>, nstep: usize) -> PyResult<Option<Interrupted>> {
         self.apply(py)?;
         let simulation = &mut self.simulation;

@@ -253,7 +253,7 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContacts<R, N, L> {
 
     /// Makes the contact pushed last movable along its normal in the lanes `lanes`, in which it was immovable. Call it before setting its
     /// trace ratio and its compliance.
-    pub fn release(&mut self, lanes: R::Mask) {
+    pub fn make_movable(&mut self, lanes: R::Mask) {
         R::vectorize(
             #[inline(always)]
             || {
@@ -270,7 +270,7 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContacts<R, N, L> {
     }
 
     /// Sets the target of the contact pushed last to zero along an immovable normal, if it is below `rounding`, m/s.
-    pub fn forgive(&mut self, rounding: R) {
+    pub fn drop_rounding(&mut self, rounding: R) {
         R::vectorize(
             #[inline(always)]
             || {

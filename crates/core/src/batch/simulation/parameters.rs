@@ -69,7 +69,7 @@ impl Simulation {
 
     fn assign_parameters(&mut self, assigned: &[(Parameter, Option<&[f64]>)], envs: &[usize]) -> Result<(), Error> {
         let assigned = assigned.iter().map(|&(parameter, values)| self.assignment(parameter, values)).collect::<Result<Vec<_>, _>>()?;
-        if self.randomization.ends_with(&assigned, envs.len() == self.num_envs) {
+        if self.randomization.leaves_no_fields(&assigned, envs.len() == self.num_envs) {
             self.randomization = Randomization::default();
             self.engine_mut().clear_overrides();
             return Ok(());

@@ -35,7 +35,7 @@ pub(super) fn integrate_velocity<R: Real>(
     let Some(system) = &mut problem.soft else { return };
     let joints = (all || !compiled.explicit_damping) && compiled.params.dofs().iter().any(|dof| dof[0].gt(R::zero()).any());
     let (FreeMotion { smooth, actuator_forces, scratch, .. }, v) = (free, &state.v);
-    let Scratch { impulse_change: work, impulse: alone, .. } = scratch;
+    let Scratch { velocity_by_impulses: work, impulse: alone, .. } = scratch;
     R::vectorize(
         #[inline(always)]
         || {

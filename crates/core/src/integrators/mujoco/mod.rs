@@ -57,14 +57,14 @@ pub(crate) fn solve_step<R: Real>(
         solver
     };
     let none = R::Mask::splat(false);
-    [free.unresolved, free.gains] = [none; 2];
+    free.unresolved = none;
     let contacts_at_end = options.integrator == Integrator::Rk4;
     let step = TakenStep { velocity: &velocity.v, is_free: false, h: R::of(options.timestep), contacts_at_end };
     let Evaluation { kinematics, poses, .. } = evaluation;
     let tunnelled = probe.span(Span::Tunnelling, || may_have_passed(compiled, kinematics, step, *alive, poses));
     probe.count(Counter::NewtonSteps, || (0..R::LANES).map(|l| solver.newton_steps.lane(l).to_f64()).sum());
     std::mem::swap(&mut state.impulse, &mut free.impulse);
-    StepOutcome { solver, impulses_act: true, ambiguous: none, limited: none, infeasible: none, tunnelled }
+    StepOutcome { solver, impulses_act: true, ambiguous: none, limited: none, infeasible: none, tunnelled, gains_energy: none }
 }
 
 /// Stages 6 and 7 with the constrained acceleration.

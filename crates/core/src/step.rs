@@ -107,7 +107,7 @@ fn solve_step<R: Real>(compiled: &LaneModel<R>, options: &StepSettings, s: &mut 
     }
     // 7 integrate position
     integrate_positions(Place { input, evaluation }, velocity, position, probe);
-    // The impulses of the step are stored here, because stage 8 overwrites them with those of its own solution.
+    // The impulses of the step are stored here, because stage 8 solves again and overwrites them.
     probe.span(Span::IntegrateVelocity, || {
         store_impulses(problem, velocity, &mut evaluation.contacts);
         store_joint_impulse(compiled, &free.smooth.mass, velocity, &mut free.impulse);

@@ -237,7 +237,8 @@ impl<R: Real> PositionSolution<R> {
         );
     }
 
-    /// Adds the change `impact_displacement` of the free velocity, in the lanes `lanes`, to the position rows. Overwrites `impact_displacement`.
+    /// Adds the change `impact_displacement` of the free velocity, in the lanes `lanes`, to the position rows. Overwrites
+    /// `impact_displacement`.
     pub(crate) fn shift(&mut self, compiled: &LaneModel<R>, mass: &MassMatrix<R>, problem: &ConstraintProblem<R>, lanes: R::Mask) {
         R::vectorize(
             #[inline(always)]

@@ -33,7 +33,8 @@ impl<R: Real> Scheme<R> {
     /// Fraction of a gap that may close in a step: the time step over the time to the evaluation point of the next step. A body then meets
     /// the surface at that point and not before.
     ///
-    /// Two thirds where the midpoint rule evaluates the beginning of a step and the middle of the next one. `impacts` marks lanes that are evaluated at any time.
+    /// Two thirds where the midpoint rule evaluates the beginning of a step and the middle of the next one. `impacts` marks lanes that
+    /// are evaluated at any time.
     #[inline(always)]
     pub(crate) fn closing_fraction(&self, at_beginning: R::Mask, impacts: R::Mask) -> R {
         let whole = R::select(at_beginning, R::of(2.0 / 3.0), R::one());

@@ -82,7 +82,9 @@ pub(crate) fn bound_velocities<R: Real>(
     StepOutcome { solver: outcome, impulses_act, ambiguous, limited, infeasible, tunnelled: none, gains_energy: none }
 }
 
-/// Limits joint speeds in lanes whose motion is too fast for the step or whose energy is ambiguous. [`limit_energy`](crate::integrators::energy_guard::limit_energy) limits their energy after stage 8.
+/// Limits joint speeds in lanes whose motion is too fast for the step or whose energy is ambiguous.
+///
+/// [`limit_energy`](crate::integrators::energy_guard::limit_energy) limits their energy after stage 8.
 ///
 /// Returns the ambiguous lanes and all limited lanes.
 #[inline(always)]

@@ -88,8 +88,8 @@ def equipped(wheel, tmp_path_factory):
 
 def test_the_readmes_code_and_the_tests_of_the_interface_run_with_it(equipped, tmp_path):
     program = "import stepper, sys; assert stepper.__file__.startswith(sys.prefix); import pytest; sys.exit(pytest.main(sys.argv[1:]))"
-    options = ["-q", "-n", "0", "-p", "no:cacheprovider", f"--rootdir={ROOT}", f"--config-file={ROOT / 'pyproject.toml'}"]
-    tests = [*API, "tests/test_documents.py::test_the_readmes_snippets_run"]
+    options = ["-n", "0", "-p", "no:cacheprovider", f"--rootdir={ROOT}", f"--config-file={ROOT / 'pyproject.toml'}"]
+    tests = [*API, "tests/test_documents.py::test_code_blocks_run[README.md]"]
     said = call(equipped, "-P", "-c", program, *options, *(str(ROOT / test) for test in tests), cwd=tmp_path)
     assert int(re.search(r"(\d+) passed", said)[1]) > 200
 

@@ -42,7 +42,8 @@ def test_actions_of_servos_are_scaled(capsys):
     space, controls = capsys.readouterr().out.splitlines()
     assert space == SERVOS.split("print(envs.single_action_space)  # ")[1].splitlines()[0]
     envs, home = names["envs"], np.array([-0.5, 1.0])
-    np.testing.assert_array_equal(np.fromstring(controls.strip("[]"), sep=" "), np.round(envs.sim.ctrl[0], 8))
+    # NumPy prints eight decimals, of the number or of its mantissa.
+    np.testing.assert_allclose(np.fromstring(controls.strip("[]"), sep=" "), envs.sim.ctrl[0], rtol=5e-9, atol=5e-9)
     # The action is drawn in float32, the control computed in float64.
     np.testing.assert_array_equal(envs.sim.ctrl, home + 0.5 * envs.now.action)
     first, _ = envs.reset()

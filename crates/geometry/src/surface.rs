@@ -51,6 +51,7 @@ const TURNED: Range<f64> = -0.5..0.99;
 
 /// A surface of triangles in its own frame, m.
 #[derive(Clone, Debug)]
+#[expect(clippy::large_enum_variant, reason = "a scene has few surfaces, and shares each of them behind a pointer")]
 pub enum Surface {
     /// A mesh.
     Mesh(MeshSurface),

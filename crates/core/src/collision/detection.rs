@@ -163,7 +163,7 @@ impl<R: Real> GeomPoses<R> {
                 *lanes &= pair.map_or(u32::MAX, |pair| placed.balls_touch(pair, *slack).bits());
                 *lanes != 0
             });
-            let (listed, _) = statics.split(compiled.pairs.len());
+            let listed = statics.listed_pairs(compiled.pairs.len());
             merge(listed, near, *near_count);
             *near_count += listed.len();
         }
@@ -174,7 +174,7 @@ impl<R: Real> GeomPoses<R> {
         if let Some(dynamic_pairs) = &compiled.dynamic_pairs {
             let Self { placed, slack, broad, statics, .. } = self;
             broad.find(compiled, dynamic_pairs, alive.bits(), &placed.pos, travel(placed), *slack);
-            broad.add(statics.split(compiled.pairs.len()).1);
+            broad.add(statics.dynamic_pairs(compiled.pairs.len()));
         }
     }
 

@@ -185,9 +185,18 @@ impl<R: Real> StaticSearch<R> {
         }
     }
 
-    /// The pairs that were found: listed ones, of which there are `listed` with all others, and dynamic ones.
-    pub(crate) fn split(&self, listed: usize) -> (&[(u32, u32)], &[(u32, u32)]) {
-        self.pairs.split_at(self.pairs.partition_point(|pair| (pair.0 as usize) < listed))
+    /// The pairs that were found among the first `listed` pairs of the model.
+    pub(crate) fn listed_pairs(&self, listed: usize) -> &[(u32, u32)] {
+        &self.pairs[..self.count_listed(listed)]
+    }
+
+    /// The pairs that were found among the others: dynamic pairs.
+    pub(crate) fn dynamic_pairs(&self, listed: usize) -> &[(u32, u32)] {
+        &self.pairs[self.count_listed(listed)..]
+    }
+
+    fn count_listed(&self, listed: usize) -> usize {
+        self.pairs.partition_point(|pair| (pair.0 as usize) < listed)
     }
 }
 

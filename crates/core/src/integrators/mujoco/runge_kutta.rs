@@ -44,8 +44,8 @@ pub(super) fn runge_kutta<R: Real>(
             #[inline(always)]
             || {
                 outcome.residual = outcome.residual.max(now.residual);
-                outcome.sweeps = outcome.sweeps + now.sweeps;
-                outcome.newton_steps = outcome.newton_steps + now.newton_steps;
+                outcome.sweeps += now.sweeps;
+                outcome.newton_steps += now.newton_steps;
                 let rates = [&stages.rate[0], acceleration.constrained(), &stages.rate[1]];
                 for (sum, rate) in stages.sum.iter_mut().zip(rates) {
                     for (sum, &rate) in sum.iter_mut().zip(rate) {

@@ -472,6 +472,8 @@ def main() -> None:
     """Trains, evaluates, films."""
     given = vars(arguments().parse_args())
     env, out, episodes, video = (given.pop(name) for name in ("env", "out", "evaluate", "film"))
+    if episodes < 2:
+        raise ValueError(f"--evaluate is {episodes}, must be at least 2: one episode has no confidence interval")
     env = known(env)
     settings = Settings.of_task(env, **{name: value for name, value in given.items() if value is not None})
     law = f"_{settings.contact}" if settings.contact else ""

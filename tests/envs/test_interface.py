@@ -356,3 +356,10 @@ def test_actions_need_not_be_controls():
     action = np.array([[1.0, 1.0], [0.5, -0.25], [-1.0, 0.0]], np.float32)
     _, reward, *_ = envs.step(action)
     np.testing.assert_array_equal(reward, action.sum(axis=1))
+
+
+def test_a_batch_whose_constructor_raised_can_be_closed():
+    """Gymnasium 1.2 closes a vector environment when it is collected. An error of `close` would be printed after the real one."""
+    unmade = StepperVectorEnv.__new__(StepperVectorEnv)
+    unmade.close()
+    assert unmade.closed

@@ -32,7 +32,9 @@ def make_native(env: Env, num_envs: int, **settings: Any) -> StepperVectorEnv:
     entry: Any = gymnasium.spec(name).vector_entry_point
     kind = load_env_creator(entry) if isinstance(entry, str) else entry
     if not (isinstance(kind, type) and issubclass(kind, StepperVectorEnv)):
-        raise TypeError(f"{env!r} has the vector entry point {entry}, must have stepper.envs.StepperVectorEnv")
+        ours = f"stepper/{env.rpartition('/')[2]}"
+        remedy = f"; did you mean {ours!r}?" if ours in gymnasium.registry else ""
+        raise TypeError(f"{env!r} has the vector entry point {entry}, must have stepper.envs.StepperVectorEnv{remedy}")
     made = gymnasium.make_vec(name, num_envs=num_envs, vectorization_mode="vector_entry_point", **settings).unwrapped
     assert isinstance(made, StepperVectorEnv)
     return made

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING
@@ -21,8 +22,12 @@ def sweep(study: Path, out: Path, *, parameters: list[str], cliffs: bool, resolu
 
     Example: stepper sweep examples/studies/tray.toml
     """
-    with progress() as tick:
-        found = run(of_file(study, ray=ray), out, parameters=parameters or None, cliffs=cliffs, resolution=resolution, tick=tick)
+    try:
+        with progress() as tick:
+            found = run(of_file(study, ray=ray), out, parameters=parameters or None, cliffs=cliffs, resolution=resolution, tick=tick)
+    except KeyboardInterrupt:
+        print(f"stopped: finished rows are kept in {out}, and the same command continues", file=sys.stderr)
+        raise
     print(found.document.markdown())
     show_files(found.files)
 

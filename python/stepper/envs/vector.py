@@ -57,6 +57,9 @@ class StepperVectorEnv(VectorEnv[Array, Array, Array]):
         TypeError: Arguments that the task does not have.
     """
 
+    _drawing: Drawing | None = None
+    """None until the constructor has made it: Gymnasium closes an environment whose constructor raised."""
+
     def __init__(
         self,
         task: Task | type[Task] | str,
@@ -281,11 +284,12 @@ class StepperVectorEnv(VectorEnv[Array, Array, Array]):
             stepper.viewer.LooksError: The task's model did not come from MJCF, so that nobody knows what it looks like.
             RuntimeError: MuJoCo's renderer cannot draw on this machine; the message says what to install.
         """
-        return None if self.render_mode is None else self._drawing.frames(range(self.num_envs))
+        return None if self.render_mode is None or self._drawing is None else self._drawing.frames(range(self.num_envs))
 
     def close_extras(self, **kwargs: Any) -> None:
         """Frees what pictures took."""
-        self._drawing.close()
+        if self._drawing is not None:
+            self._drawing.close()
 
     def __getstate__(self) -> dict[str, Any]:
         # Another process has another clock.

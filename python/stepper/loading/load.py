@@ -165,7 +165,8 @@ def _mujoco() -> Any:
     version = str(getattr(mujoco, "__version__", "of an unknown version"))
     if version.partition(".")[0] != _MUJOCO:
         raise ImportError(
-            f"MJCF, URDF and mujoco.MjModel are read by MuJoCo {_MUJOCO}, and MuJoCo {version} is installed here: {_INSTALL}. "
+            f"MJCF, URDF and mujoco.MjModel are read by MuJoCo {_MUJOCO}, and MuJoCo {version} is installed here: "
+            f"pip uninstall mujoco mujoco-core, then {_INSTALL}. "
             "Models that were saved with model.save(path) load with any version, or none.",
             name="mujoco",
         )

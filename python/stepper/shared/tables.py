@@ -26,9 +26,9 @@ def read_file(path: str | os.PathLike[str]) -> dict[str, Any]:
         FileNotFoundError: There is no such file.
         ValueError: Another ending, or text that is neither.
     """
-    if Path(path).suffix not in (".toml", ".json"):
-        raise ValueError(f"{path}: the ending is {Path(path).suffix!r}, must be .toml or .json")
-    file = existing(path, "TOML" if Path(path).suffix == ".toml" else "JSON")
+    file = existing(path, "JSON" if Path(path).suffix == ".json" else "TOML")
+    if file.suffix not in (".toml", ".json"):
+        raise ValueError(f"{path}: the ending is {file.suffix!r}, must be .toml or .json")
     text = file.read_text(encoding="utf-8")
     try:
         data: dict[str, Any] = tomllib.loads(text) if file.suffix == ".toml" else json.loads(text)

@@ -85,7 +85,11 @@ def sweep(
     with Results(study, out) as results:
         found = run_sweep(study, results.journal, parameters=parameters, cliffs=cliffs, resolution=resolution, tick=tick)
         document = Document(f"Sweep of {study.name}")
-        document.sections += [*_perturbations(found, results.folder), *_cliffs(found, results.folder), *in_force(study, len(found.table))]
+        document.sections += [
+            *_perturbations(found, results.folder),
+            *_cliffs(found, results.folder, searched=cliffs),
+            *in_force(study, len(found.table)),
+        ]
         files = [*found.table.save(results.folder), *document.save(results.folder, "sweep")]
     return Report(found.study, found, (), document, tuple(files))
 
@@ -357,9 +361,12 @@ def _level_row(study: Study, level: Level) -> list[Any]:
     return [*told, *shares, level.mean, *level.change, level.unsolved, level.diverged, parameter.source if parameter else ""]
 
 
-def _cliffs(found: Sweep, folder: Path) -> list[Section]:
+def _cliffs(found: Sweep, folder: Path, *, searched: bool = True) -> list[Section]:
     if found.study.decisive is None:
         return []
+    (folder / "cliffs.png").unlink(missing_ok=True)
+    if not searched:
+        return [Section("Cliffs", ["Not searched: cliffs=False, or --no-cliffs."])]
     head = ("settings", "parameter", "at", "+-", "share below", "share above")
     rows = [[c.setting, c.parameter, (c.low + c.high) / 2, (c.high - c.low) / 2, c.below, c.above] for c in found.cliffs]
     words = ["Where the share of successes crosses one half, located by bisection between neighbouring values of the table."]

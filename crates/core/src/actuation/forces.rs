@@ -43,7 +43,7 @@ use crate::math::spatial::*;
 pub struct Implicit<'a, R: Real> {
     /// Shares of damping and stiffness.
     pub weights: ImplicitWeights<R>,
-    /// Effective inertia of each servo. Empty: servos are explicit.
+    /// Inertia that each servo adds along its moment. Empty: servos are explicit.
     pub servos: &'a [R],
     /// Arms of actuators on sites.
     pub arms: &'a [R],
@@ -279,12 +279,7 @@ impl<R: Real> ActuatorForces<R> {
                 cut = cut.or(self.regions[dynamics.index].is_cut());
             }
         }
-        for (range, &of_sum) in compiled.actuator_force_ranges.iter().zip(&self.cut) {
-            if of_sum.any() && range.actuators.iter().any(|&(a, _)| a == actuator) {
-                cut = cut.or(of_sum);
-            }
-        }
-        cut
+        cut.or(lanes_of_sums(compiled, &self.cut, actuator))
     }
 
     /// Lanes in which the force of an actuator, or of the joint that it drives, is at a bound or beyond.
@@ -412,24 +407,12 @@ impl<R: Real> ActuatorForces<R> {
                     let Some(bounds) = compiled.actuators[servo.actuator].force_range else { continue };
                     let beyond = outside(self.implicit_force[servo.actuator], bounds);
                     // A servo that the bound of a sum limits is not at its individual bound.
-                    let held = self.held_by_sum(compiled, servo.actuator);
+                    let held = lanes_of_sums(compiled, &self.bounded, servo.actuator);
                     wrong = wrong.or(differ(beyond, self.saturated[k]).and_not(held));
                 }
                 wrong
             },
         )
-    }
-
-    /// Lanes in which a bound of a sum holds an actuator.
-    #[inline(always)]
-    fn held_by_sum(&self, compiled: &LaneModel<R>, actuator: usize) -> R::Mask {
-        let mut held = R::Mask::splat(false);
-        for (range, &bounded) in compiled.actuator_force_ranges.iter().zip(&self.bounded) {
-            if bounded.any() && range.actuators.iter().any(|&(a, _)| a == actuator) {
-                held = held.or(bounded);
-            }
-        }
-        held
     }
 
     /// Fixes the force of servo `k` at its implicit force, within its bounds, in `lanes`.
@@ -442,4 +425,16 @@ impl<R: Real> ActuatorForces<R> {
         self.weight[k] = R::select(lanes, R::zero(), self.weight[k]);
         self.saturated[k] = self.saturated[k].or(lanes);
     }
+}
+
+/// Lanes in which a mask is set of any sum that has an actuator. `masks` has a mask per sum.
+#[inline(always)]
+fn lanes_of_sums<R: Real>(compiled: &LaneModel<R>, masks: &[R::Mask], actuator: usize) -> R::Mask {
+    let mut lanes = R::Mask::splat(false);
+    for (range, &mask) in compiled.actuator_force_ranges.iter().zip(masks) {
+        if mask.any() && range.actuators.iter().any(|&(a, _)| a == actuator) {
+            lanes = lanes.or(mask);
+        }
+    }
+    lanes
 }

@@ -44,7 +44,6 @@ pub fn overlaps(model: &Model) -> Vec<Overlap> {
         kinematics.mat[m.frame] = quat_to_mat(quat_normalize(m.quat));
     }
     kinematics.update(&lanes, &model.qpos0);
-    poses.update_static_poses(&lanes);
     poses.begin();
     let mut contacts = Contacts::new(compiled.contact_points);
     let rest = vec![0.0; compiled.nv];

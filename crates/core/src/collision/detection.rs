@@ -140,12 +140,12 @@ impl<R: Real> GeomPoses<R> {
         self.statics.update_tree(compiled, &self.placed.pos, &self.placed.mat);
     }
 
-    /// Finds the pairs with static geoms whose boxes overlap in any of the lanes `alive`, and adds the listed ones to the near pairs.
+    /// Finds the pairs with static geoms whose boxes overlap in any of the lanes `alive`.
     /// `travel` bounds the displacement of every geom, m. With `looks_back`, geoms that move far from the beginning of the step have all
     /// pairs whose bounding balls overlap.
     pub(crate) fn find_static(&mut self, compiled: &LaneModel<R>, alive: R::Mask, looks_back: bool, travel: impl Fn(&Placed<R>) -> &[R]) {
         if !compiled.static_pairs.is_empty() {
-            let Self { placed, statics, slack, near, near_count, fast, .. } = self;
+            let Self { placed, statics, slack, fast, .. } = self;
             fast.fill(false);
             if looks_back {
                 R::vectorize(
@@ -158,15 +158,21 @@ impl<R: Real> GeomPoses<R> {
                 );
             }
             statics.find(compiled, alive.bits(), (&placed.pos, &placed.mat), |g| (travel(placed)[g] + *slack, fast[g]));
-            statics.pairs.retain_mut(|(number, lanes)| {
-                let pair = compiled.pairs.get(*number as usize).filter(|pair| pair.geoms.iter().any(|&g| fast[g]));
-                *lanes &= pair.map_or(u32::MAX, |pair| placed.balls_touch(pair, *slack).bits());
-                *lanes != 0
-            });
-            let listed = statics.listed_pairs(compiled.pairs.len());
-            merge(listed, near, *near_count);
-            *near_count += listed.len();
+            if looks_back {
+                statics.pairs.retain_mut(|(number, lanes)| {
+                    let pair = compiled.pairs.get(*number as usize).filter(|pair| pair.geoms.iter().any(|&g| fast[g]));
+                    *lanes &= pair.map_or(u32::MAX, |pair| placed.balls_touch(pair, *slack).bits());
+                    *lanes != 0
+                });
+            }
         }
+    }
+
+    /// Adds the listed pairs that [`GeomPoses::find_static`] found to the near pairs.
+    pub(crate) fn add_static(&mut self, compiled: &LaneModel<R>) {
+        let listed = self.statics.listed_pairs(compiled.pairs.len());
+        merge(listed, &mut self.near, self.near_count);
+        self.near_count += listed.len();
     }
 
     /// Finds the dynamic pairs that can touch in any of the lanes `alive`, with the static ones that [`GeomPoses::find_static`] found.

@@ -224,7 +224,7 @@ fn lane_of<R: Real>(own: &Bounds<R>, lane: usize) -> Bounds<R::Scalar> {
     out
 }
 
-/// Box that holds that of every lane. Coordinates that are no number are those of no box.
+/// Box that holds that of every lane. All coordinates must be finite.
 fn over_lanes<R: Real>(own: Bounds<R>) -> Bounds<R::Scalar> {
     let mut whole = own.map(|x| x.lane(0));
     for lane in 1..R::LANES {

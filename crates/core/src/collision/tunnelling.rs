@@ -52,10 +52,10 @@ pub fn may_have_passed<R: Real>(
     if moved.and(alive).none() {
         return R::Mask::splat(false);
     }
-    // If no geom moves farther than stage 3 assumed, the candidate pairs of stage 3 suffice.
+    // If no geom moves farther than stage 3 assumed, the candidate pairs of stage 3 suffice. Otherwise all listed pairs are tested, and the
+    // dynamic ones are searched again.
     let within_search = beyond_search.and(alive).none();
     if !within_search && compiled.dynamic_pairs.is_some() {
-        poses.near_count = 0;
         poses.find_static(compiled, alive, false, |placed| &placed.displacement);
         poses.find_dynamic(compiled, alive, |placed| &placed.displacement);
     }

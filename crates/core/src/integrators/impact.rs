@@ -58,7 +58,7 @@ pub(crate) fn move_to_first_impacts<R: Real>(
             }
             let moved = collides.and((time - scheme.time_before).abs().gt(scheme.h * R::of(PLACEMENT_TOLERANCE)));
             scheme.move_to(time, moved);
-            *lanes = lanes.or(collides).or(moved);
+            *lanes = lanes.or(collides);
             moved
         },
     )

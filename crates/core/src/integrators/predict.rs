@@ -6,6 +6,7 @@ use crate::constraints::row_builder::RowBuilder;
 use crate::constraints::{ConstraintProblem, VelocitySolution};
 use crate::dynamics::gyroscopic;
 use crate::dynamics::kinematics::{advance, blend};
+use crate::integrators::acceptance::store_joint_impulse;
 use crate::integrators::assemble::assemble_problem;
 use crate::integrators::collision_search::CollisionSearch;
 use crate::integrators::contact_activation::predict_collisions;
@@ -72,11 +73,10 @@ fn servos_disagree<R: Real>(
     let wrong =
         actuator_forces.misjudged(compiled, &inputs.actuator_dynamics, scheme.weights, expected_change, scheme.h).and(lanes).and(alive);
     if wrong.any() {
+        store_joint_impulse(compiled, &smooth.mass, velocity, impulse);
         R::vectorize(
             #[inline(always)]
             || {
-                impulse.copy_from_slice(&velocity.impulses.w);
-                smooth.mass.momentum(compiled, impulse);
                 for (kept, &now) in expected_impulse.iter_mut().zip(&*impulse) {
                     *kept = R::select(wrong, now, *kept);
                 }

@@ -2,7 +2,6 @@
 
 use stepper_real::Real;
 
-use crate::actuation::affine_force::within;
 use crate::actuation::forces::{ActuatorForces, ForceState, Implicit};
 use crate::compile::{LaneModel, ModelStructure};
 use crate::constraints::{PositionSolution, VelocitySolution};
@@ -13,7 +12,7 @@ use crate::integrators::scheme::Scheme;
 use crate::integrators::step_values::{Evaluation, Place, StepInput};
 use crate::math::spatial::*;
 use crate::model::JointKind;
-use crate::stages::s01_actuate::{activation_rate, actuate};
+use crate::stages::s01_actuate::{activation_rate, actuate, clamp_activation};
 use crate::stages::s02_smooth::Smooth;
 
 /// Scheme of a midpoint step of `h` seconds, for environments with an active constraint.
@@ -103,11 +102,7 @@ impl<R: Real> Rk4<R> {
                 for i in 0..compiled.na {
                     self.act[i] = state[2][i] + R::select(moving, self.rate[2][i] * time, R::zero());
                 }
-                for actuator in &compiled.actuators {
-                    if let (Some(a), Some([lo, hi])) = (actuator.act, actuator.act_range) {
-                        self.act[a] = within(self.act[a], Some([lo, hi]));
-                    }
-                }
+                clamp_activation(compiled, &mut self.act);
                 displace(compiled, state[0], &self.rotation, R::one(), &mut self.q);
             },
         )

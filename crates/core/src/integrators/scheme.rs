@@ -34,7 +34,7 @@ impl<R: Real> Scheme<R> {
     /// the surface at that point and not before.
     ///
     /// Two thirds where the midpoint rule evaluates the beginning of a step and the middle of the next one. `impacts` marks lanes that
-    /// are evaluated at any time.
+    /// are evaluated at the time of an impact instead.
     #[inline(always)]
     pub(crate) fn closing_fraction(&self, at_beginning: R::Mask, impacts: R::Mask) -> R {
         let whole = R::select(at_beginning, R::of(2.0 / 3.0), R::one());

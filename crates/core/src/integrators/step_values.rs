@@ -149,7 +149,7 @@ pub(crate) struct FreeMotion<R: Real> {
     pub(crate) scratch: Scratch<R>,
 }
 
-/// Scratch buffers of the free motion, each named after its content, nv. A function that reads one has filled it before.
+/// Scratch buffers of the free motion, each named after its usual content, nv. A function that reads one has filled it before.
 #[derive(Clone, Debug)]
 pub(crate) struct Scratch<R: Real> {
     /// Change of the velocity by the impulses of constraints.

@@ -73,6 +73,7 @@ fn find_pairs<R: Real>(
         },
     );
     poses.find_static(compiled, alive, looks_back, |placed| &placed.travel);
+    poses.add_static(compiled);
     poses.find_dynamic(compiled, alive, |placed| &placed.travel);
 }
 

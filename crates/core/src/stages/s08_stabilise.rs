@@ -113,13 +113,12 @@ pub fn limit_baumgarte<R: Real>(
     if biased.none() {
         return never;
     }
-    position.v_free.copy_from_slice(v_free);
     let bounds = Bounds::absurd(options);
     let lanes = R::vectorize(
         #[inline(always)]
         || {
-            let PositionSolution { correction, v_free, .. } = &mut *position;
-            for (change, (&v, &free)) in correction.iter_mut().zip(velocity.v.iter().zip(&*v_free)) {
+            let correction = &mut position.correction;
+            for (change, (&v, &free)) in correction.iter_mut().zip(velocity.v.iter().zip(v_free)) {
                 *change = v - free;
             }
             let unmet = System::from(rows).immovable_target().gt(R::of(MIN_UNMET_TARGET));
@@ -129,6 +128,7 @@ pub fn limit_baumgarte<R: Real>(
     if lanes.none() {
         return never;
     }
+    position.v_free.copy_from_slice(v_free);
     let [sweeps, newton_steps] = options.effort();
     let tolerance = R::of(options.tolerance);
     let settings = Settings { sweeps, newton_steps, tolerance, newton_threshold: tolerance };

@@ -29,7 +29,7 @@ use crate::stages::s06_integrate_velocity::integrate_velocity;
 use crate::stages::s08_stabilise::{PositionInput, damp_rows, find_correction};
 use crate::tuning::{BOUND_DISTANCE, EXPECTED_VELOCITY_WEIGHT, SOLVED_RESIDUAL};
 
-/// Number of no constraint.
+/// Name where a lane has no constraint.
 const NOBODY: u64 = u64::MAX;
 
 /// Lanes whose residual is that of a solved step.
@@ -181,8 +181,7 @@ impl<R: Real> HardResponse<R> {
         for lane in each_of(lanes) {
             for k in 0..self.contacts.count[lane] {
                 let Slot { point, impulse, .. } = &self.contacts.data[k];
-                let is_it = |j: &usize| there.ids[*j][lane] == self.contacts.ids[k][lane];
-                let found = Some(k).filter(|&k| k < there.count[lane]).filter(is_it).or_else(|| (0..there.count[lane]).find(is_it));
+                let found = there.find(lane, k, self.contacts.ids[k][lane]);
                 if let Some(j) = found.filter(|_| impulse[0].lane(lane).to_f64() > 0.0) {
                     compare(lane, point.distance, there.data[j].point.distance);
                 }

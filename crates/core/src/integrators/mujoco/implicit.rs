@@ -36,62 +36,56 @@ pub(super) fn integrate_velocity<R: Real>(
     let joints = (all || !compiled.explicit_damping) && compiled.params.dofs().iter().any(|dof| dof[0].gt(R::zero()).any());
     let (FreeMotion { smooth, actuator_forces, scratch, .. }, v) = (free, &state.v);
     let Scratch { velocity_by_impulses: work, impulse: alone, .. } = scratch;
+    if !joints && !all {
+        advance(v, &system.acceleration, h, v_next);
+        return;
+    }
     R::vectorize(
         #[inline(always)]
         || {
-            if !joints && !all {
-                work.copy_from_slice(&system.acceleration);
-                return;
-            }
             system.multiply_mass(compiled, work);
             smooth.mass.entries.copy_from_slice(&system.mass);
             smooth.mass.add_joints(compiled, ImplicitWeights { damping: h, stiffness: R::zero(), step: R::zero() }, &mut []);
         },
     );
-    if joints || all {
-        if all {
-            let at = ForceState::state(&state.q, v, &state.act, &inputs.ctrl, &inputs.actuator_dynamics);
-            servo_damping(compiled, &at, h, actuator_forces);
-            smooth.damp(compiled, kinematics, [&actuator_forces.weight, &actuator_forces.arms], v, h);
-        }
-        if all {
-            R::vectorize(
-                #[inline(always)]
-                || add_tendon_damping(compiled, h, &mut smooth.mass.entries),
-            );
-        }
-        if let Some(matrix) = unsymmetric {
-            matrix.solve(compiled, kinematics, &smooth.mass.entries, v, h, work);
-            advance(v, work, h, v_next);
-            return;
-        }
+    if all {
+        let at = ForceState::state(&state.q, v, &state.act, &inputs.ctrl, &inputs.actuator_dynamics);
+        servo_damping(compiled, &at, h, actuator_forces);
+        smooth.damp(compiled, kinematics, [&actuator_forces.weight, &actuator_forces.arms], v, h);
         R::vectorize(
             #[inline(always)]
-            || {
-                if all {
-                    alone.copy_from_slice(work);
-                    for spinner in compiled.spinners.iter().filter(|spinner| spinner.kind == JointKind::Free) {
-                        let mat = &kinematics.mat[spinner.link + 1];
-                        solve_alone(compiled, [&system.mass, &smooth.mass.entries], mat, v, h, spinner.dof, alone);
-                    }
-                }
-                if all {
-                    for dof in compiled.dofs.iter().filter(|dof| dof.is_simple) {
-                        let others = dof.chain + 1..dof.chain + dof.depth;
-                        smooth.mass.entries[others.clone()].copy_from_slice(&system.mass[others]);
-                    }
-                }
-                smooth.mass.factor(compiled);
-                smooth.mass.solve(compiled, work);
-                if all {
-                    for spinner in compiled.spinners.iter().filter(|spinner| spinner.kind == JointKind::Free) {
-                        let dofs = spinner.dof..spinner.dof + 6;
-                        work[dofs.clone()].copy_from_slice(&alone[dofs]);
-                    }
-                }
-            },
+            || add_tendon_damping(compiled, h, &mut smooth.mass.entries),
         );
     }
+    if let Some(matrix) = unsymmetric {
+        matrix.solve(compiled, kinematics, &smooth.mass.entries, v, h, work);
+        advance(v, work, h, v_next);
+        return;
+    }
+    R::vectorize(
+        #[inline(always)]
+        || {
+            if all {
+                alone.copy_from_slice(work);
+                for spinner in compiled.spinners.iter().filter(|spinner| spinner.kind == JointKind::Free) {
+                    let mat = &kinematics.mat[spinner.link + 1];
+                    solve_alone(compiled, [&system.mass, &smooth.mass.entries], mat, v, h, spinner.dof, alone);
+                }
+                for dof in compiled.dofs.iter().filter(|dof| dof.is_simple) {
+                    let others = dof.chain + 1..dof.chain + dof.depth;
+                    smooth.mass.entries[others.clone()].copy_from_slice(&system.mass[others]);
+                }
+            }
+            smooth.mass.factor(compiled);
+            smooth.mass.solve(compiled, work);
+            if all {
+                for spinner in compiled.spinners.iter().filter(|spinner| spinner.kind == JointKind::Free) {
+                    let dofs = spinner.dof..spinner.dof + 6;
+                    work[dofs.clone()].copy_from_slice(&alone[dofs]);
+                }
+            }
+        },
+    );
     advance(v, work, h, v_next);
 }
 

@@ -21,7 +21,8 @@ use crate::stages::s01_actuate::{activation_rate, clamp_activation};
 /// Stages of the Runge-Kutta method: the time of each, as a fraction of the step, and its weight.
 const STAGES: [[f64; 2]; 4] = [[0.0, 1.0 / 6.0], [0.5, 1.0 / 3.0], [0.5, 1.0 / 3.0], [1.0, 1.0 / 6.0]];
 
-/// Stages 1 to 7 of the classical Runge-Kutta method of order 4. Writes the next state to `v_next` and `position`.
+/// Stages 1 to 7 of the classical Runge-Kutta method of order 4. Writes the next state to `acceleration.velocity` and
+/// `position`.
 pub(super) fn runge_kutta<R: Real>(
     input: StepInput<'_, R>,
     (stage, stages): (&mut StageState<R>, &mut RungeKuttaStages<R>),

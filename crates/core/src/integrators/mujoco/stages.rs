@@ -5,9 +5,9 @@ use stepper_real::Real;
 /// Workspace of the Runge-Kutta method.
 #[derive(Clone, Debug)]
 pub(crate) struct RungeKuttaStages<R: Real> {
-    /// Weighted sums of velocities, accelerations and rates of activations.
+    /// Weighted sums of displacement rates, accelerations and rates of activations.
     pub(super) sum: [Vec<R>; 3],
-    /// Velocity of the last stage, and its rate of activations.
+    /// Displacement rate of the last stage, and its rate of activations.
     pub(super) rate: [Vec<R>; 2],
 }
 

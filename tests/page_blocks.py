@@ -31,7 +31,7 @@ FENCE = re.compile(
     r"^(?:[ ]*<!-- test: (?P<rule>.*?) -->\n)?^(?P<indent>[ ]*)```(?P<info>[^\n]*)\n(?P<text>.*?)^(?P=indent)```$",
     re.MULTILINE | re.DOTALL,
 )
-RUN = ("python", "sh", "text", "toml", "xml", "json")
+LANGUAGES = ("python", "sh", "text", "toml", "xml", "json")
 """Languages of blocks; `text` is a transcript or a formula unless it has the title "output"."""
 
 
@@ -67,8 +67,11 @@ def prepare(folder: Path) -> None:
 
 
 def run(page: Path, folder: Path) -> dict:
-    """Runs all blocks of a page in a folder that is the working directory; returns the names that they leave."""
-    names: dict = {"__name__": "page"}
+    """Runs all blocks of a page in a folder that is the working directory; returns the names that they leave.
+
+    `names["printed"]` is the text that the python blocks printed.
+    """
+    names: dict = {"__name__": "page", "printed": ""}
     printed = ""
     for block in blocks(page.read_text()):
         place = f"{page.relative_to(ROOT)}, line {block.line}"
@@ -91,6 +94,7 @@ def run(page: Path, folder: Path) -> dict:
             with contextlib.redirect_stdout(out):
                 exec(code, names)
             printed = out.getvalue()
+            names["printed"] += printed
         elif block.language == "sh":
             for line in commands(block.text):
                 check_command(line, place)

@@ -9,6 +9,7 @@ from pathlib import Path
 import command_line
 import gymnasium
 import page_blocks
+import page_checks
 import pytest
 from field_table import PAGE as FIELDS
 from field_table import written
@@ -62,13 +63,14 @@ def test_anchors_of_links_exist(document):
 @pytest.mark.parametrize("page", WITH_CODE, ids=named)
 @pytest.mark.filterwarnings("ignore::stepper.ModelWarning", "ignore::UserWarning")
 def test_code_blocks_run(page, tmp_path, monkeypatch):
-    """All code blocks of a page run exactly as shown (page_blocks.py)."""
+    """All code blocks of a page run exactly as shown (page_blocks.py), and leave what the page says (page_checks.py)."""
     page_blocks.prepare(tmp_path)
     monkeypatch.chdir(tmp_path)
     monkeypatch.syspath_prepend("")
     before, known = set(sys.modules), set(gymnasium.registry)
     try:
-        page_blocks.run(page, tmp_path)
+        names = page_blocks.run(page, tmp_path)
+        page_checks.CHECKS.get(str(page.relative_to(ROOT)), page_checks.nothing)(names)
     finally:
         for name in set(sys.modules) - before:
             if (tmp_path / f"{name}.py").exists():
@@ -78,10 +80,14 @@ def test_code_blocks_run(page, tmp_path, monkeypatch):
                 del gymnasium.registry[name]
 
 
+def test_checked_pages_have_code():
+    assert page_checks.CHECKS.keys() <= {named(page) for page in WITH_CODE}
+
+
 @pytest.mark.parametrize("page", PAGES, ids=named)
 def test_languages_of_blocks_are_known(page):
     """A block without a language, or with another one, would be neither run nor left out with a reason."""
-    assert [block.line for block in page_blocks.blocks(page.read_text()) if block.language not in page_blocks.RUN] == []
+    assert [block.line for block in page_blocks.blocks(page.read_text()) if block.language not in page_blocks.LANGUAGES] == []
 
 
 @pytest.mark.parametrize("page", PAGES, ids=named)

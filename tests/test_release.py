@@ -3,7 +3,6 @@
 import re
 import tomllib
 
-import release_version
 from release_version import ROOT, faults, versions
 
 WORKFLOW = (ROOT / ".github/workflows/release.yml").read_text(encoding="utf-8")
@@ -32,8 +31,9 @@ def test_a_tag_of_another_version_and_a_changelog_without_date_are_faults(tmp_pa
 
 
 def test_the_workflow_runs_files_that_there_are():
-    assert "tests/release_version.py" in WORKFLOW
-    assert release_version.ROOT == ROOT
+    scripts = set(re.findall(r"tests/[\w/]+\.py", WORKFLOW))
+    assert "tests/release_version.py" in scripts
+    assert [script for script in scripts if not (ROOT / script).is_file()] == []
     members = tomllib.loads((ROOT / "Cargo.toml").read_text())["workspace"]["members"]
     names = {tomllib.loads((ROOT / member / "Cargo.toml").read_text())["package"]["name"] for member in members}
     assert set(re.findall(r"--exclude (\S+)", WORKFLOW)) == {"stepper-python", "stepper-benches"} < names

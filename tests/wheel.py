@@ -58,7 +58,7 @@ def install(wheel: Path, folder: Path) -> Path:
 def install_beside_tests(wheel: Path, folder: Path) -> Path:
     """Makes a virtual environment of a wheel, in which the other packages of this one can be imported, too: returns its Python.
 
-    The wheel comes first, so that `stepper` is that of the wheel. No compiler of this machine is on the path of `run` and `call`.
+    The wheel comes first, so that `stepper` is that of the wheel.
     """
     python = install(wheel, folder)
     (site,) = folder.glob("lib/python*/site-packages")
@@ -77,11 +77,7 @@ def call(python: Path, *arguments: str, cwd: Path) -> str:
 
 def run(python: Path, program: str, *arguments: str) -> list:
     """What a program prints as JSON: it finds no compiler, and no module but those of its environment."""
-    command = [python, "-I", "-c", program, *arguments]
-    done = subprocess.run(command, env={"PATH": str(python.parent)}, cwd=python.parent, capture_output=True, text=True, check=False)
-    if done.returncode != 0:
-        raise RuntimeError(done.stderr)
-    return json.loads(done.stdout)
+    return json.loads(call(python, "-I", "-c", program, *arguments, cwd=python.parent))
 
 
 def figures(wheel: Path, imports: int = 21) -> str:

@@ -22,21 +22,17 @@ class Ground:
 
     Attributes:
         name: In tables.
-        about: Its geoms, for the page.
         add: Function that adds the geoms to an `MjSpec`.
         height: Height of the ground, m.
-        spread: Half of the square in which robots start, m.
+        spread: Half the side of the square in which robots start, m.
         mesh: Function that adds the concave mesh "ground" for stepper where MuJoCo has something else; None where both have the same.
-        target: Wanted ratios to MuJoCo's time, f64 and f32; None where the ground is only compared with others.
     """
 
     name: str
-    about: str
     add: Callable[[Any], None]
     height: Height
     spread: float = 3.0
     mesh: Callable[[Any], None] | None = None
-    target: tuple[float, float] | None = None
 
 
 POINTS, HALF = 100, 5.0
@@ -148,11 +144,16 @@ def _tile_height(x: Array, _: Array) -> Array:
 
 
 GROUNDS = (
-    Ground("flat", "a plane", _plane, _flat),
-    Ground("stairs", f"{STAIRS} boxes of {STEP_DEPTH} x 8 m, each {STEP_HEIGHT} m above the last", _stairs, _stair_height, target=(3, 5)),
-    Ground("height field", f"{POINTS} x {POINTS} points over 10 x 10 m, rough by 3 cm", _field, _field_height, target=(3, 5)),
-    Ground("stones", f"{STONES} boxes over a plane", _stones_and_floor, _stone_height, target=(2.5, 4)),
-    Ground("concave mesh", "the triangles of the height field; MuJoCo has the field", _field, _field_height, mesh=_mesh, target=(2.5, 4)),
-    Ground("far boxes", "a plane, and 200 boxes 50 m away", _far_boxes, _flat),
-    Ground("3,000 tiles", "3,000 boxes of 0.3 x 0.3 m side by side", _tiles(3000), _tile_height),
+    Ground("flat", _plane, _flat),
+    # Boxes of STEP_DEPTH x 8 m, each STEP_HEIGHT above the last.
+    Ground("stairs", _stairs, _stair_height),
+    # POINTS x POINTS points over 10 x 10 m, rough by 3 cm.
+    Ground("height field", _field, _field_height),
+    Ground("stones", _stones_and_floor, _stone_height),
+    # The triangles of the height field. MuJoCo has the field.
+    Ground("concave mesh", _field, _field_height, mesh=_mesh),
+    # A plane, and 200 boxes 50 m away.
+    Ground("far boxes", _far_boxes, _flat),
+    # 3,000 boxes of 0.3 x 0.3 m side by side.
+    Ground("3,000 tiles", _tiles(3000), _tile_height),
 )

@@ -56,7 +56,7 @@ class Plan:
 
 @dataclass
 class Track:
-    """What an engine did in an episode.
+    """Times and errors of an engine in an episode.
 
     Attributes:
         times: Microseconds per step and environment, by turn and round.

@@ -179,7 +179,7 @@ class Hinting(type):
 
 
 def present_keyword(call: str, name: str) -> str:
-    """Present keyword of a call for an earlier one of this call; empty if there is none."""
+    """New name of a keyword that a call no longer has; empty if there is none."""
     return NEW_KEYWORDS_OF.get(call, {}).get(name, "")
 
 
@@ -198,10 +198,10 @@ def hint_keywords(call: str) -> Callable[[type[T]], type[T]]:
 
     def with_hints(kind: type[T]) -> type[T]:
         make: Callable[..., None] = kind.__init__
+        known = list(inspect.signature(kind).parameters)
 
         @functools.wraps(make)
         def init(self: T, *given: Any, **named: Any) -> None:
-            known = list(inspect.signature(kind).parameters)
             if other := next((name for name in named if name not in known), None):
                 raise TypeError(unknown_keyword(call, other, known))
             make(self, *given, **named)

@@ -6,7 +6,7 @@ import stepper
 from hypothesis import given
 from hypothesis import strategies as st
 from stepper.shared.fields import COMPOUNDS, FIELDS, RANDOMIZED
-from stepper.shared.selectors import Selector, parse, places
+from stepper.shared.selectors import Selector, parse, places, rows_of
 
 SCENE = """<mujoco><option gravity="0 0 -9.81"/><worldbody><geom name="floor" type="plane" size="1 1 1"/>
   <body name="base"><freejoint name="root"/><geom name="a,b" size=".1"/><geom size=".2" pos="1 0 0"/>
@@ -250,3 +250,12 @@ def test_the_table_names_every_field():
     assert {name for name in dir(stepper.Model) if isinstance(getattr(stepper.Model, name), property)} == set(FIELDS)
     assert all(field in FIELDS for compound in COMPOUNDS.values() for field, _, _ in compound.parts)
     assert set(RANDOMIZED) < set(FIELDS)
+
+
+def test_names_of_joints_select_all_their_degrees_of_freedom_beside_indices():
+    scene = """<mujoco><worldbody><body><joint name="shoulder" type="ball"/><geom size=".1"/>
+      <body pos="0 0 .3"><joint name="elbow"/><geom size=".1"/></body></body></worldbody></mujoco>"""
+    model = stepper.load(scene)
+    assert rows_of(model, "dof", ["elbow", "shoulder", 1]) == [3, 0, 1, 2]
+    assert rows_of(model, "coordinate", ["shoulder"]) == [0, 1, 2, 3]
+    assert rows_of(model, "dof", None) == [0, 1, 2, 3]

@@ -19,6 +19,7 @@ import numpy as np
 import pytest
 import stepper
 from stepper.cli import main
+from stepper.cli.options import progress_kept_in
 from stepper.lab import Outcome, Parameter, Policy, Study
 from stepper.lab.study import Recorded
 from stepper.lab.study.batches import begin, run_points, world_of
@@ -324,6 +325,7 @@ def told(self, rows):
     print("rows", flush=True)
     sys.stdin.readline()
 Journal.append = told
+from stepper.cli.options import progress_kept_in
 from stepper.lab import rank, report, sweep
 {"sweep": sweep, "report": report, "rank": lambda *given: rank(*given, samples=8)}[sys.argv[3]](study, sys.argv[1])
 """
@@ -1003,3 +1005,9 @@ def test_the_command_records_an_episode(tmp_path, monkeypatch, capsys):
         assert said in capsys.readouterr().err
     assert stepper_command(monkeypatch, "view", tmp_path / "arm.xml", "--episode", "1") == 1
     assert "--episode is of studies" in capsys.readouterr().err
+
+
+def test_an_interrupted_command_says_where_its_rows_are(capsys):
+    with pytest.raises(KeyboardInterrupt), progress_kept_in(Path("out")):
+        raise KeyboardInterrupt
+    assert "finished rows are kept in out, and the same command continues" in capsys.readouterr().err

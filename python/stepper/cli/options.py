@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Sequence
+import sys
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from stepper.lab.progress import Tick, progress
 from stepper.lab.study import Study
 
 OUT = "Folder for what is written."
@@ -17,6 +19,17 @@ RAY = "Run batches as tasks of Ray, on all machines of its cluster."
 RAY_RUNS = "Run settings as tasks of Ray, on all machines of its cluster; costs are measured here."
 ONLY = "Only this parameter, by name, or a selector with its range, 'geom_friction[floor][0]=0.2..1'; may be given several times."
 VALUES = "NAME=VALUE of a study's parameter, or of a selector, 'geom_friction[floor][0]=0.3'; once for each."
+
+
+@contextlib.contextmanager
+def progress_kept_in(out: Path) -> Iterator[Tick]:
+    """Progress of a command that keeps finished rows in `out`; Ctrl-C prints how to continue it."""
+    try:
+        with progress() as tick:
+            yield tick
+    except KeyboardInterrupt:
+        print(f"stopped: finished rows are kept in {out}, and the same command continues", file=sys.stderr)
+        raise
 
 
 def of_file(path: Path, *, ray: bool) -> Study:

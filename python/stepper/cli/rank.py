@@ -6,8 +6,8 @@ from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING
 
-from stepper.cli.options import ONLY, OUT, RAY, STUDY, of_file
-from stepper.lab.progress import progress, show_files
+from stepper.cli.options import ONLY, OUT, RAY, STUDY, of_file, progress_kept_in
+from stepper.lab.progress import show_files
 from stepper.lab.study import rank as run
 from stepper.lab.study.points import USUAL
 
@@ -22,7 +22,7 @@ def rank(study: Path, out: Path, *, samples: int, parameters: list[str], setting
 
     Example: stepper rank examples/studies/quadruped.py --samples 128
     """
-    with progress() as tick:
+    with progress_kept_in(out) as tick:
         found = run(of_file(study, ray=ray), out, samples=samples, parameters=parameters or None, setting=setting, tick=tick)
     print(found.document.markdown())
     show_files(found.files)

@@ -6,8 +6,8 @@ from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
-from stepper.cli.options import OUT, RAY, RECORDING, STUDY, of_file
-from stepper.lab.progress import progress, show_files
+from stepper.cli.options import OUT, RAY, RECORDING, STUDY, of_file, progress_kept_in
+from stepper.lab.progress import show_files
 from stepper.lab.study import report as run
 from stepper.recording.format import HEADER, check_files, read_header, reading
 
@@ -25,7 +25,7 @@ def report(source: Path, out: Path = Path("out"), *, ray: bool = False) -> None:
     if source.is_dir():
         report_recording(source)
         return
-    with progress() as tick:
+    with progress_kept_in(out) as tick:
         found = run(of_file(source, ray=ray), out, tick=tick)
     print(found.document.markdown())
     show_files(found.files)

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING
 
-from stepper.cli.options import ONLY, OUT, RAY, STUDY, of_file
-from stepper.lab.progress import progress, show_files
+from stepper.cli.options import ONLY, OUT, RAY, STUDY, of_file, progress_kept_in
+from stepper.lab.progress import show_files
 from stepper.lab.study import sweep as run
 
 if TYPE_CHECKING:
@@ -22,12 +21,8 @@ def sweep(study: Path, out: Path, *, parameters: list[str], cliffs: bool, resolu
 
     Example: stepper sweep examples/studies/tray.toml
     """
-    try:
-        with progress() as tick:
-            found = run(of_file(study, ray=ray), out, parameters=parameters or None, cliffs=cliffs, resolution=resolution, tick=tick)
-    except KeyboardInterrupt:
-        print(f"stopped: finished rows are kept in {out}, and the same command continues", file=sys.stderr)
-        raise
+    with progress_kept_in(out) as tick:
+        found = run(of_file(study, ray=ray), out, parameters=parameters or None, cliffs=cliffs, resolution=resolution, tick=tick)
     print(found.document.markdown())
     show_files(found.files)
 

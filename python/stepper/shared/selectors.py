@@ -17,7 +17,7 @@ import ast
 import fnmatch
 import functools
 import re
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -215,7 +215,7 @@ def places(model: Model, selector: Selector, where: str = "selector") -> NDArray
     one = len(chosen) == 1 and chosen[0][1]
     if kind in _JOINT_ROWS and index.ndim == 1 and columns is not None:
         return _of_joints([k for rows, _ in chosen for k in rows], selector, where, one=one)
-    rows = list(dict.fromkeys(int(k) for own, _ in chosen for part in own for k in np.atleast_1d(part)))
+    rows = _flat(own for own, _ in chosen)
     found = index[rows[0]] if one and len(rows) == 1 else index[rows]
     if columns is None:
         return np.asarray(found)
@@ -246,17 +246,21 @@ def _of_joints(rows: Sequence[int | range], selector: Selector, where: str, *, o
 
 
 def rows_of(model: Model, kind: str, items: Sequence[Item] | None, where: str = "selector") -> list[int]:
-    """Indices of elements of a kind ("geom", "joint", "sensor") by names, patterns and indices; None is all.
+    """Indices of elements of a kind ("geom", "joint", "dof") by names, patterns and indices; None is all.
 
     Raises:
         ValueError: An item that no element fits.
     """
-    chosen = [_chosen(model, kind, item, where)[0] for item in (("*",) if items is None else items)]
-    return list(dict.fromkeys(int(k) for rows in chosen for k in rows))
+    return _flat(_chosen(model, kind, item, where)[0] for item in (("*",) if items is None else items))
+
+
+def _flat(chosen: Iterable[Iterable[int | range]]) -> list[int]:
+    """Indices of rows and of ranges of rows, each once."""
+    return list(dict.fromkeys(int(k) for rows in chosen for part in rows for k in np.atleast_1d(part)))
 
 
 def _chosen(model: Model, kind: str, item: Item, where: str) -> tuple[list[Any], bool]:
-    """Rows that an item selects (ranges of rows of joints for kinds that belong to them), and whether it is one element."""
+    """Rows that an item selects (ranges of rows of joints for kinds that belong to them), and whether it is an index or an exact name."""
     labels = _labels(model, kind)
     if isinstance(item, int):
         count = len(labels) if kind not in _JOINT_ROWS else int({"dof": model.nv, "coordinate": model.nq}[kind])
@@ -360,8 +364,10 @@ def _whole(
         if selector.field not in known and selector.field not in COMPOUNDS:
             raise ValueError(unknown_field(where, selector.field, [*known, *COMPOUNDS], "docs/reference/what_can_vary.md"))
         for part in parts_of(model, selector, where):
-            own = made.setdefault(part.field, base(part.field))
-            used = taken.setdefault(part.field, np.zeros(own.shape[-1], bool))
+            if part.field not in made:
+                made[part.field] = base(part.field)
+                taken[part.field] = np.zeros(made[part.field].shape[-1], bool)
+            own, used = made[part.field], taken[part.field]
             if part.field in fields or used[part.index].any():
                 raise ValueError(f"{where} has {text!r}, whose numbers are given by another argument too: give each number once")
             used[part.index] = True

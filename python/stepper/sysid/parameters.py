@@ -456,22 +456,12 @@ def _indices(parameter: FitParameter, model: Model) -> tuple[int, ...]:
     if not parameter.parsed.field.startswith("dof_"):
         return tuple(rows_of(model, KINDS[parameter.kind].element, items, where))
     joints = [k for k in range(model.njnt) for _ in range(model.joint(k).nv)]
-    found = [joints[row] for item in items for row in _dofs_of(model, item, where)]
-    return tuple(dict.fromkeys(found))
-
-
-def _dofs_of(model: Model, item: str | int, where: str) -> list[int]:
-    """Degrees of freedom of a joint by name or pattern, or one by index."""
-    if isinstance(item, int):
-        return rows_of(model, "dof", [item], where)
-    return [row for k in rows_of(model, "joint", [item], where) for row in _rows_of_joint(model, k)]
-
-
-def _rows_of_joint(model: Model, index: int) -> range:
-    joint = model.joint(index)
-    return range(joint.dofadr, joint.dofadr + joint.nv)
+    return tuple(dict.fromkeys(joints[row] for row in rows_of(model, "dof", items, where)))
 
 
 def _unnamed(parameter: FitParameter, model: Model, index: int) -> list[int]:
     """Items that select an element without a name."""
-    return list(_rows_of_joint(model, index)) if parameter.parsed.field.startswith("dof_") else [index]
+    if not parameter.parsed.field.startswith("dof_"):
+        return [index]
+    joint = model.joint(index)
+    return list(range(joint.dofadr, joint.dofadr + joint.nv))

@@ -21,7 +21,7 @@ _FILE = "asset_zoo/robots/unitree_go1/xmls/go1.xml"
 _HEIGHT = 0.278
 """Of the trunk at the beginning, m."""
 _STANDING = 0.2945
-"""Likewise, with the feet on the ground in the stance: 0.0165 m above mjlab's, where they begin in the ground."""
+"""Likewise on rough terrain, with the feet on the ground. It is 0.0165 m higher than in mjlab, whose feet begin in the ground."""
 _STANCE = {"hip": 0.1, "thigh": 0.9, "calf": -1.8}
 """Angles at the beginning, rad; hips point outwards."""
 _ROTOR = 0.000111842

@@ -14,10 +14,11 @@ from stepper._stepper import Model, Stepper
 from stepper.actuators import ActuatorModel, DCMotor, Drive
 from stepper.envs.assets import once_per_model
 from stepper.envs.locomotion import terrain
+from stepper.envs.locomotion.base import frame, linear_velocity, stance
 from stepper.envs.streams import Rng
 from stepper.envs.task import Array, Moment, Observation, Task, Terms, per_moment, square_sum
 from stepper.sensors import SensorModel, SensorSpec, Transfer
-from stepper.shared.rotations import about_vertical, matrices
+from stepper.shared.rotations import about_vertical
 
 _COMMANDS, _PUSHES = 2, 3
 """Commands of an episode, one after the other; pushes of an episode."""
@@ -151,15 +152,15 @@ class VelocityTask(Task):
         """Commands and pushes of the episodes, and the last two actions."""
         model = self.model()
         self._check(model)
-        stance = _stance(model)
+        start = stance(model)
         return {
             "step": np.zeros(num_envs, dtype=np.int64),
             "commands": np.zeros((num_envs, _COMMANDS, 3)),
             "push_steps": np.zeros((num_envs, _PUSHES), dtype=np.int64),
             "pushes": np.zeros((num_envs, _PUSHES, 2)),
             "latency": np.zeros(num_envs, dtype=np.int64),
-            "last": np.tile(stance, (num_envs, 1)),
-            "before": np.tile(stance, (num_envs, 1)),
+            "last": np.tile(start, (num_envs, 1)),
+            "before": np.tile(start, (num_envs, 1)),
         }
 
     def _check(self, model: Model) -> None:
@@ -249,8 +250,8 @@ class VelocityTask(Task):
             "push_steps": spread.astype(np.int64),
             "pushes": self.max_push * rng.uniform(-1.0, 1.0, 2 * _PUSHES).reshape(count, _PUSHES, 2),
             "latency": (rng.uniform(0.0, 1.0, 1)[:, 0] * (self.max_latency + 1)).astype(np.int64),
-            "last": _stance(model),
-            "before": _stance(model),
+            "last": stance(model),
+            "before": stance(model),
         }
         for name, values in begun.items():
             episode_state[name][mask] = values
@@ -319,33 +320,14 @@ def _columns(model: Model, row: str) -> tuple[int, int]:
     return found[0].adr, sum(sensor.dim for sensor in found)
 
 
-@once_per_model
-def _stance(model: Model) -> Array:
-    angles: Array = model.keyframe("stance").qpos[7:]
-    return angles
-
-
 def stance_of(now: Moment) -> Array:
     """Angles at the beginning, rad: (nu,)."""
-    return _stance(now.sim.model)
-
-
-@per_moment
-def _frame(now: Moment) -> Array:
-    """Axes of the base in the world, columns: (num_envs, 3, 3)."""
-    return matrices(now.qpos[:, 3:7])
-
-
-@per_moment
-def linear_velocity(now: Moment) -> Array:
-    """Velocity of the base in its own frame, m/s: (num_envs, 3)."""
-    local: Array = np.einsum("ni,nij->nj", now.qvel[:, :3], _frame(now))
-    return local
+    return stance(now.sim.model)
 
 
 def _ground_around(now: Moment) -> Array:
     """Heights of the ground at places around the base, which turn with its heading, less its own height, m: (num_envs, 25)."""
-    ahead = _frame(now)[:, :2, 0]
+    ahead = frame(now)[:, :2, 0]
     ahead = ahead / np.maximum(np.sqrt(square_sum(ahead)), 1e-9)[:, None]
     left = np.stack([-ahead[:, 1], ahead[:, 0]], axis=1)
     offsets = now.task.sight * _PATCH
@@ -356,7 +338,7 @@ def _ground_around(now: Moment) -> Array:
 
 def vertical(now: Moment) -> Array:
     """The vertical in the frame of the base: (num_envs, 3)."""
-    upwards: Array = _frame(now)[:, 2]
+    upwards: Array = frame(now)[:, 2]
     return upwards
 
 

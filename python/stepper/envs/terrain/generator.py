@@ -33,7 +33,7 @@ class Terrain:
         ground.add_to(spec)  # a height field "terrain" in a mujoco.MjSpec
         ground.origins  # (num_rows, 2, 3) m, middles of the tiles on the surface
 
-    Equal arguments give equal terrains. A tile depends on the seed and on its row and column alone.
+    Equal arguments give equal terrains. The random numbers of a tile depend on the seed, its row and its column alone.
 
     Attributes:
         sub_terrains: Kinds by name, a column each.

@@ -13,7 +13,6 @@ A selector (`stepper.shared.selectors`) says which numbers a parameter changes:
 from __future__ import annotations
 
 import dataclasses
-import fnmatch
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
@@ -29,6 +28,7 @@ from stepper.actuators import PID, ActuatorModel, DCMotor, Drive
 from stepper.sensors import SensorModel, Transfer
 from stepper.shared.fields import COMPOUNDS, FIELDS, OF_PAIRS, check_pairs
 from stepper.shared.selectors import Selector, parse, parse_range, parts_of, rows_of
+from stepper.shared.tables import fitting
 
 Array = NDArray[np.float64]
 Value = float | str
@@ -313,18 +313,11 @@ def sensor_model(
     for name, parameter in given.items():
         for index in rows_of(model, "sensor", parameter.parsed.elements, _where(parameter)):
             label = names[index]
-            own = named.get(label) or _fitting(base, label) or Transfer()
+            own = fitting(named, base.default if base else None, label) or Transfer()
             before = getattr(own, parameter.leaf)
             changed: dict[str, Any] = {parameter.leaf: _numbers(parameter, before, [theta.get(name) for theta in thetas])}
             named[label] = replace(own, **changed)
     return SensorModel(named, default=base.default if base else None)
-
-
-def _fitting(base: SensorModel | None, name: str) -> Transfer | None:
-    if base is None:
-        return None
-    patterns = [transfer for pattern, transfer in base.named.items() if fnmatch.fnmatchcase(name, pattern)]
-    return patterns[0] if patterns else base.default
 
 
 def _numbers(parameter: Parameter, before: Any, values: Sequence[Value | None]) -> Array:

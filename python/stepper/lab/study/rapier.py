@@ -154,7 +154,7 @@ class RapierWorld(MujocoWorld):
         return super().qvel
 
     def contacts(self) -> NDArray[np.void]:
-        """See `World`: there are none."""
+        """Raises ModelError: rapier's contact forces are not read."""
         raise ModelError("rapier cannot run this: its contacts' forces are not read, and the study's drive or outcome asks for them")
 
     def _now(self) -> list[Any]:

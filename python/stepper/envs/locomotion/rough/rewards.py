@@ -10,8 +10,9 @@ import numpy as np
 from stepper._stepper import Model
 from stepper.envs.assets import once_per_model
 from stepper.envs.contacts import contact_forces
+from stepper.envs.locomotion.base import linear_velocity, stance
 from stepper.envs.locomotion.rough.commands import command
-from stepper.envs.locomotion.rough.state import foot_forces, foot_heights, foot_speeds, ground_normal, linear_velocity, stance
+from stepper.envs.locomotion.rough.state import foot_forces, foot_heights, foot_speeds, ground_normal
 from stepper.envs.task import Array, Moment, Terms, per_moment, square_sum
 
 _SOFT = 0.9

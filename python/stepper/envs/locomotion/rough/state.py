@@ -10,8 +10,8 @@ from stepper._quantities import headings
 from stepper._stepper import Model
 from stepper.envs.assets import once_per_model
 from stepper.envs.contacts import contact_forces
+from stepper.envs.locomotion.base import in_base
 from stepper.envs.task import Array, Moment, per_moment
-from stepper.shared.rotations import matrices
 
 SCAN = np.stack(np.meshgrid(np.linspace(-0.8, 0.8, 17), np.linspace(-0.5, 0.5, 11), indexing="ij"), axis=-1).reshape(-1, 2)
 """Places of the height scan ahead of the base and to its left, (187, 2) m."""
@@ -20,27 +20,9 @@ _INVERSE = SCAN / (SCAN**2).sum(axis=0)
 
 
 @per_moment
-def frame(now: Moment) -> Array:
-    """Axes of the base in the world, columns: (num_envs, 3, 3)."""
-    return matrices(now.qpos[:, 3:7])
-
-
-@per_moment
 def heading(now: Moment) -> Array:
     """Angle of the base about the vertical: (num_envs,) rad."""
     return headings(now.qpos[:, 3:7])
-
-
-@per_moment
-def linear_velocity(now: Moment) -> Array:
-    """Velocity of the base in its own frame: (num_envs, 3) m/s."""
-    return in_base(now, now.qvel[:, :3])
-
-
-def in_base(now: Moment, vectors: Array) -> Array:
-    """Vectors of the world (num_envs, 3) in the frame of the base."""
-    turned: Array = np.einsum("ni,nij->nj", vectors, frame(now))
-    return turned
 
 
 @per_moment
@@ -72,7 +54,7 @@ def foot_speeds(now: Moment) -> Array:
     """Horizontal speeds of the feet's sites: (num_envs, nfeet) m/s."""
     model = now.sim.model
     sites = _sites(model, tuple(now.task.FEET))
-    bodies = [model.site(k).bodyid for k in sites]
+    bodies = _bodies(model, tuple(now.task.FEET))
     velocity = now.body_linvel[:, bodies] + np.cross(now.body_angvel[:, bodies], now.site_xpos[:, sites] - now.xpos[:, bodies])
     speeds: Array = np.hypot(velocity[..., 0], velocity[..., 1])
     return speeds
@@ -93,10 +75,8 @@ def _sites(model: Model, names: tuple[str, ...]) -> list[int]:
 
 
 @once_per_model
-def stance(model: Model) -> Array:
-    """Angles of the joints at the beginning: (nu,) rad."""
-    angles: Array = np.array(model.keyframe("stance").qpos[7:])
-    return angles
+def _bodies(model: Model, names: tuple[str, ...]) -> list[int]:
+    return [model.site(name).bodyid for name in names]
 
 
 @once_per_model

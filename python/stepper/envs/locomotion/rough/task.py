@@ -9,6 +9,7 @@ from typing import ClassVar
 import numpy as np
 
 from stepper._stepper import Model, Stepper
+from stepper.envs.locomotion.base import in_base, linear_velocity, stance
 from stepper.envs.locomotion.rough.commands import (
     STAGES,
     Stages,
@@ -20,7 +21,7 @@ from stepper.envs.locomotion.rough.commands import (
     renew_commands,
 )
 from stepper.envs.locomotion.rough.rewards import TERMS, hit, terms_of
-from stepper.envs.locomotion.rough.state import action_scale, foot_forces, foot_heights, ground_scan, in_base, linear_velocity, stance
+from stepper.envs.locomotion.rough.state import action_scale, foot_forces, foot_heights, ground_scan
 from stepper.envs.streams import Rng
 from stepper.envs.task import Array, Moment, Observation, Reset, Task, Terms, square_sum
 from stepper.envs.terrain import Flat, PyramidSlope, PyramidStairs, RandomRough, Terrain, TerrainCurriculum, Wave
@@ -49,7 +50,7 @@ _SHIFT = np.array([0.025, 0.025, 0.03])
 """Largest shift of the base's centre of mass, m."""
 _SCANNED = 5.0
 """Height that the scan observes as 1, m."""
-_FAR = 0.5
+_LEAST_PROGRESS = 0.5
 """Share of the commanded way below which an environment goes to an easier row."""
 
 
@@ -73,7 +74,7 @@ class RoughTask(Task):
         weights: Weights of the terms of the reward, of some or all; the others are those of `WEIGHTS`.
 
     Raises:
-        ValueError: A negative noise or push, a row that the terrain has not, a weight of a term that there is not.
+        ValueError: A negative noise or push, a negative max_init_level, a weight of a term that there is not.
     """
 
     WEIGHTS: ClassVar[Mapping[str, float]] = {
@@ -138,7 +139,7 @@ class RoughTask(Task):
         return np.full(model.nu, -_MOST), np.full(model.nu, _MOST)
 
     def observations(self) -> tuple[Observation, ...]:
-        """Velocities and gravity in the frame of the base, joints beside the stance, last action, command, height scan."""
+        """Velocities and gravity in the frame of the base, joint angles minus the stance, last action, command, height scan."""
         k = self.noise
         return (
             Observation("base_lin_vel", func=linear_velocity, noise=0.5 * k, unit="m/s"),
@@ -169,7 +170,7 @@ class RoughTask(Task):
         return safe
 
     def truncated(self, now: Moment) -> Array:
-        """Beside the terrain."""
+        """Base outside the terrain, or too close to its edge."""
         return self.TERRAIN.leaves(now.qpos[:, :2])
 
     def info(self, now: Moment) -> Terms:
@@ -227,10 +228,10 @@ class RoughTask(Task):
         state = now.episode_state
         distance = self.levels.distance(state, envs, now.qpos[envs])
         way = np.hypot(*command(now)[envs, :2].T) * self.episode_steps * now.dt
-        self.levels.move(state, envs, up=distance > self.TERRAIN.size / 2, down=distance < _FAR * way)
+        self.levels.move(state, envs, up=distance > self.TERRAIN.size / 2, down=distance < _LEAST_PROGRESS * way)
 
 
 def _joint_pos(now: Moment) -> Array:
-    """Angles that the encoders read, beside the stance: (num_envs, nu) rad."""
+    """Angles that the encoders read, minus the stance: (num_envs, nu) rad."""
     angles: Array = now.qpos[:, 7:] - stance(now.sim.model) + now.episode_state["encoder_bias"]
     return angles

@@ -1,0 +1,35 @@
+"""Motion of the base of a legged robot, whose joint is the first and free."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from stepper._stepper import Model
+from stepper.envs.assets import once_per_model
+from stepper.envs.task import Array, Moment, per_moment
+from stepper.shared.rotations import matrices
+
+
+@per_moment
+def frame(now: Moment) -> Array:
+    """Axes of the base in the world, columns: (num_envs, 3, 3)."""
+    return matrices(now.qpos[:, 3:7])
+
+
+def in_base(now: Moment, vectors: Array) -> Array:
+    """Vectors of the world (num_envs, 3) in the frame of the base."""
+    turned: Array = np.einsum("ni,nij->nj", vectors, frame(now))
+    return turned
+
+
+@per_moment
+def linear_velocity(now: Moment) -> Array:
+    """Velocity of the base in its own frame: (num_envs, 3) m/s."""
+    return in_base(now, now.qvel[:, :3])
+
+
+@once_per_model
+def stance(model: Model) -> Array:
+    """Angles of the joints in the keyframe "stance": (nu,) rad."""
+    angles: Array = np.array(model.keyframe("stance").qpos[7:])
+    return angles

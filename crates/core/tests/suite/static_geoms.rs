@@ -35,7 +35,8 @@ fn contacts(ground: &[(V3<f64>, ConvexShape)], bodies: &[Body], posed: bool, mar
     let mut scene = Model::builder("ground");
     scene.timestep(STEP).gravity([0.0; 3]);
     for (k, (pos, shape)) in ground.iter().enumerate() {
-        let geom = geom(shape).condim(1).margin(margin);
+        // Elastic contacts stay, where others of the same two bodies make them redundant. Posed geoms have a body each.
+        let geom = geom(shape).condim(1).margin(margin).restitution(0.5);
         if posed {
             scene.body(WORLD, BodyBuilder::new(&format!("ground {k}")).pos(*pos).mocap().geom(geom));
         } else {

@@ -11,7 +11,7 @@ use crate::integrators::energy_guard::{find_energy_gain, limit_energy};
 use crate::integrators::locate::locate;
 use crate::integrators::mujoco;
 use crate::integrators::observation::{hold_outputs, observe, pass_controls};
-use crate::integrators::positions::{correct_positions, find_tunnelling, integrate_positions};
+use crate::integrators::positions::{accept_corrections, correct_positions, find_tunnelling, integrate_positions};
 use crate::integrators::predict::{predict, reconsider_servos};
 use crate::integrators::solve_velocities::{bound_velocities, solve_velocities};
 use crate::integrators::step_outcome::{StepOutcome, record};
@@ -96,11 +96,10 @@ fn solve_step<R: Real>(compiled: &LaneModel<R>, options: &StepSettings, s: &mut 
     probe.span(Span::CorrectForces, || predict(place, free, problem, velocity, collisions, probe));
     count_rows(problem, probe);
     // 5 solve, 6 integrate velocity. The loop in `solve_velocities` repeats them until the solution agrees with the problem.
-    let solver = solve_velocities(place, free, problem, velocity, collisions, probe);
+    let (solver, inelastic) = solve_velocities(place, free, problem, velocity, collisions, probe);
     let mut outcome = bound_velocities(place, free, problem, velocity, position, solver, probe);
     let excluded = if s.rk4.is_some() { problem.constrained.not() } else { R::Mask::splat(false) };
-    outcome.gains_energy = probe.span(Span::GuardEnergy, || find_energy_gain(place, free, velocity, guard, excluded));
-    outcome.tunnelled = probe.span(Span::Tunnelling, || find_tunnelling(input, evaluation, velocity, &outcome));
+    outcome.gains_energy = probe.span(Span::GuardEnergy, || find_energy_gain(place, free, velocity, guard, excluded)).or(inelastic);
     if options.poison {
         free.scratch.poison();
         collisions.poison();
@@ -113,8 +112,10 @@ fn solve_step<R: Real>(compiled: &LaneModel<R>, options: &StepSettings, s: &mut 
         store_joint_impulse(compiled, &free.smooth.mass, velocity, &mut free.impulse);
     });
     // 8 stabilise
-    let infeasible = probe.span(Span::Stabilise, || correct_positions(input, evaluation, free, problem, velocity, position));
-    outcome.infeasible = outcome.infeasible.or(infeasible);
+    let corrected = probe.span(Span::Stabilise, || correct_positions(Place { input, evaluation }, free, problem, velocity, position));
+    outcome.infeasible = outcome.infeasible.or(corrected.infeasible);
+    outcome.tunnelled = probe.span(Span::Tunnelling, || find_tunnelling(input, evaluation, velocity, position, corrected, &outcome));
+    probe.span(Span::Stabilise, || accept_corrections(input, evaluation, problem, position, corrected));
     if options.poison {
         velocity.poison_impulses();
     }

@@ -230,6 +230,21 @@ impl<R: Real> Iterate<R> {
         set_first_impulse(problem, i, lanes, lambda, (contacts, rolling_contacts, w));
     }
 
+    /// Sets the impulses of contacts to zero in the lanes `lanes`, and recomputes w there. `scratch` has the length of w.
+    pub fn clear_contacts(&mut self, problem: &Problem<R>, lanes: R::Mask, scratch: &mut [R]) {
+        for impulse in &mut self.contacts {
+            *impulse = impulse.map(|x| R::select(lanes, R::zero(), x));
+        }
+        for impulse in &mut self.rolling_contacts {
+            *impulse = impulse.map(|x| R::select(lanes, R::zero(), x));
+        }
+        scratch.copy_from_slice(&self.w);
+        self.compute_w(problem);
+        for (w, &kept) in self.w.iter_mut().zip(&*scratch) {
+            *w = R::select(lanes, *w, kept);
+        }
+    }
+
     /// Whether the impulses change any velocity.
     #[inline(always)]
     pub fn changes_velocity(&self) -> bool {

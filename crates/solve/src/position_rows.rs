@@ -67,6 +67,27 @@ impl<R: Real> PositionRows<R> {
         *active = active.and_not(lanes);
     }
 
+    /// Position target of the normal row of contact `i`, counted over those of three rows and then of six.
+    #[inline(always)]
+    pub fn normal_target(&self, i: usize) -> R {
+        match i.checked_sub(self.contacts.items.len()) {
+            None => self.contacts.items[i].position_g[0],
+            Some(i) => self.rolling_contacts.items[i].position_g[0],
+        }
+    }
+
+    /// Replaces the position target of the normal row of contact `i`, in the lanes `lanes`, by `target` of it.
+    ///
+    /// The index counts contacts of three rows, then of six.
+    #[inline(always)]
+    pub fn replace_normal_target(&mut self, i: usize, lanes: R::Mask, target: impl FnOnce(R) -> R) {
+        let own = match i.checked_sub(self.contacts.items.len()) {
+            None => &mut self.contacts.items[i].position_g[0],
+            Some(i) => &mut self.rolling_contacts.items[i].position_g[0],
+        };
+        *own = R::select(lanes, target(*own), *own);
+    }
+
     /// Exchanges the two targets of every row: g for that of the position solve, or back.
     #[inline(always)]
     pub fn exchange_targets(&mut self) {

@@ -31,12 +31,14 @@ pub struct ConstraintProblem<R: Real> {
     pub needs_position_solve: R::Mask,
     /// Lanes in which Baumgarte's bias is part of the velocities.
     pub biased: R::Mask,
-    /// Lanes in which a contact bounces. Stage 8 does not bound their correction.
+    /// Lanes in which a contact bounces. Only the speeds of the step bound their correction in stage 8.
     pub rebounding: R::Mask,
     /// Whether the problem may have immovable rows.
     pub(crate) may_be_held: bool,
     /// Impacts of the contacts, in their order: contacts of three rows first. Empty if no contact is elastic.
     pub(crate) impacts: Vec<Impact<R>>,
+    /// Whether some contact is elastic.
+    pub(crate) elastic: bool,
     /// Whether the step resolves times of impacts: the scheme does, and some contact is elastic.
     pub(crate) resolves_impacts: bool,
     /// Approaching contacts, whose rows are deferred until the solved motion closes their gap.
@@ -54,11 +56,9 @@ pub struct ConstraintProblem<R: Real> {
 pub(crate) struct Impact<R: Real> {
     /// Lanes in which the contact bounces.
     pub(crate) lanes: R::Mask,
-    /// Lanes in which the contact overlaps at the evaluation point.
-    pub(crate) overlapping: R::Mask,
-    /// Time of the impact after the beginning of the step, as a fraction of the step.
+    /// Time of the impact after the beginning of the step, as a fraction of the step. 1 with Euler's rule.
     pub(crate) time_fraction: R,
-    /// Factor 1 + e of the normal velocity.
+    /// Factor 1 + e of the normal velocity; 1 once [`ConstraintProblem::drop_restitution`] made the impact inelastic.
     pub(crate) normal_factor: R,
 }
 
@@ -100,6 +100,7 @@ impl<R: Real> ConstraintProblem<R> {
             rebounding: none,
             may_be_held: false,
             impacts: Vec::with_capacity(max_contacts + rolling_contacts),
+            elastic: false,
             resolves_impacts: false,
             deferred: Vec::with_capacity(max_contacts + rolling_contacts),
             closing_time: R::zero(),

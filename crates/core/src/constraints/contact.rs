@@ -140,7 +140,8 @@ impl<R: Real> Assembler<'_, R> {
         if self.problem.resolves_impacts {
             active = self.bounce_within(input, slot, active, [free, change], bias, &mut targets);
         }
-        let bounces = self.problem.impacts.last().map_or(R::Mask::splat(false), |impact| impact.lanes);
+        let resolved = if self.problem.resolves_impacts { self.problem.impacts.last() } else { None };
+        let bounces = resolved.map_or(R::Mask::splat(false), |impact| impact.lanes);
         let lanes = self.approaching_lanes(input, contacts, k, active.and(rigid), before[0], free_eliminated);
         let impulse = [R::zero(); 6];
         let deferred = DeferredContact { contact: 0, slot: k, lanes, bounces, bias: targets[0][0] - free_eliminated[0], impulse };

@@ -13,7 +13,7 @@
 //! contacts take it into account.
 
 use stepper_real::{Mask, Real};
-use stepper_solve::Iterate;
+use stepper_solve::{Iterate, PositionRows, Problem};
 
 use crate::collision::contact_set::{Contacts, Slot};
 use crate::compile::LaneModel;
@@ -62,7 +62,7 @@ impl<R: Real> Assembler<'_, R> {
     ) -> (R, R::Mask) {
         let e = slot.restitution;
         let elastic = active.and(e.gt(R::zero()));
-        if assembly.in_the_middle || elastic.none() {
+        if assembly.in_the_middle || !self.problem.elastic {
             return (bias, active);
         }
         let (h, phi, threshold) = (assembly.h, slot.point.distance, R::of(options.restitution_threshold));
@@ -73,6 +73,8 @@ impl<R: Real> Assembler<'_, R> {
         let bounces = elastic.and(closed).and(free.abs().gt(threshold)).and_not(rests);
         self.problem.needs_position_solve = self.problem.needs_position_solve.or(bounces);
         self.problem.rebounding = self.problem.rebounding.or(bounces);
+        let impact = Impact { lanes: bounces, time_fraction: R::one(), normal_factor: e + R::one() };
+        self.problem.impacts.push(impact);
         let stays = active.and_not(elastic).or(bounces).or(elastic.and(rests));
         (R::select(bounces, e * free, bias), stays)
     }
@@ -99,12 +101,7 @@ impl<R: Real> Assembler<'_, R> {
                 let e = slot.restitution;
                 let elastic = active.and(e.gt(R::zero()));
                 if elastic.none() {
-                    self.problem.impacts.push(Impact {
-                        lanes: elastic,
-                        overlapping: elastic,
-                        time_fraction: R::zero(),
-                        normal_factor: R::zero(),
-                    });
+                    self.problem.impacts.push(Impact { lanes: elastic, time_fraction: R::zero(), normal_factor: R::zero() });
                     return active;
                 }
                 let before = sub(free, change);
@@ -119,8 +116,7 @@ impl<R: Real> Assembler<'_, R> {
                     let at_impact = if k == 0 { at[0] * normal_factor } else { at[k] };
                     target[0] = R::select(bounces, at_impact, target[0]);
                 }
-                let overlapping = slot.point.distance.lt(-R::of(options.slop));
-                self.problem.impacts.push(Impact { lanes: bounces, overlapping, time_fraction, normal_factor });
+                self.problem.impacts.push(Impact { lanes: bounces, time_fraction, normal_factor });
                 active.and_not(elastic).or(bounces).or(meeting.rests)
             },
         )
@@ -142,7 +138,10 @@ impl<R: Real> ConstraintProblem<R> {
     /// Subtracts the part after the impacts from a scaled `change` of the velocity after the step.
     #[inline(always)]
     pub(crate) fn undo_change_after_impacts(&mut self, change: &[R], lanes: R::Mask) {
-        let Self { rows, impacts, .. } = self;
+        let Self { rows, impacts, resolves_impacts, .. } = self;
+        if !*resolves_impacts {
+            return;
+        }
         shift_impacts(
             impacts,
             lanes,
@@ -156,7 +155,7 @@ impl<R: Real> ConstraintProblem<R> {
     ///
     /// `change` is the change of the velocity after the step that it would cause without impacts. Overwrites `change`.
     pub fn shift_before_impacts(&mut self, compiled: &LaneModel<R>, mass: &MassMatrix<R>, change: &mut [R], lanes: R::Mask) {
-        if self.impacts.is_empty() {
+        if !self.resolves_impacts {
             return;
         }
         R::vectorize(
@@ -175,10 +174,54 @@ impl<R: Real> ConstraintProblem<R> {
         )
     }
 
-    /// Lanes in which a contact bounces.
+    /// Replaces Newton's law by an inelastic impact where it has no plausible solution: `e` becomes 0. Returns the lanes in which it did.
+    ///
+    /// Newton's law fixes the normal velocity after an impact, however hard the friction of another contact pushes. A ball that flies into a
+    /// corner with a friction coefficient of 1 or more has no solution, and just below 1 the impulses are enormous. The friction of such
+    /// impacts adds energy (Kane and Levinson, Dynamics: Theory and Applications, 1985, section 5.7). An inelastic impact always has a solution.
+    ///
+    /// A contact counts if its friction adds more than `energy` (J), or if its impulse rounds away velocities of `most_rounding` (m/s). In
+    /// the lanes `unsolved` every contact counts. In the lanes `whole` one contact counts for all.
+    pub(crate) fn drop_restitution(
+        &mut self,
+        impulses: &Iterate<R>,
+        [energy, most_rounding]: [R; 2],
+        [unsolved, whole]: [R::Mask; 2],
+    ) -> R::Mask {
+        let Self { rows, impacts, rebounding, .. } = self;
+        let elastic = |impact: &Impact<R>| impact.lanes.and(impact.normal_factor.gt(R::one()));
+        let implausible = |rows: &Problem<R>, i: usize| {
+            rows.friction_work(i, impulses).gt(energy).or(rows.impulse_rounding(i, impulses).gt(most_rounding))
+        };
+        let mut everywhere = unsolved;
+        for (i, impact) in impacts.iter().enumerate() {
+            let lanes = elastic(impact).and(whole);
+            if lanes.any() {
+                everywhere = everywhere.or(lanes.and(implausible(rows, i)));
+            }
+        }
+        let [mut changed, mut left] = [R::Mask::splat(false); 2];
+        for (i, impact) in impacts.iter_mut().enumerate() {
+            let there = elastic(impact);
+            if there.none() {
+                continue;
+            }
+            let lanes = there.and(everywhere.or(implausible(rows, i)));
+            rows.scale_normal_target(i, R::one() / impact.normal_factor, lanes);
+            impact.normal_factor = R::select(lanes, R::one(), impact.normal_factor);
+            (changed, left) = (changed.or(lanes), left.or(there.and_not(lanes)));
+        }
+        *rebounding = rebounding.and_not(changed.and_not(left));
+        changed
+    }
+
+    /// Lanes in which a contact bounces at a time within the step.
     #[inline(always)]
     pub fn bouncing(&self) -> R::Mask {
         let mut lanes = R::Mask::splat(false);
+        if !self.resolves_impacts {
+            return lanes;
+        }
         for impact in &self.impacts {
             lanes = lanes.or(impact.lanes);
         }
@@ -186,27 +229,99 @@ impl<R: Real> ConstraintProblem<R> {
     }
 }
 
-impl<R: Real> PositionSolution<R> {
-    /// Removes impacts from the position solve in the lanes `lanes`: their impulses, and the contacts that did not overlap before.
+/// Step with impacts, as input of the position solve.
+pub(crate) struct ImpactStep<'a, R: Real> {
+    /// Problem of the step.
+    pub(crate) problem: &'a ConstraintProblem<R>,
+    /// Factors of the mass matrix.
+    pub(crate) mass: &'a MassMatrix<R>,
+    /// Contacts of the step.
+    pub(crate) contacts: &'a Contacts<R>,
+    /// Free velocity, nv.
+    pub(crate) free: &'a [R],
+    /// Overlap that is no error, m.
+    pub(crate) slop: f64,
+    /// Time step, s.
+    pub(crate) h: R,
+    /// Time from the beginning of the step to the evaluation point, s.
+    pub(crate) time_before: R,
+    /// Time from the evaluation point to the end of the step, s.
+    pub(crate) time_after: R,
+    /// Lanes with an impact.
+    pub(crate) lanes: R::Mask,
+}
+
+impl<R: Real> ImpactStep<'_, R> {
+    /// Sets the position target of contact `i`, in the lanes `lanes`, to its gap at the end of the step over h.
     ///
-    /// A contact that overlapped is pushed out if it does not separate fast enough. `impulses` are those of the velocity solution.
+    /// The configuration at the end lies `time_after` times the velocity v+, and `h` times the correction, from the evaluation point. Its gap
+    /// is therefore that of the evaluation point, plus h times the velocity of the position solve, minus (h - time_after) v_n+. A contact
+    /// that overlaps keeps its target. `impulses` are those of the velocity solution.
+    #[inline(always)]
+    fn target_end_gap(&self, i: usize, lanes: R::Mask, impulses: &Iterate<R>, positions: &mut PositionRows<R>) {
+        let Self { problem, contacts, slop, h, time_after, .. } = *self;
+        let rows = &problem.rows;
+        let (slot, g) = match i.checked_sub(rows.contacts.len()) {
+            None => (problem.slots[i].0, rows.contacts[i].g[0]),
+            Some(k) => (problem.rolling_slots[k].0, rows.rolling_contacts[k].g[0]),
+        };
+        let change = rows.normal_velocity(i, &impulses.w) - g;
+        let distance = contacts.data[slot].point.distance;
+        let gap = distance.max(R::zero());
+        positions.replace_normal_target(
+            i,
+            lanes.and(distance.ge(-R::of(slop))),
+            #[inline(always)]
+            |target| {
+                let free = target - gap / problem.closing_time;
+                free + (gap - (free + change) * (h - time_after)) / h
+            },
+        );
+    }
+}
+
+impl<R: Real> ImpactStep<'_, R> {
+    /// Leaves contacts that bounce out of the position solve, except those into which another impact pushes too far.
+    ///
+    /// A small overlap at the end of a step is harmless if the surfaces separate: the next step finds the impact that came before. Pushing
+    /// it out would change the energy. Half of the thickness of a geom is too far, because the next step could see its other side.
+    pub(crate) fn leave_out_impacts(&self, compiled: &LaneModel<R>, positions: &mut PositionRows<R>) {
+        let Self { problem, contacts, slop, h, .. } = *self;
+        let narrow = problem.rows.contacts.len();
+        for (i, impact) in problem.impacts.iter().enumerate() {
+            let there = self.lanes.and(impact.lanes);
+            if there.none() {
+                continue;
+            }
+            let slot = i.checked_sub(narrow).map_or_else(|| problem.slots[i].0, |k| problem.rolling_slots[k].0);
+            let mut thickness = R::zero();
+            for (pair, lanes) in contacts.pairs(slot, there.bits()) {
+                let geoms = compiled.pair_geoms(pair).expect("made from this compiled");
+                thickness = R::select(R::Mask::from_bits(lanes), compiled.tunnelling_distance(geoms), thickness);
+            }
+            let end = positions.normal_target(i) * h;
+            let harmless = end.ge(thickness * R::of(-0.5)).and(contacts.data[slot].point.distance.ge(-R::of(slop)));
+            positions.leave_out_contact(i, there.and(harmless));
+        }
+    }
+}
+
+impl<R: Real> PositionSolution<R> {
+    /// Removes the impulses of impacts from the position solve in the lanes `lanes`.
+    ///
+    /// `impulses` are those of the velocity solution.
     /// `impact_displacement` receives a velocity: over a step it gives the displacement by the impulses, 1 + (time_before - t) / h times
-    /// their velocity change, with t the time of the impact.
-    /// `time_before` is the evaluation time of the step of `h` seconds.
-    pub(crate) fn remove_impacts(
-        &mut self,
-        compiled: &LaneModel<R>,
-        mass: &MassMatrix<R>,
-        problem: &ConstraintProblem<R>,
-        impulses: &mut Iterate<R>,
-        [h, time_before]: [R; 2],
-        lanes: R::Mask,
-    ) {
+    /// their velocity change, with t the time of the impact. The second term is the displacement between impacts. In a jam, enormous
+    /// impulses at different times would make it larger than any speed of the step allows. It is bounded by twice the largest speed, in the
+    /// metric of the kinetic energy. No sequence of impacts exceeds this bound.
+    pub(crate) fn remove_impacts(&mut self, compiled: &LaneModel<R>, impulses: &mut Iterate<R>, step: &ImpactStep<'_, R>) {
         R::vectorize(
             #[inline(always)]
             || {
+                let ImpactStep { problem, mass, free, h, time_before, lanes, .. } = *step;
                 let (Self { rows: positions, impact_displacement: moved, correction: removed, .. }, rows) = (self, &problem.rows);
                 let narrow = rows.contacts.len();
+                let square = largest_square(compiled, mass, free, impulses, moved);
                 moved.fill(R::zero());
                 removed.fill(R::zero());
                 for (i, impact) in problem.impacts.iter().enumerate() {
@@ -214,6 +329,7 @@ impl<R: Real> PositionSolution<R> {
                     if there.none() {
                         continue;
                     }
+                    step.target_end_gap(i, there, impulses, positions);
                     let weight = R::one() + (time_before / h - impact.time_fraction);
                     if i < narrow {
                         let lambda = select(there, impulses.contacts[i], zero());
@@ -227,11 +343,11 @@ impl<R: Real> PositionSolution<R> {
                         rows.rolling_contacts.add(&rows.rolling_contacts[k], scale(lambda, weight), moved);
                         impulses.rolling_contacts[k] = select(there, zero(), impulses.rolling_contacts[k]);
                     }
-                    positions.leave_out_contact(i, there.and_not(impact.overlapping));
                 }
                 for (w, &removed) in impulses.w.iter_mut().zip(&*removed) {
                     *w = R::select(lanes, *w - removed, *w);
                 }
+                bound_change(moved, removed, square * R::of(4.0), lanes);
                 mass.unscale(compiled, moved);
             },
         );
@@ -255,6 +371,37 @@ impl<R: Real> PositionSolution<R> {
                 );
             },
         )
+    }
+}
+
+/// Larger one of the squared speeds of the free velocity and of the solution, in the metric of the kinetic energy: twice the energy, J.
+/// Overwrites `scaled`.
+#[inline(always)]
+fn largest_square<R: Real>(compiled: &LaneModel<R>, mass: &MassMatrix<R>, free: &[R], impulses: &Iterate<R>, scaled: &mut [R]) -> R {
+    scaled.copy_from_slice(free);
+    mass.scale(compiled, scaled);
+    let (mut before, mut after) = (R::zero(), R::zero());
+    for (&free, &change) in scaled.iter().zip(&impulses.w) {
+        before += free.square();
+        after += (free + change).square();
+    }
+    before.max(after)
+}
+
+/// Bounds the squared distance of the scaled velocity `moved` from `removed` by `most`, in the lanes `lanes`.
+#[inline(always)]
+fn bound_change<R: Real>(moved: &mut [R], removed: &[R], most: R, lanes: R::Mask) {
+    let mut square = R::zero();
+    for (&moved, &removed) in moved.iter().zip(removed) {
+        square += (moved - removed).square();
+    }
+    let lanes = lanes.and(square.gt(most));
+    if lanes.none() {
+        return;
+    }
+    let factor = (most / R::select(lanes, square, R::one())).sqrt();
+    for (moved, &removed) in moved.iter_mut().zip(removed) {
+        *moved = R::select(lanes, removed + (*moved - removed) * factor, *moved);
     }
 }
 

@@ -10,14 +10,18 @@ use crate::collision::contact_set::Contacts;
 use crate::collision::surface_velocity;
 use crate::compile::LaneModel;
 use crate::constraints::impact_time::{Flight, ImpactPrediction};
-use crate::constraints::{ConstraintProblem, PositionSolution};
+use crate::constraints::restitution::ImpactStep;
+use crate::constraints::{ConstraintProblem, PositionSolution, VelocitySolution};
 use crate::dynamics::gyroscopic;
 use crate::dynamics::kinematics::{Kinematics, advance};
+use crate::integrators::acceptance::ambiguous;
 use crate::integrators::impact_set::Impacts;
 use crate::integrators::step_values::{Evaluation, FreeMotion, Place, Scratch, StepInput};
 use crate::math::spatial::*;
 use crate::stages::s04_assemble::shift_targets;
-use crate::tuning::{MAX_RESOLVED_ROTATION, MIN_IMPACT_RATIO, MIN_VELOCITY_ERROR, PLACEMENT_TOLERANCE};
+use crate::tuning::{
+    MAX_IMPACT_RESIDUAL, MAX_RESOLVED_ROTATION, MAX_TRUSTED_RESIDUAL, MIN_IMPACT_RATIO, MIN_VELOCITY_ERROR, PLACEMENT_TOLERANCE,
+};
 
 /// Moves the evaluation point of each lane to the time of its first impact. Returns the lanes that moved and must be evaluated again.
 ///
@@ -94,6 +98,36 @@ fn normal_velocities<R: Real>(
     out
 }
 
+/// Makes impacts inelastic where Newton's law has no plausible solution, and returns their lanes, which must be solved again.
+///
+/// See [`ConstraintProblem::drop_restitution`]. `residual` is that of the solution. In the lanes `inelastic` some impacts already are
+/// inelastic, and all become so if one of them is still implausible. Enormous impulses are no start for the next solve, so contacts start
+/// from zero.
+pub(crate) fn drop_restitution<R: Real>(
+    place: Place<'_, R>,
+    free: &mut FreeMotion<R>,
+    problem: &mut ConstraintProblem<R>,
+    velocity: &mut VelocitySolution<R>,
+    residual: R,
+    inelastic: R::Mask,
+) -> R::Mask {
+    if problem.impacts.is_empty() {
+        return R::Mask::splat(false);
+    }
+    let tolerance = R::of(place.input.options.tolerance);
+    let failed = R::select(inelastic, tolerance, tolerance * R::of(MAX_IMPACT_RESIDUAL));
+    let unsolved = ambiguous(place, free, problem, velocity, residual).or(residual.gt(failed));
+    let FreeMotion { v, smooth, scratch: Scratch { free_change: scratch, .. }, .. } = free;
+    scratch.copy_from_slice(v);
+    smooth.mass.scale(place.input.compiled, scratch);
+    let energy = scratch.iter().fold(R::zero(), |sum, v| sum + v.square()) * R::of(0.5);
+    let lanes = problem.drop_restitution(&velocity.impulses, [energy, R::of(MAX_TRUSTED_RESIDUAL)], [unsolved, inelastic]);
+    if lanes.any() {
+        velocity.impulses.clear_contacts(&problem.rows, lanes, scratch);
+    }
+    lanes
+}
+
 /// Prepares the position solve if any lane needs it: its rows and its free velocity. Returns the lanes with impacts, which need it.
 ///
 /// Positions advance from `time_before` with the velocity after the step. The free velocity of the position solve therefore contains two
@@ -108,7 +142,8 @@ pub(crate) fn prepare_position_solve<R: Real>(
     impulses: &mut Iterate<R>,
     position: &mut PositionSolution<R>,
 ) -> R::Mask {
-    let Place { input: StepInput { compiled, state, alive, .. }, evaluation: Evaluation { scheme, impacts, .. } } = place;
+    let Place { input: StepInput { compiled, options, state, alive, .. }, evaluation: Evaluation { scheme, contacts, impacts, .. } } =
+        place;
     let lanes = impacts.lanes.or(problem.bouncing()).and(alive);
     if problem.needs_position_solve.or(lanes).none() {
         return lanes;
@@ -118,7 +153,18 @@ pub(crate) fn prepare_position_solve<R: Real>(
     if lanes.none() {
         return lanes;
     }
-    position.remove_impacts(compiled, &free.smooth.mass, problem, impulses, [scheme.h, scheme.time_before], lanes);
+    let step = ImpactStep {
+        problem,
+        mass: &free.smooth.mass,
+        contacts,
+        free: &free.v,
+        slop: options.slop,
+        h: scheme.h,
+        time_before: scheme.time_before,
+        time_after: scheme.time_after,
+        lanes,
+    };
+    position.remove_impacts(compiled, impulses, &step);
     R::vectorize(
         #[inline(always)]
         || {
@@ -131,6 +177,7 @@ pub(crate) fn prepare_position_solve<R: Real>(
         },
     );
     position.shift(compiled, &free.smooth.mass, problem, lanes);
+    step.leave_out_impacts(compiled, &mut position.rows);
     lanes
 }
 

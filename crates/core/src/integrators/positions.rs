@@ -28,41 +28,84 @@ pub(crate) fn integrate_positions<R: Real>(
     });
 }
 
+/// Lanes that the position solve corrects.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct CorrectedLanes<R: Real> {
+    /// Lanes with a correction.
+    all: R::Mask,
+    /// Lanes in which a contact bounces. Their correction leads to the position after the rebound.
+    rebounding: R::Mask,
+    /// Lanes that are proven infeasible.
+    pub(crate) infeasible: R::Mask,
+}
+
+/// Stage 8: solves for corrected positions after the step, in `position.q_corrected`.
+///
+/// The solve starts from the impulses of the velocity solution and overwrites them.
+#[inline(always)]
+pub(crate) fn correct_positions<R: Real>(
+    place: Place<'_, R>,
+    free: &FreeMotion<R>,
+    problem: &ConstraintProblem<R>,
+    velocity: &mut VelocitySolution<R>,
+    position: &mut PositionSolution<R>,
+) -> CorrectedLanes<R> {
+    let Place { input, evaluation } = place;
+    let impacts = prepare_position_solve(place, free, problem, &mut velocity.impulses, position);
+    let (lanes, rebounding) = (problem.needs_position_solve.or(impacts), problem.rebounding.or(impacts));
+    if lanes.none() {
+        return CorrectedLanes { all: lanes, rebounding, infeasible: lanes };
+    }
+    let (contacts, h) = (&evaluation.contacts, evaluation.scheme.h);
+    let rows = PositionInput { problem, mass: &free.smooth.mass, contacts, lanes, rebounding, h };
+    let infeasible = stabilise(input.compiled, input.options, &rows, velocity, position);
+    CorrectedLanes { all: lanes, rebounding, infeasible }
+}
+
 /// Lanes in which a geom may have passed through a thin one.
+///
+/// The displacement after a rebound is that of the corrected positions, as a velocity over the whole step. It is stored in
+/// `position.impact_displacement`.
 #[inline(always)]
 pub(crate) fn find_tunnelling<R: Real>(
     input: StepInput<'_, R>,
     evaluation: &mut Evaluation<R>,
     velocity: &VelocitySolution<R>,
+    position: &mut PositionSolution<R>,
+    corrected: CorrectedLanes<R>,
     outcome: &StepOutcome<R>,
 ) -> R::Mask {
     let Evaluation { scheme, kinematics, poses, .. } = evaluation;
+    let PositionSolution { impact_displacement: motion, correction, .. } = position;
     let is_free = !outcome.impulses_act && !scheme.corrects;
-    let step = TakenStep { velocity: &velocity.v, is_free, h: scheme.h, contacts_at_end: false };
+    let rebounding = corrected.all.and(corrected.rebounding);
+    let v = if rebounding.none() {
+        &velocity.v
+    } else {
+        let part = scheme.time_after / scheme.h;
+        for (motion, (&v, &correction)) in motion.iter_mut().zip(velocity.v.iter().zip(&*correction)) {
+            *motion = R::select(rebounding, v * part + correction, v);
+        }
+        &*motion
+    };
+    let step = TakenStep { velocity: v, is_free, h: scheme.h, contacts_at_end: false };
     may_have_passed(input.compiled, kinematics, step, input.alive, poses)
 }
 
-/// Stage 8: corrects the positions after the step, and returns the lanes that are proven infeasible.
-///
-/// The solve starts from the impulses of the velocity solution and overwrites them.
+/// Replaces the configuration after the step by the corrected one, except where a jam makes the correction ineffective.
 #[inline(always)]
-pub(crate) fn correct_positions<R: Real>(
+pub(crate) fn accept_corrections<R: Real>(
     input: StepInput<'_, R>,
     evaluation: &mut Evaluation<R>,
-    free: &FreeMotion<R>,
     problem: &ConstraintProblem<R>,
-    velocity: &mut VelocitySolution<R>,
     position: &mut PositionSolution<R>,
-) -> R::Mask {
-    let impacts = prepare_position_solve(Place { input, evaluation }, free, problem, &mut velocity.impulses, position);
-    let (lanes, rebounding) = (problem.needs_position_solve.or(impacts), problem.rebounding.or(impacts));
-    if lanes.none() {
-        return lanes;
+    corrected: CorrectedLanes<R>,
+) {
+    let CorrectedLanes { all, rebounding, infeasible } = corrected;
+    if all.none() {
+        return;
     }
-    let (contacts, h) = (&evaluation.contacts, evaluation.scheme.h);
-    let rows = PositionInput { problem, mass: &free.smooth.mass, contacts, lanes, rebounding, h };
-    let infeasible = stabilise(input.compiled, input.options, &rows, velocity, position);
-    // Bouncing contacts keep their correction: it leads to the position after the rebound.
+    // Bouncing contacts keep their correction.
     let jammed = infeasible.and_not(rebounding);
     if jammed.any() {
         revert_ineffective_corrections(input, evaluation, problem, position, jammed);
@@ -71,9 +114,8 @@ pub(crate) fn correct_positions<R: Real>(
         #[inline(always)]
         || {
             for (q, &corrected) in position.q.iter_mut().zip(&position.q_corrected) {
-                *q = R::select(lanes, corrected, *q);
+                *q = R::select(all, corrected, *q);
             }
         },
     );
-    infeasible
 }

@@ -7,7 +7,7 @@ use crate::constraints::{ConstraintProblem, PositionSolution, VelocitySolution};
 use crate::integrators::acceptance::{ambiguous, resolve_ambiguous};
 use crate::integrators::collision_search::CollisionSearch;
 use crate::integrators::contact_activation::{SweptMotion, activate_colliding};
-use crate::integrators::impact::correct_impact_forces;
+use crate::integrators::impact::{correct_impact_forces, drop_restitution};
 use crate::integrators::step_outcome::StepOutcome;
 use crate::integrators::step_resolution::{diverging, limit_joint_rates};
 use crate::integrators::step_values::{Evaluation, FreeMotion, Place, StepInput};
@@ -21,7 +21,8 @@ use crate::tuning::{IMPACT_PASSES, ORDERED_PASSES};
 ///
 /// In the motion of a solution no deferred contact may collide. After an impact, its velocity must be that at which inertial forces were
 /// evaluated. Otherwise colliding contacts become active, or the free velocity is recomputed, and the lanes are solved again. Impacts
-/// repeat the solve at most three times. The last pass evaluates inertial forces at the velocity after the impact.
+/// repeat the solve at most three times. The last pass evaluates inertial forces at the velocity after the impact. Impacts for which
+/// Newton's law has no plausible solution become inelastic. Their lanes are the second result: a shorter step resolves them.
 #[inline(always)]
 pub(crate) fn solve_velocities<R: Real>(
     place: Place<'_, R>,
@@ -30,11 +31,11 @@ pub(crate) fn solve_velocities<R: Real>(
     velocity: &mut VelocitySolution<R>,
     collisions: &mut CollisionSearch<R>,
     probe: impl Probe,
-) -> Outcome<R> {
+) -> (Outcome<R>, R::Mask) {
     let Place { input: StepInput { compiled, options, state, .. }, evaluation: Evaluation { scheme, contacts, .. } } = place;
     let mut outcome = Outcome { residual: R::zero(), sweeps: R::zero(), newton_steps: R::zero() };
     let (mut lanes, mut first) = (problem.constrained, true);
-    let (mut passes, mut impacts) = (0, 0);
+    let (mut passes, mut impacts, mut inelastic) = (0, 0, R::Mask::splat(false));
     loop {
         let solved = probe.span(Span::Solve, || solve(options, &state.v, lanes, problem, velocity, contacts));
         if first {
@@ -52,13 +53,17 @@ pub(crate) fn solve_velocities<R: Real>(
             (passes, impacts) = (0, impacts + 1);
         }
         if lanes.none() {
+            lanes = drop_restitution(place, free, problem, velocity, outcome.residual, inelastic);
+            (passes, inelastic) = (0, inelastic.or(lanes));
+        }
+        if lanes.none() {
             break;
         }
     }
     problem.activate_satisfied(velocity);
     probe.span(Span::Solve, || resolve_ambiguous(place, free, problem, velocity, &mut outcome));
     count_effort(&outcome, probe);
-    outcome
+    (outcome, inelastic)
 }
 
 /// Bounds the velocity in lanes with a large Baumgarte bias, with a motion that is too fast for the step, or with an ambiguous energy.

@@ -48,7 +48,8 @@ pub(crate) fn assemble<R: Real>(input: RowInput<'_, R>, contacts: &Contacts<R>, 
             if !compiled.equalities.is_empty() {
                 assembler.add_equalities(input, false);
             }
-            assembler.problem.resolves_impacts = input.assembly.in_the_middle && any_elastic(contacts);
+            assembler.problem.elastic = any_elastic(contacts);
+            assembler.problem.resolves_impacts = assembler.problem.elastic && input.assembly.in_the_middle;
             for k in 0..contacts.slots() {
                 let lanes = contacts.lanes_of(k);
                 let narrow = lanes & !rolling_lanes(compiled, contacts, k, lanes);

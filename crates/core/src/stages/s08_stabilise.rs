@@ -67,7 +67,7 @@ pub struct PositionInput<'a, R: Real> {
     pub contacts: &'a Contacts<R>,
     /// Lanes whose positions are corrected.
     pub lanes: R::Mask,
-    /// Lanes in which a contact bounces. Their correction has no bounds, because it leads to the position after the rebound.
+    /// Lanes in which a contact bounces. Their correction leads to the position after the rebound, and only the speeds of the step bound it.
     pub rebounding: R::Mask,
     /// Time step, s.
     pub h: R,
@@ -199,7 +199,7 @@ fn correct<R: Real>(
     let threshold = if options.solver == Solver::Newton { tolerance } else { tolerance.max(rough) };
     let settings = Settings { sweeps, newton_steps: newton, tolerance: R::of(tolerance), newton_threshold: R::of(threshold) };
     let VelocitySolution { impulses, v: v_next, newton, shared, .. } = velocity;
-    let PositionSolution { rows, reference, islands, v_free, correction: out, .. } = position;
+    let PositionSolution { rows, reference, islands, v_free, correction: out, impact_displacement: scratch, .. } = position;
     let system = rows.system(&input.problem.rows);
     // The residual of a correction is not reported. Only a smaller tolerance needs its certificate.
     let system = if tolerance < CORRECTION_TOLERANCE { system } else { system.uncertified() };
@@ -209,6 +209,10 @@ fn correct<R: Real>(
         #[inline(always)]
         || {
             find_motion(compiled, input.mass, impulses, [v_free, v_next], out);
+            let rebounding = lanes.and(input.rebounding);
+            if rebounding.any() {
+                bound_rebound(compiled, input.mass, [v_free, v_next], out, scratch, rebounding);
+            }
             let short = system.shortfall(impulses, reference);
             let held = system.immovable_target();
             let fast = lanes.and_not(input.rebounding).and(excess(compiled, out, bounds).gt(R::one()));
@@ -274,6 +278,32 @@ fn find_motion<R: Real>(compiled: &LaneModel<R>, mass: &MassMatrix<R>, impulses:
     mass.unscale(compiled, out);
     for i in 0..compiled.nv {
         out[i] = (v_free[i] + out[i]) - v_next[i];
+    }
+}
+
+/// Bounds the correction `v` of the lanes `lanes` by twice the larger speed of two velocities, in the metric of the kinetic energy.
+///
+/// No position after a rebound is farther away. Friction in a corner can make the correction itself enormous. Overwrites `scratch`.
+#[cold]
+fn bound_rebound<R: Real>(
+    compiled: &LaneModel<R>,
+    mass: &MassMatrix<R>,
+    velocities: [&[R]; 2],
+    v: &mut [R],
+    scratch: &mut [R],
+    lanes: R::Mask,
+) {
+    let mut square = |v: &[R]| {
+        scratch.copy_from_slice(v);
+        mass.scale(compiled, scratch);
+        scratch.iter().fold(R::zero(), |sum, x| sum + x.square())
+    };
+    let most = square(velocities[0]).max(square(velocities[1])) * R::of(4.0);
+    let own = square(v);
+    let lanes = lanes.and(own.gt(most));
+    let factor = (most / R::select(lanes, own, R::one())).sqrt();
+    for v in v {
+        *v = R::select(lanes, *v * factor, *v);
     }
 }
 

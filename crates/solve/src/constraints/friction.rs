@@ -321,6 +321,33 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContacts<R, N, L> {
         v + contact.g[0]
     }
 
+    /// Work of the friction of contact `i`, J: its impulse times the mean of the slip before and after all impulses.
+    #[inline(always)]
+    pub(crate) fn friction_work(&self, i: usize, impulses: &[[R; N]], w: &[R]) -> R {
+        let contact = &self.rows.items[i];
+        let velocity = self.velocity(contact, w);
+        let mut work = R::zero();
+        for k in 1..N {
+            work += impulses[i][k] * (velocity[k] + contact.g[k]);
+        }
+        work * R::of(0.5)
+    }
+
+    /// Rounding error of the normal impulse of contact `i`, as a velocity, m/s.
+    ///
+    /// The natural map cannot see a smaller velocity beside this impulse.
+    #[inline(always)]
+    pub(crate) fn impulse_rounding(&self, i: usize, impulses: &[[R; N]]) -> R {
+        impulses[i][0] * self.rows.items[i].step.inv_rho * R::of(R::Scalar::EPSILON.to_f64())
+    }
+
+    /// Multiplies the velocity target of the normal row of contact `i` by `factor`, in the lanes `lanes`.
+    #[inline(always)]
+    pub(crate) fn scale_normal_target(&mut self, i: usize, factor: R, lanes: R::Mask) {
+        let g = &mut self.rows.items[i].g[0];
+        *g = R::select(lanes, *g * factor, *g);
+    }
+
     /// Activates the rows of contact `i` in those lanes of `lanes` in which they are deferred. Returns these lanes.
     #[inline(always)]
     pub(crate) fn activate(&mut self, i: usize, lanes: R::Mask) -> R::Mask {

@@ -22,7 +22,8 @@ def wall(axis: int, side: int) -> str:
 
 
 def room(walls: str, friction: float, restitution: float, envs: int, **options):
-    text = f'<mujoco><option gravity="0 0 0"/><default><geom friction="{friction} 0 0"/></default><worldbody>{walls}{BALL}</worldbody></mujoco>'
+    defaults = f'<default><geom friction="{friction} 0 0"/></default>'
+    text = f'<mujoco><option gravity="0 0 0"/>{defaults}<worldbody>{walls}{BALL}</worldbody></mujoco>'
     model = stepper.load(text)
     model = model.replace(geom_restitution=np.full(model.ngeom, restitution))
     return simulate(model, envs, stabilization="split", **options)

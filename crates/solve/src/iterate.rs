@@ -230,6 +230,28 @@ impl<R: Real> Iterate<R> {
         set_first_impulse(problem, i, lanes, lambda, (contacts, rolling_contacts, w));
     }
 
+    /// Work of the friction of contact `i`, J: its impulse times the mean of the slip before and after all impulses.
+    ///
+    /// The index counts contacts of three rows, then of six.
+    #[inline(always)]
+    pub fn friction_work(&self, problem: &Problem<R>, i: usize) -> R {
+        match i.checked_sub(problem.contacts.len()) {
+            None => problem.contacts.friction_work(i, &self.contacts, &self.w),
+            Some(i) => problem.rolling_contacts.friction_work(i, &self.rolling_contacts, &self.w),
+        }
+    }
+
+    /// Rounding error of the normal impulse of contact `i`, as a velocity, m/s. A smaller residual is meaningless.
+    ///
+    /// The index counts contacts of three rows, then of six.
+    #[inline(always)]
+    pub fn impulse_rounding(&self, problem: &Problem<R>, i: usize) -> R {
+        match i.checked_sub(problem.contacts.len()) {
+            None => problem.contacts.impulse_rounding(i, &self.contacts),
+            Some(i) => problem.rolling_contacts.impulse_rounding(i, &self.rolling_contacts),
+        }
+    }
+
     /// Sets the impulses of contacts to zero in the lanes `lanes`, and recomputes w there. `scratch` has the length of w.
     pub fn clear_contacts(&mut self, problem: &Problem<R>, lanes: R::Mask, scratch: &mut [R]) {
         for impulse in &mut self.contacts {

@@ -4,7 +4,6 @@ use crate::capacity::Capacity;
 use crate::constraints::constraint_set::{ConstraintSet, Rows};
 use crate::constraints::friction::{FrictionContacts, LocalSolver};
 use crate::constraints::{by_kind, each_kind, make_kinds};
-use crate::iterate::Iterate;
 use crate::lane_map::LaneMap;
 use stepper_real::{Mask, Real};
 
@@ -134,28 +133,6 @@ impl<R: Real> Problem<R> {
         match i.checked_sub(self.contacts.len()) {
             None => self.contacts.activate(i, lanes),
             Some(i) => self.rolling_contacts.activate(i, lanes),
-        }
-    }
-
-    /// Work of the friction of contact `i`, J: its impulse times the mean of the slip before and after all impulses.
-    ///
-    /// The index counts contacts of three rows, then of six.
-    #[inline(always)]
-    pub fn friction_work(&self, i: usize, impulses: &Iterate<R>) -> R {
-        match i.checked_sub(self.contacts.len()) {
-            None => self.contacts.friction_work(i, &impulses.contacts, &impulses.w),
-            Some(i) => self.rolling_contacts.friction_work(i, &impulses.rolling_contacts, &impulses.w),
-        }
-    }
-
-    /// Rounding error of the normal impulse of contact `i`, as a velocity, m/s. A residual says nothing below it.
-    ///
-    /// The index counts contacts of three rows, then of six.
-    #[inline(always)]
-    pub fn impulse_rounding(&self, i: usize, impulses: &Iterate<R>) -> R {
-        match i.checked_sub(self.contacts.len()) {
-            None => self.contacts.impulse_rounding(i, &impulses.contacts),
-            Some(i) => self.rolling_contacts.impulse_rounding(i, &impulses.rolling_contacts),
         }
     }
 

@@ -176,9 +176,10 @@ impl<R: Real> ConstraintProblem<R> {
 
     /// Replaces Newton's law by an inelastic impact where it has no plausible solution: `e` becomes 0. Returns the lanes in which it did.
     ///
-    /// Newton's law fixes the normal velocity after an impact, however hard the friction of another contact pushes. A ball that flies into a
-    /// corner with a friction coefficient of 1 or more has no solution, and just below 1 the impulses are enormous. The friction of such
-    /// impacts adds energy (Kane and Levinson, Dynamics: Theory and Applications, 1985, section 5.7). An inelastic impact always has a solution.
+    /// Newton's law fixes the normal velocity after an impact, however hard the friction of another contact pushes. A ball that flies into
+    /// a corner with a friction coefficient of 1 or more has no solution, and just below 1 the impulses are enormous. The friction of such
+    /// impacts adds energy (Kane and Levinson, Dynamics: Theory and Applications, 1985, section 5.7). An inelastic impact always has a
+    /// solution.
     ///
     /// A contact counts if its friction adds more than `energy` (J), or if its impulse rounds away velocities of `most_rounding` (m/s). In
     /// the lanes `unsolved` every contact counts. In the lanes `whole` one contact counts for all.
@@ -191,7 +192,7 @@ impl<R: Real> ConstraintProblem<R> {
         let Self { rows, impacts, rebounding, .. } = self;
         let elastic = |impact: &Impact<R>| impact.lanes.and(impact.normal_factor.gt(R::one()));
         let implausible = |rows: &Problem<R>, i: usize| {
-            rows.friction_work(i, impulses).gt(energy).or(rows.impulse_rounding(i, impulses).gt(most_rounding))
+            impulses.friction_work(rows, i).gt(energy).or(impulses.impulse_rounding(rows, i).gt(most_rounding))
         };
         let mut everywhere = unsolved;
         for (i, impact) in impacts.iter().enumerate() {
@@ -254,9 +255,9 @@ pub(crate) struct ImpactStep<'a, R: Real> {
 impl<R: Real> ImpactStep<'_, R> {
     /// Sets the position target of contact `i`, in the lanes `lanes`, to its gap at the end of the step over h.
     ///
-    /// The configuration at the end lies `time_after` times the velocity v+, and `h` times the correction, from the evaluation point. Its gap
-    /// is therefore that of the evaluation point, plus h times the velocity of the position solve, minus (h - time_after) v_n+. A contact
-    /// that overlaps keeps its target. `impulses` are those of the velocity solution.
+    /// The configuration at the end lies `time_after` times the velocity v+, and `h` times the correction, from the evaluation point. Its
+    /// gap is therefore that of the evaluation point, plus h times the velocity of the position solve, minus (h - time_after) v_n+. A
+    /// contact that overlaps keeps its target. `impulses` are those of the velocity solution.
     #[inline(always)]
     fn target_end_gap(&self, i: usize, lanes: R::Mask, impulses: &Iterate<R>, positions: &mut PositionRows<R>) {
         let Self { problem, contacts, slop, h, time_after, .. } = *self;

@@ -67,7 +67,8 @@ pub struct PositionInput<'a, R: Real> {
     pub contacts: &'a Contacts<R>,
     /// Lanes whose positions are corrected.
     pub lanes: R::Mask,
-    /// Lanes in which a contact bounces. Their correction leads to the position after the rebound, and only the speeds of the step bound it.
+    /// Lanes in which a contact bounces. Their correction leads to the position after the rebound, and only the speeds of the step bound
+    /// it.
     pub rebounding: R::Mask,
     /// Time step, s.
     pub h: R,

@@ -335,7 +335,7 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContacts<R, N, L> {
 
     /// Rounding error of the normal impulse of contact `i`, as a velocity, m/s.
     ///
-    /// The natural map cannot see a smaller velocity beside this impulse.
+    /// The natural map of this impulse rounds a smaller velocity away.
     #[inline(always)]
     pub(crate) fn impulse_rounding(&self, i: usize, impulses: &[[R; N]]) -> R {
         impulses[i][0] * self.rows.items[i].step.inv_rho * R::of(R::Scalar::EPSILON.to_f64())

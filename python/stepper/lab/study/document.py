@@ -104,7 +104,7 @@ def _template() -> Any:
         return markupsafe.Markup(re.sub(r"`([^`]*)`", r"<code>\1</code>", str(markupsafe.escape(text))))
 
     environment = jinja2.Environment(
-        loader=jinja2.PackageLoader(__package__), autoescape=True, trim_blocks=True, undefined=jinja2.StrictUndefined
+        loader=jinja2.PackageLoader(__package__, ""), autoescape=True, trim_blocks=True, undefined=jinja2.StrictUndefined
     )
     encoded = {"base64": lambda file: base64.b64encode(file.read_bytes()).decode()}
     environment.filters |= encoded | {"cell": cell, "code": code}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Generator, Iterable
 from types import ModuleType
 from typing import Any
 
@@ -27,7 +27,7 @@ def running_ray(purpose: str, *, log_to_driver: bool = True) -> ModuleType:
 
 def each_task(
     ray: ModuleType, run: Callable[..., Any], shared: Iterable[Any], cases: Iterable[Any], **options: Any
-) -> Iterator[tuple[int, Any]]:
+) -> Generator[tuple[int, Any], None, None]:
     """Calls `run(*shared, case)` for every case, each call as a task. If one fails, the others are cancelled.
 
     Args:

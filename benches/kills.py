@@ -6,13 +6,12 @@ Of every study and command: one run to its end; then rounds, each in a new folde
 there were as many kills as asked for. Of four kills, one is after a time drawn uniformly from nothing to the length of the whole run, which
 meets imports and pages too, and three are up to 50 ms after the journal has a number of rows drawn uniformly from those that it lacks.
 Printed are the kills, how many of them met a journal with rows, the share of the rows that it had then, and whether all files but the
-journal are the same to the byte and the journal has no row twice. Ends with 1 where they are not.
+journal are the same to the byte and the journal has the same rows. Ends with 1 where they are not.
 """
 
 from __future__ import annotations
 
 import argparse
-import json
 import math
 import random
 import shutil
@@ -23,6 +22,9 @@ import time
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
+
+from stepper.lab.study.journal import rows_of
+from stepper.lab.study.results import JOURNAL
 
 BY_TIME = 0.25
 """Share of the kills whose moment is a time."""
@@ -37,13 +39,11 @@ class Count:
 
     Attributes:
         rows: Rows that the journal had at each kill.
-        torn: Kills that left a torn line.
         rounds: Runs that got through after kills.
         wrong: What differed.
     """
 
     rows: list[int] = field(default_factory=list)
-    torn: int = 0
     rounds: int = 0
     wrong: list[str] = field(default_factory=list)
 
@@ -54,27 +54,19 @@ def start(command: str, study: Path, out: Path, more: list[str]) -> subprocess.P
         return subprocess.Popen([sys.executable, "-c", COMMAND, command, str(study), "--out", str(out), *more], stdout=log, stderr=log)
 
 
-def lines_of(out: Path) -> tuple[list[bytes], bool]:
-    """Whole lines of the journal of the one study in a folder, and whether there is a torn one after them."""
-    data = b"".join(path.read_bytes() for path in out.glob("*/journal"))
-    lines = data.splitlines(keepends=True)
-    whole = [line for line in lines if line.endswith(b"\n")]
-    return whole, len(whole) < len(lines)
-
-
-def keys_of(lines: list[bytes]) -> list[str]:
-    """Keys of rows."""
-    return [json.loads(line.partition(b" ")[2])["key"] for line in lines]
+def keys_of(out: Path) -> list[str]:
+    """Keys of the rows in the journal of the one study in a folder."""
+    return [row["key"] for path in out.glob(f"*/{JOURNAL}") for row in rows_of(path)]
 
 
 def differences(whole: Path, cut: Path) -> Iterator[str]:
     """What is otherwise in a folder than in that of the run that was not killed."""
     names = {path.relative_to(folder) for folder in (whole, cut) for path in folder.rglob("*") if path.is_file()}
     for name in sorted(names):
-        if name.name == "journal":
-            keys, theirs = keys_of(lines_of(cut)[0]), keys_of(lines_of(whole)[0])
-            if len(set(keys)) < len(keys) or set(keys) != set(theirs):
-                yield f"{name}: {len(keys)} rows, {len(set(keys))} different, must be the {len(theirs)} of the whole run"
+        if name.name == JOURNAL:
+            keys, theirs = keys_of(cut), keys_of(whole)
+            if sorted(keys) != sorted(theirs):
+                yield f"{name}: {len(keys)} rows, must be the {len(theirs)} of the whole run"
         elif not ((whole / name).exists() and (cut / name).exists()):
             yield f"{name}: not in both"
         elif (whole / name).read_bytes() != (cut / name).read_bytes():
@@ -89,24 +81,22 @@ def kill(command: str, study: Path, folder: Path, *, kills: int, more: list[str]
     begin = time.monotonic()
     if start(command, study, whole, more).wait():
         raise SystemExit(f"{command} of {study} does not end well: {whole.with_suffix('.log')} says why")
-    length, total = time.monotonic() - begin, len(lines_of(whole)[0])
+    length, total = time.monotonic() - begin, len(keys_of(whole))
     count = Count()
     while len(count.rows) < kills:
         with start(command, study, cut, more) as process:
             moment = time.monotonic() + draw.uniform(0.0, length) if draw.random() < BY_TIME else math.inf
             # Of a journal that has all rows, it gets through.
-            known, late = len(lines_of(cut)[0]), draw.uniform(0.0, LATE)
+            known, late = len(keys_of(cut)), draw.uniform(0.0, LATE)
             rows = draw.randint(known + 1, total) if known < total else math.inf
             while (code := process.poll()) is None and time.monotonic() < moment:
                 time.sleep(POLL)
-                if math.isinf(moment) and len(lines_of(cut)[0]) >= rows:
+                if math.isinf(moment) and len(keys_of(cut)) >= rows:
                     moment = time.monotonic() + late
             if code is None:
                 process.send_signal(signal.SIGKILL)
                 process.wait()
-                lines, torn = lines_of(cut)
-                count.rows.append(len(lines))
-                count.torn += torn
+                count.rows.append(len(keys_of(cut)))
                 continue
         count.wrong += [f"it ended with {code}"] if code else differences(whole, cut)
         count.rounds += 1
@@ -130,8 +120,8 @@ def main() -> None:
     asked = parser.parse_args()
     asked.out.mkdir(parents=True, exist_ok=True)
     draw, failed = random.Random(asked.seed), False
-    print("| study | command | whole run | rows | kills | met rows | share of them: least, median, most | torn lines | got through |")
-    print("|---|---|---|---|---|---|---|---|---|")
+    print("| study | command | whole run | rows | kills | met rows | share of them: least, median, most | got through |")
+    print("|---|---|---|---|---|---|---|---|")
     for study in asked.study:
         for command in asked.command or ("sweep", "report", "rank"):
             more = ["--samples", str(asked.samples)] if command == "rank" else []
@@ -140,7 +130,7 @@ def main() -> None:
             told = f"{shares[0]:.2f}, {shares[len(shares) // 2]:.2f}, {shares[-1]:.2f}" if shares else "-"
             end = "; ".join(dict.fromkeys(count.wrong)) or "every time with the same bytes"
             print(
-                f"| {study.stem} | {command} | {length:.0f} s | {rows} | {len(count.rows)} | {len(shares)} | {told} | {count.torn} | "
+                f"| {study.stem} | {command} | {length:.0f} s | {rows} | {len(count.rows)} | {len(shares)} | {told} | "
                 f"{count.rounds}, {end} |",
                 flush=True,
             )

@@ -21,6 +21,7 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from numpy.typing import NDArray
 from stepper import Model
 from stepper.envs import StepperVectorEnv, Task
+from stepper.lab.engines import MujocoCrowd
 from stepper.loading import compile_source, origin_of
 
 Array = NDArray[Any]
@@ -37,17 +38,6 @@ _FIELDS = {"actuator_gain": "actuator_gainprm", "actuator_bias": "actuator_biasp
 _WIDTH = {"actuator_gain": 3, "actuator_bias": 3}
 _DERIVED = {"body_mass", "body_inertia", "body_ipos", "dof_armature"}
 """Parameters from which MuJoCo derives constants."""
-
-
-def batch_of(engine: str, model: Any, num_envs: int, threads: int = 1) -> Any:
-    """A batch of MuJoCo's or of mjbatch's: of what is used here they have the same calls.
-
-    Raises:
-        ValueError: Another engine.
-    """
-    if engine not in ("mujoco.batch", "mjbatch"):
-        raise ValueError(f"engine is {engine!r}, must be 'mujoco.batch' or 'mjbatch'")
-    return importlib.import_module(engine).Batch(model, num_envs, threads)
 
 
 def reads_contact_forces(task: Task) -> bool:
@@ -85,7 +75,7 @@ def with_an_acceleration(spec: Any) -> Any:
     return spec.compile()
 
 
-class MujocoSim:
+class MujocoSim(MujocoCrowd):
     """A batch of MuJoCo's with what tasks read of a `stepper.Stepper`, and what they call.
 
     Args:
@@ -97,38 +87,25 @@ class MujocoSim:
     """
 
     def __init__(self, model: Model, num_envs: int, *, engine: str = "mujoco.batch", threads: int = 1, m: Any = None):
-        self.model, self.num_envs = model, num_envs
+        if engine not in ("mujoco.batch", "mjbatch"):
+            raise ValueError(f"engine is {engine!r}, must be 'mujoco.batch' or 'mjbatch'")
         m = mujoco_model(model, with_contact_forces=False) if m is None else m
-        self._m, self._batch = m, batch_of(engine, m, num_envs, threads)
-        self._bound: dict[str, Array] = {}
-        self._nq, self._nv = m.nq, m.nv
+        super().__init__(m, num_envs, threads=threads, library=engine)
+        self.model = model
         self.timestep = float(m.opt.timestep)
         self.status = np.zeros(num_envs, dtype=np.uint32)
         self.randomized: dict[str, Array] = {}
-        for name in ("qpos", "qvel", "ctrl"):
-            self._bind(name)
-
-    def _bind(self, name: str) -> Array:
-        if name not in self._bound:
-            self._bound[name] = self._batch.bind(name)
-        return self._bound[name]
 
     def __getattr__(self, name: str) -> Any:
         # Called for what is not an attribute only.
         if name not in _READ:
             raise AttributeError(f"MuJoCo's batch has no {name!r}: benches/mujoco_vector.py has what tasks read of it")
         known = _READ[name] in self._bound
-        values = self._bind(_READ[name])
+        values = self.bind(_READ[name])
         if not known:
             # What is asked for the first time is computed from the state as it is.
             self._batch.forward()
         return np.array(values)
-
-    def step(self, ctrl: Array | None = None, nstep: int = 1) -> None:
-        """Makes steps."""
-        if ctrl is not None:
-            self._bound["ctrl"][:] = ctrl
-        self._batch.step(nstep=nstep)
 
     def reset(self, envs: Array | None = None, *, qpos: Array | None = None, qvel: Array | None = None, seed: Any = None) -> None:
         """Begins episodes in the environments of a mask; there is nothing that a seed is for."""
@@ -149,7 +126,7 @@ class MujocoSim:
         ids = np.arange(self.num_envs) if envs is None else np.flatnonzero(envs)
         for name, given in (("qpos", qpos), ("qvel", qvel), ("act", act)):
             if given is not None:
-                target = self._bind(name)
+                target = self.bind(name)
                 target[ids] = np.broadcast_to(given, target.shape)[ids]
         if not keep_warmstart:
             self._batch.forward(ids)

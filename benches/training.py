@@ -30,6 +30,7 @@ import gymnasium
 import mujoco_vector
 import numpy as np
 import stepper.envs
+from sections import section_of, write_section
 from stepper.envs.locomotion import G1Velocity, Go1Velocity, VelocityTask
 from stepper.policies import Comparison, Policy, compare, evaluate, load
 from stepper.shared.machine import one_core, require
@@ -151,7 +152,7 @@ def _named(run: str) -> tuple[str, str]:
 
 def table_of_runs(page: Path, runs: Path, episodes: int) -> str:
     """Time, steps and fresh episodes of every run, a row each: those of the page, with the runs of a folder in place of the same ones."""
-    head, line, *kept = read_table(page, "evaluate")
+    head, line, *kept = section_of(page, "evaluate").split("\n")
     rows = {tuple(_cells(row)[:3]): row for row in kept}
     for file in sorted(runs.glob("*/seed*/policy.npz")):
         if not _is_known(file.parent.parent.name):
@@ -196,7 +197,7 @@ def table_of_following(page: Path, runs: Path, episodes: int, only: str) -> str:
     How far they are from the commanded velocity, and how often they fall, under the law of contact that they were trained in and then under
     the other; beside one that stands still.
     """
-    head, line, *kept = read_table(page, "follow")
+    head, line, *kept = section_of(page, "follow").split("\n")
     table = {tuple(_cells(row)[:3]): row for row in kept}
     for name, task in VELOCITY_TASKS.items():
         if only not in name:
@@ -238,7 +239,7 @@ def table_of_transfers(page: Path, episodes: int, only: str) -> str:
 
     Rows of the page stay unless they are made again: `only` is in the names of the files whose rows are.
     """
-    head, line, *kept = read_table(page, "transfer")
+    head, line, *kept = section_of(page, "transfer").split("\n")
     rows = {tuple(_cells(row)[:3]): row for row in kept}
     for file in sorted(POLICIES.glob(f"*{only}*.npz")):
         policy = load(file)
@@ -293,7 +294,7 @@ def race(task: str, steps: int, runs: Path, report: Report) -> str:
     train: Any = importlib.import_module("train")
     curves: dict[str, list[list[dict[str, str]]]] = {}
     spent: dict[str, float] = {}
-    head, line, *_ = read_table(report.page, "race")
+    head, line, *_ = section_of(report.page, "race").split("\n")
     rows = [head, line]
     with one_core():
         for name, (env, own) in RACERS.items():
@@ -382,30 +383,8 @@ def draw_race(curves: dict[str, list[list[dict[str, str]]]], task: str, path: Pa
 _LAWS = {"mujoco": "MuJoCo's law", "hard": "hard contact"}
 
 
-def _parts(page: Path, name: str) -> tuple[str, str, str]:
-    """Text of the page up to a table, the table, and from there on."""
-    begin, end = f"<!-- {name}: made by `python benches/training.py {name}` -->", f"<!-- end of {name} -->"
-    text = page.read_text()
-    if begin not in text or end not in text:
-        raise ValueError(f"{page} has no marks {begin!r} and {end!r} for the table")
-    before, _, rest = text.partition(begin)
-    table, _, after = rest.partition(end)
-    return f"{before}{begin}\n\n", table, f"\n\n{end}{after}"
-
-
-def read_table(page: Path, name: str) -> list[str]:
-    """Lines of a table of the page."""
-    return _parts(page, name)[1].split("\n")[2:-2]
-
-
 def _cells(row: str) -> list[str]:
     return [cell.strip() for cell in row.strip("|").split("|")]
-
-
-def write_table(page: Path, name: str, table: str) -> None:
-    """Puts a table between its marks in the page."""
-    before, _, after = _parts(page, name)
-    page.write_text(before + table + after)
 
 
 def main() -> None:
@@ -425,21 +404,21 @@ def main() -> None:
     page = report.page
     sys.path.append(str(EXAMPLES))
     if given.what == "race":
-        write_table(
+        write_section(
             page,
             "race",
             race(given.task or "HalfCheetah-v5", given.steps or 400_000, given.runs / "race", report),
         )
     elif given.what == "engines":
-        write_table(page, "engines", engines(given.task or "Go1Velocity-v0", given.runs / "engines", given.episodes or 200, given.steps))
+        write_section(page, "engines", engines(given.task or "Go1Velocity-v0", given.runs / "engines", given.episodes or 200, given.steps))
     elif given.what == "curves":
         draw(collect(given.runs, report.curves), report.images / "learning_curves.png")
     elif given.what == "evaluate":
-        write_table(page, "evaluate", table_of_runs(page, given.runs, given.episodes or FRESH))
+        write_section(page, "evaluate", table_of_runs(page, given.runs, given.episodes or FRESH))
     elif given.what == "follow":
-        write_table(page, "follow", table_of_following(page, given.runs, given.episodes or 200, given.only))
+        write_section(page, "follow", table_of_following(page, given.runs, given.episodes or 200, given.only))
     else:
-        write_table(page, "transfer", table_of_transfers(page, given.episodes or 200, given.only))
+        write_section(page, "transfer", table_of_transfers(page, given.episodes or 200, given.only))
 
 
 if __name__ == "__main__":

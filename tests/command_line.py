@@ -1,16 +1,9 @@
-"""The tables of docs/reference/command_line.md, from the commands themselves.
-
-PYTHONPATH=python python tests/command_line.py
-"""
+"""The tables of docs/reference/command_line.md, from the commands themselves."""
 
 import re
-from pathlib import Path
 
 import typer
 from stepper.cli.app import application
-
-PAGE = Path(__file__).parents[1] / "docs/reference/command_line.md"
-BEGIN, END = "<!-- commands: tests/command_line.py writes them -->\n", "<!-- end of commands -->\n"
 
 
 def line(text):
@@ -39,8 +32,3 @@ def table():
     """All commands, as Markdown."""
     group = typer.main.get_command(application())
     return "\n".join(described(command) for command in group.commands.values())
-
-
-if __name__ == "__main__":
-    before, _, rest = PAGE.read_text().partition(BEGIN)
-    PAGE.write_text(before + BEGIN + "\n" + table() + "\n" + END + rest.partition(END)[2])

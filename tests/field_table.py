@@ -1,17 +1,11 @@
-"""The tables of docs/reference/what_can_vary.md, made of the table of fields.
-
-PYTHONPATH=python python tests/field_table.py
-"""
+"""The tables of docs/reference/what_can_vary.md, made of the table of fields."""
 
 from dataclasses import fields
-from pathlib import Path
 
 from stepper import Drive, Options, Transfer
 from stepper.shared.fields import COMPOUNDS, FIELDS
 from stepper.sysid import KINDS
 
-PAGE = Path(__file__).parents[1] / "docs/reference/what_can_vary.md"
-BEGIN, END = "<!-- fields: tests/field_table.py writes them -->\n", "<!-- end of fields -->\n"
 ELEMENTS = {"dof": "joint", "coordinate": "joint", "": "(the whole model)"}
 """Kinds of elements whose names select rows, where they are not those of the field."""
 
@@ -57,13 +51,3 @@ def others() -> str:
         for head, kind, of in rows
     ]
     return "\n".join([_row("selector", "attribute of", "NAME"), "|---|---|---|", *listed]) + "\n"
-
-
-def written(text: str) -> str:
-    """A page with these tables."""
-    before, _, rest = text.partition(BEGIN)
-    return before + BEGIN + "\n" + table() + "\n" + others() + "\n" + END + rest.partition(END)[2]
-
-
-if __name__ == "__main__":
-    PAGE.write_text(written(PAGE.read_text()))

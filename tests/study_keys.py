@@ -1,18 +1,12 @@
-"""The tables of a study's keys in docs/reference/studies.md, made of what the classes say of themselves.
-
-PYTHONPATH=python python tests/study_keys.py
-"""
+"""The tables of a study's keys in docs/reference/studies.md, made of what the classes say of themselves."""
 
 import inspect
 import json
 import re
 from dataclasses import MISSING, fields
-from pathlib import Path
 
 import stepper
 
-PAGE = Path(__file__).parents[1] / "docs/reference/studies.md"
-BEGIN, END = "<!-- keys: tests/study_keys.py writes them -->\n", "<!-- end of keys -->\n"
 PARTS = (("", stepper.lab.Study), ("[[outcomes]]", stepper.lab.Outcome), ("[parameters.NAME]", stepper.lab.Parameter))
 IN_TOML = {
     "model": 'a path beside the file, MJCF, or "file.py:function"',
@@ -67,8 +61,3 @@ def table():
             rows = [f"| `{f.name}` | {default(f)} | {told[f.name]} | {IN_TOML.get(f.name, '')} |" for f in fields(kind)]
             lines += ["| key | default | | in a file |", "|---|---|---|---|", *rows, POLICY]
     return "\n".join(lines).replace("|  |", "| |") + "\n"
-
-
-if __name__ == "__main__":
-    before, _, rest = PAGE.read_text().partition(BEGIN)
-    PAGE.write_text(before + BEGIN + "\n" + table() + "\n" + END + rest.partition(END)[2])

@@ -6,13 +6,12 @@ import re
 import sys
 from pathlib import Path
 
-import command_line
 import gymnasium
 import page_blocks
 import page_checks
 import pytest
-from field_table import PAGE as FIELDS
-from field_table import written
+from generated import SECTIONS
+from sections import section_of, write_section
 
 ROOT = Path(__file__).parents[1]
 DOCUMENTS = sorted(
@@ -136,9 +135,24 @@ def test_every_page_is_in_the_navigation():
     assert listed == {str(page.relative_to(ROOT / "docs")) for page in (ROOT / "docs").rglob("*.md")}
 
 
-def test_the_commands_of_the_reference_are_those_of_the_command_line():
-    told = command_line.PAGE.read_text().partition(command_line.BEGIN)[2].partition(command_line.END)[0].strip()
-    assert told == command_line.table().strip(), "PYTHONPATH=python python tests/command_line.py writes it"
+@pytest.mark.parametrize("name", SECTIONS)
+def test_generated_sections_are_those_of_the_code(name):
+    page, text = SECTIONS[name]
+    assert section_of(page, name) == text().strip("\n"), "PYTHONPATH=python:tests:benches python tests/generated.py writes it"
+
+
+def test_a_section_is_written_between_its_marks(tmp_path):
+    page = tmp_path / "page.md"
+    page.write_text("a\n<!-- one: made by `make one` -->\n\nold\n\n<!-- end of one -->\nb\n<!-- one more -->\n<!-- end of one more -->\n")
+    write_section(page, "one", "new --> \\1\n")
+    write_section(page, "one more", "last")
+    assert (section_of(page, "one"), section_of(page, "one more")) == ("new --> \\1", "last")
+    before = page.read_text()
+    assert before.startswith("a\n<!-- one: made by `make one` -->\n\nnew")
+    write_section(page, "one", section_of(page, "one"))
+    assert page.read_text() == before
+    with pytest.raises(ValueError, match=r"page\.md has no section 'two': it begins with '<!-- two -->' and ends with"):
+        write_section(page, "two", "")
 
 
 def test_only_update_docs_writes_documentation():
@@ -148,7 +162,3 @@ def test_only_update_docs_writes_documentation():
         if re.search(r'"docs(/|")', text) and "ArgumentParser(" in text:
             assert "--update-docs" in text, named(path)
     assert "--update-docs" not in (ROOT / "Makefile").read_text().replace("=--update-docs", "")
-
-
-def test_the_table_of_what_can_vary_is_that_of_the_code():
-    assert written(FIELDS.read_text()) == FIELDS.read_text(), "run: PYTHONPATH=python python tests/field_table.py"

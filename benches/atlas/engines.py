@@ -10,7 +10,7 @@ import mujoco
 import numpy as np
 import stepper
 from numpy.typing import ArrayLike
-from stepper.lab.engine_chart.engines import MujocoEngine
+from stepper.lab.engines import MujocoCrowd, MujocoEngine, configured
 
 from atlas.world import Array, CannotRunError, DivergedError, Touch, World
 
@@ -102,65 +102,54 @@ class Mujoco:
 
     def start(self, mjcf: str, dt: float, num_envs: int = 1, *, restitution: float | None = None, iterations: int | None = None) -> World:
         """See `atlas.scene.Engine`."""
-        world = _MujocoWorld(self, mjcf, dt, num_envs, restitution)
-        if iterations is not None:
-            world.model.opt.iterations = iterations
-        return world
+        return _MujocoWorld(self, mjcf, dt, num_envs, restitution=restitution, iterations=iterations)
 
 
 class _MujocoWorld(World):
-    def __init__(self, engine: Mujoco, mjcf: str, dt: float, num_envs: int, restitution: float | None) -> None:
+    def __init__(self, engine: Mujoco, mjcf: str, dt: float, num_envs: int, *, restitution: float | None, iterations: int | None) -> None:
         super().__init__(mjcf, dt, num_envs)
         model = self.model
         if self.surfaces.any():
             raise CannotRunError("MuJoCo takes a mesh for its hull")
-        engine.settings.configure(mujoco, model)
-        model.opt.timestep = dt
+        configured(model, engine.settings).opt.timestep = dt
+        if iterations is not None:
+            model.opt.iterations = iterations
         if engine.solref is not None:
             _stiffen(model, engine.solref * dt, restitution)
-        self._data = [mujoco.MjData(model) for _ in range(num_envs)]
-        self._time = [0.0] * num_envs
+        self._crowd = MujocoCrowd(model, num_envs, contacts=True)
 
     @property
     def qpos(self) -> Array:
-        return np.array([d.qpos for d in self._data])
+        return self._crowd.qpos
 
     @property
     def qvel(self) -> Array:
-        return np.array([d.qvel for d in self._data])
+        return self._crowd.qvel
 
     def set(self, qpos: ArrayLike | None = None, qvel: ArrayLike | None = None) -> None:
-        for env, d in enumerate(self._data):
-            for target, given in ((d.qpos, qpos), (d.qvel, qvel)):
-                if given is not None:
-                    target[:] = np.broadcast_to(np.asarray(given, float), (self.num_envs, target.size))[env]
+        for name, given in (("qpos", qpos), ("qvel", qvel)):
+            if given is not None:
+                self._crowd.bind(name)[:] = given
 
     def push(self, body: str, force: ArrayLike, torque: ArrayLike = (0, 0, 0)) -> None:
-        wrench = np.hstack([np.broadcast_to(np.asarray(part, float), (self.num_envs, 3)) for part in (force, torque)])
-        for d, one in zip(self._data, wrench, strict=True):
-            d.xfrc_applied[self.body(body)] = one
+        wrench = self._crowd.bind("xfrc_applied")[:, self.body(body)]
+        wrench[:, :3], wrench[:, 3:] = force, torque
 
     def touches(self, env: int = 0) -> list[Touch]:
-        d, out, force = self._data[env], [], np.zeros(6)
+        d, out, force = self._crowd.data(env), [], np.zeros(6)
         for i, c in enumerate(d.contact):
             mujoco.mj_contactForce(self.model, d, i, force)
             out.append(Touch((int(c.geom[0]), int(c.geom[1])), c.frame[:3].copy(), float(force[0])))
         return out
 
     def _advance(self, ctrl: Array | None, nstep: int) -> None:
-        for env, d in enumerate(self._data):
-            if ctrl is not None:
-                d.ctrl[:] = ctrl[env]
-            mujoco.mj_step(self.model, d, nstep)
+        self._crowd.step(ctrl, nstep)
 
     def _check(self) -> None:
-        for d in self._data:
-            # A bad state makes MuJoCo start the environment anew, and count a warning.
-            if any(d.warning[w].number for w in (mujoco.mjtWarning.mjWARN_BADQPOS, mujoco.mjtWarning.mjWARN_BADQVEL, BAD_QACC)):
-                raise DivergedError("MuJoCo restarted an environment with a bad state")
+        if self._crowd.restarted.any():
+            raise DivergedError("MuJoCo restarted an environment with a bad state")
 
 
-BAD_QACC = mujoco.mjtWarning.mjWARN_BADQACC
 ELASTIC_STEPS = 10.0
 """Time steps that an elastic impact of tuned MuJoCo is spread over: its contact is a spring."""
 

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import mujoco
 import numpy as np
 import rapier3d as rp
 from numpy.typing import ArrayLike
 from rapier3d.loaders import mjcf as loader
+from stepper.lab.study.rapier import RapierJoint, RapierScene
 
 from atlas.world import Array, CannotRunError, DivergedError, Touch, World
 
-FREE, SLIDE, HINGE = (int(t) for t in (mujoco.mjtJoint.mjJNT_FREE, mujoco.mjtJoint.mjJNT_SLIDE, mujoco.mjtJoint.mjJNT_HINGE))
+SLIDE, HINGE = int(mujoco.mjtJoint.mjJNT_SLIDE), int(mujoco.mjtJoint.mjJNT_HINGE)
 
 
 class RapierWorld(World):
@@ -33,67 +36,23 @@ class RapierWorld(World):
         if self.surfaces.any():
             raise CannotRunError("rapier's MJCF loader takes a mesh for its hull")
 
-    def _joints(self) -> list[tuple[int, int, int, int, int]]:
-        """(body, parent, type, index in qpos, index in qvel) of every joint."""
-        m = self.model
-        return [
-            (int(b), int(m.body_parentid[b]), int(m.jnt_type[j]), int(m.jnt_qposadr[j]), int(m.jnt_dofadr[j]))
-            for j, b in enumerate(m.jnt_bodyid)
-        ]
-
     @property
     def qpos(self) -> Array:
         """See `World`."""
-        return np.array([self._state(w)[0] for w in self._worlds])
+        return np.array([w.state()[0] for w in self._worlds])
 
     @property
     def qvel(self) -> Array:
         """See `World`."""
-        return np.array([self._state(w)[1] for w in self._worlds])
-
-    def _state(self, world: _Loaded) -> tuple[Array, Array]:
-        m = self.model
-        qpos, qvel = m.qpos0.copy(), np.zeros(m.nv)
-        for j, (b, parent, kind, q, v) in enumerate(self._joints()):
-            place, turn, linear, spin = world.motion(b)
-            if kind == FREE:
-                qpos[q : q + 7] = [*place, *turn]
-                qvel[v : v + 6] = [*linear, *_rotate(_conjugate(turn), spin)]
-                continue
-            base, base_turn, base_linear, base_spin = world.motion(parent)
-            relative = _product(_conjugate(m.body_quat[b]), _product(_conjugate(base_turn), turn))
-            axis = m.jnt_axis[j]
-            if kind == HINGE:
-                qpos[q] = 2.0 * np.arctan2(relative[1:] @ axis, relative[0])
-                qpos[q] = (qpos[q] + np.pi) % (2.0 * np.pi) - np.pi
-                qvel[v] = (spin - base_spin) @ _rotate(turn, axis)
-            elif kind == SLIDE:
-                along = _rotate(base_turn, _rotate(m.body_quat[b], axis))
-                arm = place - base
-                qpos[q] = (arm - _rotate(base_turn, m.body_pos[b])) @ along
-                qvel[v] = (linear - base_linear - np.cross(base_spin, arm)) @ along
-            else:
-                qpos[q : q + 4] = relative
-                qvel[v : v + 3] = _rotate(_conjugate(turn), spin - base_spin)
-        return qpos, qvel
+        return np.array([w.state()[1] for w in self._worlds])
 
     def set(self, qpos: ArrayLike | None = None, qvel: ArrayLike | None = None) -> None:
         """See `World`."""
-        m, d = self.model, self._yard
-        old_qpos, old_qvel = self.qpos, self.qvel
-        qpos = old_qpos if qpos is None else np.broadcast_to(np.asarray(qpos, float), old_qpos.shape)
-        qvel = old_qvel if qvel is None else np.broadcast_to(np.asarray(qvel, float), old_qvel.shape)
-        velocity = np.zeros(6)
-        for world, q, v in zip(self._worlds, qpos, qvel, strict=True):
-            d.qpos[:], d.qvel[:] = q, v
-            mujoco.mj_kinematics(m, d)
-            mujoco.mj_comPos(m, d)
-            mujoco.mj_comVel(m, d)
-            for b in range(1, m.nbody):
-                mujoco.mj_objectVelocity(m, d, mujoco.mjtObj.mjOBJ_XBODY, b, velocity, 0)
-                # Rapier's linear velocity is that of the centre of mass.
-                arm = d.xipos[b] - d.xpos[b]
-                world.place(b, d.xpos[b], d.xquat[b], velocity[3:] + np.cross(velocity[:3], arm), velocity[:3])
+        states = []
+        for given, present in ((qpos, self.qpos), (qvel, self.qvel)):
+            states.append(present if given is None else np.broadcast_to(np.asarray(given, float), present.shape))
+        for world, q, v in zip(self._worlds, *states, strict=True):
+            world.put(q, v)
 
     def push(self, body: str, force: ArrayLike, torque: ArrayLike = (0, 0, 0)) -> None:
         """See `World`."""
@@ -111,46 +70,27 @@ class RapierWorld(World):
                 world.world.step()
 
     def _check(self) -> None:
-        if not all(np.isfinite(self._state(w)[0]).all() for w in self._worlds):
+        if not all(np.isfinite(w.state()[0]).all() for w in self._worlds):
             raise DivergedError("rapier's state is not finite")
 
 
-class _Loaded:
-    """A rapier world, and which of its bodies and colliders are which of MuJoCo's."""
+class _Loaded(RapierScene):
+    """A rapier world from its MJCF loader, and the geoms of its colliders."""
 
-    def __init__(self, world: rp.PhysicsWorld, handles: list[rp.RigidBodyHandle | None], geoms: dict[tuple[int, int], int]) -> None:
-        self.world = world
-        self._handles = handles
+    def __init__(
+        self, model: mujoco.MjModel, world: rp.PhysicsWorld, handles: list[rp.RigidBodyHandle | None], geoms: dict[Any, int]
+    ) -> None:
+        super().__init__(rp, mujoco, model, world)
+        self.bodies = {b: handle for b, handle in enumerate(handles) if b and handle is not None and model.body_weldid[b]}
+        for j, b in enumerate(int(b) for b in model.jnt_bodyid):
+            parent, kind, q = int(model.body_weldid[model.body_parentid[b]]), int(model.jnt_type[j]), int(model.jnt_qposadr[j])
+            zero = float(model.qpos0[q]) if kind in (SLIDE, HINGE) else 0.0
+            self.joints.append(RapierJoint(b, parent, kind, q, int(model.jnt_dofadr[j]), -np.inf, np.inf, zero))
         self._geoms = geoms
-        self._rest = (np.zeros(3), np.array([1.0, 0, 0, 0]), np.zeros(3), np.zeros(3))
-
-    def motion(self, body: int) -> tuple[Array, Array, Array, Array]:
-        """Place and orientation of a body's frame, linear velocity of its origin, angular velocity; world axes."""
-        handle = self._handles[body]
-        if body == 0 or handle is None:
-            return self._rest
-        b = self.world.rigid_bodies[handle]
-        place, turn = _vector(b.translation), np.array([b.rotation.w, b.rotation.i, b.rotation.j, b.rotation.k])
-        spin, centre = _vector(b.angvel), _vector(b.center_of_mass)
-        return place, turn / np.linalg.norm(turn), _vector(b.linvel) - np.cross(spin, centre - place), spin
-
-    def place(self, body: int, at: Array, turn: Array, linear: Array, spin: Array) -> None:
-        """Puts a body somewhere with velocities of its centre of mass."""
-        handle = self._handles[body]
-        if handle is None:
-            return
-        b = self.world.rigid_bodies[handle]
-        if b.is_fixed:
-            return
-        b.translation = tuple(map(float, at))
-        angle = 2.0 * np.arctan2(np.linalg.norm(turn[1:]), turn[0])
-        axis = turn[1:] / max(float(np.linalg.norm(turn[1:])), 1e-300)
-        b.rotation = rp.Rotation3.from_scaled_axis(tuple(map(float, axis * angle)))
-        b.linvel, b.angvel = tuple(map(float, linear)), tuple(map(float, spin))
 
     def push(self, body: int, force: Array, torque: Array) -> None:
         """A lasting force and torque."""
-        b = self.world.rigid_bodies[self._handles[body]]
+        b = self.world.rigid_bodies[self.bodies[body]]
         b.reset_forces()
         b.reset_torques()
         b.add_force(tuple(map(float, force)))
@@ -162,7 +102,7 @@ class _Loaded:
         for pair in self.world.narrow_phase.contact_pairs():
             geoms = tuple(self._geoms[h.index, h.generation] for h in (pair.collider1, pair.collider2))
             for manifold in pair.manifolds:
-                normal = _vector(manifold.data.normal)
+                normal = np.array([manifold.data.normal.x, manifold.data.normal.y, manifold.data.normal.z])
                 out.extend(Touch((geoms[0], geoms[1]), normal, float(point.impulse) / dt) for point in manifold.points)
         return out
 
@@ -199,24 +139,4 @@ def _world(text: str, model: mujoco.MjModel, dt: float, restitution: float | Non
             moving.recompute_mass_properties_from_colliders(world.colliders)
             if abs(moving.mass - float(model.body_mass[b])) > 1e-5 * float(model.body_mass[b]):
                 raise CannotRunError("rapier's MJCF loader has other masses than MuJoCo")
-    return _Loaded(world, bodies, geoms)
-
-
-def _vector(v: rp.Vec3) -> Array:
-    return np.array([v.x, v.y, v.z], dtype=np.float64)
-
-
-def _conjugate(q: Array) -> Array:
-    return np.array([q[0], -q[1], -q[2], -q[3]])
-
-
-def _product(a: Array, b: Array) -> Array:
-    out = np.zeros(4)
-    mujoco.mju_mulQuat(out, a, b)
-    return out
-
-
-def _rotate(q: Array, v: Array) -> Array:
-    out = np.zeros(3)
-    mujoco.mju_rotVecQuat(out, v, q)
-    return out
+    return _Loaded(model, world, bodies, geoms)

@@ -21,8 +21,9 @@ from typing import Any
 
 import numpy as np
 from stepper import Model, ModelError, Options, Stepper, load
-from stepper.lab.demo.crowd import Array, Crowd, MujocoCrowd, Referee, StepperCrowd, mujoco_model
 from stepper.lab.demo.race import MATCHED, Plan, Track, race, random_control
+from stepper.lab.demo.referee import Referee
+from stepper.lab.engines import Array, Crowd, MujocoCrowd, StepperCrowd, mujoco_model
 from stepper.shared.machine import MissingPackageError, allowed_cores, one_core, package_file, provenance, require
 
 MODELS = (
@@ -80,8 +81,8 @@ def crowds(case: Case, plan: Plan, threads: int) -> list[Crowd]:
     return [
         *(StepperCrowd(case.model, plan.num_envs, precision=p, threads=threads) for p in ("f64", "f32")),
         *(StepperCrowd(case.model, plan.num_envs, precision=p, threads=threads, options=quick, setting="fast") for p in ("f64", "f32")),
-        MujocoCrowd(case.path, plan.num_peers, threads=threads, settings=MATCHED),
-        MujocoCrowd(case.path, plan.num_peers, threads=threads),
+        MujocoCrowd.from_file(case.path, plan.num_peers, threads=threads, settings=MATCHED),
+        MujocoCrowd.from_file(case.path, plan.num_peers, threads=threads),
     ]
 
 

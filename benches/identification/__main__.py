@@ -11,6 +11,7 @@ from functools import partial
 from pathlib import Path
 
 import stepper
+from sections import write_section
 from stepper.shared.machine import provenance
 
 from identification import online, strikes, sysid
@@ -96,13 +97,8 @@ def main() -> None:
         else:
             tables["beside"] = _table("scene", _beside(given.count_beside, given.threads), Kept(OUT / "beside.jsonl", given.resume))
     if given.update_docs:
-        text = PAGE.read_text()
         for name, table in tables.items():
-            begin, end = f"<!-- {name} -->\n", f"\n<!-- end of {name} -->"
-            before, _, rest = text.partition(begin)
-            _, _, after = rest.partition(end)
-            text = before + begin + table + end + after
-        PAGE.write_text(text)
+            write_section(PAGE, name, table)
         print(f"wrote {PAGE}")
 
 

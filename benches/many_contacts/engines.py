@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from stepper import Model, Options
 from stepper._options import Precision
-from stepper.lab.demo.crowd import Certificate, Crowd, MujocoCrowd, StepperCrowd
+from stepper.lab.engines import Certificate, Crowd, MujocoCrowd, StepperCrowd
 
 from many_contacts.scene import Array, Script
 
@@ -86,41 +86,28 @@ class Ours(StepperCrowd):
 class Theirs(MujocoCrowd):
     """MuJoCo, one thread."""
 
-    _steps = 0
-
     def begin(self, script: Script) -> None:
         """See `Batch.begin`."""
-        n, self._steps = self.num_envs, 0
-        self._batch.reset()
-        for name in ("qacc_warmstart", "ctrl", "qvel", "time"):
-            self._batch.bind(name)[:] = 0.0
-        self._batch.bind("qpos")[:] = script.qpos[:n]
-        if script.qvel is not None:
-            self._batch.bind("qvel")[:] = script.qvel[:n]
+        n = self.num_envs
+        self.reset(script.qpos[:n], None if script.qvel is None else script.qvel[:n])
         if script.push is not None:
-            self._batch.bind("xfrc_applied")[:] = script.push
+            self.bind("xfrc_applied")[:] = script.push
 
     def restart(self, mask: NDArray[np.bool_], qpos: Array) -> None:
         """See `Batch.restart`."""
-        self._batch.bind("qpos")[mask] = qpos[mask]
-        self._batch.bind("qvel")[mask] = 0.0
-        self._batch.bind("qacc_warmstart")[mask] = 0.0
+        self.bind("qpos")[mask] = qpos[mask]
+        for name in ("qvel", "qacc_warmstart"):
+            self.bind(name)[mask] = 0.0
 
     def move(self, mocap: Array) -> None:
         """See `Batch.move`."""
-        self._batch.bind("mocap_pos")[:] = mocap[..., :3]
-        self._batch.bind("mocap_quat")[:] = mocap[..., 3:]
-
-    def step(self, ctrl: Array) -> None:
-        """See `Crowd.step`."""
-        super().step(ctrl)
-        self._steps += 1
+        self.bind("mocap_pos")[:] = mocap[..., :3]
+        self.bind("mocap_quat")[:] = mocap[..., 3:]
 
     @property
     def failed(self) -> int:
-        """See `Batch.failed`: MuJoCo sets a state back to the reference, and its time to 0, where an acceleration is too large."""
-        time = np.asarray(self._batch.bind("time"))
-        return int(np.count_nonzero(time < (self._steps - 0.5) * self._batch.model.opt.timestep))
+        """See `Batch.failed`."""
+        return int(np.count_nonzero(self.restarted))
 
 
 PGS = Options(solver="pgs")

@@ -18,7 +18,7 @@ from typing import Any, TypeAlias
 from comparison.throughput import PLAN, cases
 from stepper import Stepper
 from stepper._options import Precision
-from stepper.lab.demo.crowd import StepperCrowd
+from stepper.lab.engines import StepperCrowd
 
 
 @contextmanager

@@ -18,8 +18,8 @@ import numpy as np
 from comparison.throughput import fast
 from stepper import Model, ModelError, ModelWarning, Options, load
 from stepper._options import Precision
-from stepper.lab.demo.crowd import Measured, Referee
 from stepper.lab.demo.race import MATCHED
+from stepper.lab.demo.referee import Measured, Referee
 from stepper.shared.machine import one_core
 
 from many_contacts.engines import LAW, PGS, Batch, Ours, Theirs
@@ -124,7 +124,7 @@ def measure(scene: Scene, path: Path, plan: Plan) -> list[dict[str, Any]]:
             for precision in plan.precisions
             for setting in plan.settings
         }
-        theirs = [Theirs(str(path), peers, settings=MATCHED), Theirs(str(path), peers)]
+        theirs = [Theirs.from_file(str(path), peers, settings=MATCHED), Theirs.from_file(str(path), peers)]
         batches: list[Batch] = [*ours.values(), *theirs]
         tracks = _play(scene, script, batches, plan, _Yard(compiled, path))
     rows = []

@@ -7,10 +7,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from sections import write_section
 
 from mujoco_law.parity import Parity
-
-_BEGIN, _END = "<!-- parity: made by `python -m mujoco_law --update-docs` -->", "<!-- end of parity -->"
 
 
 @dataclass(frozen=True)
@@ -72,12 +71,10 @@ def write_csv(path: Path, rows: list[Row]) -> None:
 
 
 def write_table(path: Path, rows: list[Row]) -> None:
-    """Replaces the table of a page between its marks."""
-    before, _, rest = path.read_text().partition(_BEGIN)
-    _, _, after = rest.partition(_END)
+    """Replaces the table of a page."""
     measured = [row for row in rows if row.parity]
     header = ["model", *measured[0].cells(), "left out"] if measured else []
     lines = ["| " + " | ".join(header) + " |", "|" + "---|" * len(header)]
     lines += ["| " + " | ".join([row.name, *row.cells().values(), row.left_out]) + " |" for row in measured]
     lines += [f"\nNot measured: {row.name}: {row.left_out}" for row in rows if not row.parity]
-    path.write_text(f"{before}{_BEGIN}\n\n" + "\n".join(lines) + f"\n\n{_END}{after}")
+    write_section(path, "parity", "\n".join(lines))

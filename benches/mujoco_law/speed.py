@@ -13,9 +13,8 @@ from typing import Any
 from comparison.throughput import Case, cases, ratio
 from many_contacts.targets import grouped_mean
 from stepper import Options
-from stepper.lab.demo.crowd import Crowd, MujocoCrowd, StepperCrowd
 from stepper.lab.demo.race import Plan, race
-from stepper.lab.engine_chart.engines import MujocoEngine
+from stepper.lab.engines import Crowd, MujocoCrowd, MujocoEngine, StepperCrowd
 from stepper.shared.machine import one_core, provenance, require
 
 
@@ -74,8 +73,8 @@ def _measure(case: Case, plan: Plan) -> tuple[float, float]:
     with one_core():
         ours = [StepperCrowd(case.model, plan.num_envs, precision=p, threads=1, options=options, setting="law") for p in ("f64", "f32")]
         theirs: list[Crowd] = [
-            MujocoCrowd(case.path, plan.num_peers, threads=1),
-            MujocoCrowd(case.path, plan.num_peers, threads=1, settings=Newton("Newton")),
+            MujocoCrowd.from_file(case.path, plan.num_peers, threads=1),
+            MujocoCrowd.from_file(case.path, plan.num_peers, threads=1, settings=Newton("Newton")),
         ]
         tracks = race([*ours, *theirs], case.control, plan, clock=time.process_time, tick=lambda *_: None, what=case.name, referee=None)
     times = {name: track.times["control"] for name, track in tracks.items()}

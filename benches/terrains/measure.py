@@ -19,8 +19,8 @@ from many_contacts.scene import Array, Script
 from many_contacts.scenes import unitree
 from stepper import Model, ModelWarning, Status, load
 from stepper._options import Precision
-from stepper.lab.demo.crowd import Referee
 from stepper.lab.demo.race import MATCHED
+from stepper.lab.demo.referee import Referee
 from stepper.shared.machine import one_core
 
 from terrains.grounds import Ground
@@ -146,7 +146,7 @@ def measure(ground: Ground, plan: Plan, cache: Path, out: Path) -> dict[str, Any
         ]
         if plan.peers:
             peers = min(plan.peers, plan.num_envs)
-            batches += [Theirs(str(path), peers, settings=MATCHED), Theirs(str(path), peers)]
+            batches += [Theirs.from_file(str(path), peers, settings=MATCHED), Theirs.from_file(str(path), peers)]
         tracks = {batch.name: Track() for batch in batches}
         for k in range(plan.rounds):
             _play(batches, actions, plan, tracks, referee if k == 0 else None)

@@ -6,18 +6,16 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from sections import write_section
+
 PEERS = "MuJoCo"
 PAGE = Path(__file__).parents[2] / "docs" / "benchmarks" / "terrain.md"
-BEGIN, END = "<!-- table of benches/terrains -->", "<!-- end of the table -->"
 
 
 def update_page(rows: Sequence[dict[str, Any]], came_from: Mapping[str, Any]) -> None:
     """Writes the tables into docs/benchmarks/terrain.md."""
-    text = PAGE.read_text(encoding="utf-8")
-    before, rest = text.split(BEGIN)
-    after = rest.split(END)[1]
     machine = f"{came_from['cpu']}, CPU level {came_from['cpu_level']}, {came_from['utc'][:10]}, load {came_from['load_average']}."
-    PAGE.write_text(f"{before}{BEGIN}\n\n{table(rows)}\n\n{machine}\n\n{END}{after}", encoding="utf-8")
+    write_section(PAGE, "terrains", f"{table(rows)}\n\n{machine}")
 
 
 def table(rows: Sequence[dict[str, Any]]) -> str:

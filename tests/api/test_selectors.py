@@ -6,7 +6,7 @@ import stepper
 from hypothesis import given
 from hypothesis import strategies as st
 from stepper.shared.fields import COMPOUNDS, FIELDS, RANDOMIZED
-from stepper.shared.selectors import Selector, parse, places, rows_of
+from stepper.shared.selectors import Selector, numbers_of, parse, places, rows_of
 
 SCENE = """<mujoco><option gravity="0 0 -9.81"/><worldbody><geom name="floor" type="plane" size="1 1 1"/>
   <body name="base"><freejoint name="root"/><geom name="a,b" size=".1"/><geom size=".2" pos="1 0 0"/>
@@ -29,6 +29,19 @@ FIELDS_OF_ELEMENTS = st.sampled_from([name for name, field in FIELDS.items() if 
 def test_a_selector_is_read_as_it_is_written(field, elements, columns):
     selector = Selector(field, elements and tuple(elements), columns and tuple(columns))
     assert parse(str(selector)) == selector
+
+
+@given(st.lists(st.integers(0, 5), min_size=1, max_size=4, unique=True), st.lists(st.integers(0, 2), min_size=1, unique=True), st.data())
+def test_all_spellings_of_a_selector_have_the_same_numbers(geoms, columns, data):
+    """By name, index and negative index, in any order, and some elements twice."""
+    names = [name or k for k, name in enumerate(MODEL.geom_names)]
+
+    def spelling():
+        elements = [data.draw(st.sampled_from([names[k], k, k - len(names)])) for k in data.draw(st.permutations([*geoms, geoms[0]]))]
+        own = [data.draw(st.sampled_from([k, k - 3])) for k in data.draw(st.permutations(columns))]
+        return Selector("geom_friction", tuple(elements), tuple(own))
+
+    assert numbers_of(MODEL, spelling()) == numbers_of(MODEL, spelling()) == {("geom_friction", 3 * k + c) for k in geoms for c in columns}
 
 
 @given(st.sampled_from(["gravity", "wind"]), st.none() | st.lists(st.integers(0, 2), min_size=1, max_size=3, unique=True))

@@ -1,5 +1,6 @@
 """What a study shows: pictures whose points stand at their values, pages of a bounded width, progress that is written as it is made."""
 
+import html
 import math
 import subprocess
 import sys
@@ -14,6 +15,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from stepper.cli.app import application
 from stepper.lab.progress import progress
+from stepper.lab.study.document import Document, Section
 from stepper.lab.study.draw import WIDEST, cliffs_of, figure_of
 from stepper.lab.study.report import _differences
 from stepper.lab.study.sweep import Cliff, Level, Sweep
@@ -106,6 +108,52 @@ def test_tables_of_a_page_do_not_widen_with_settings(tmp_path, count):
     assert max(len(section.head) for section in document.sections) <= 13
     assert "overflow-wrap: anywhere" in document.html()
     assert "nowrap" not in document.html()
+
+
+def test_pages_escape_what_they_are_given(tmp_path):
+    """Names of models and files may hold anything; only `code` in back quotes is markup."""
+    picture = tmp_path / "dot.png"
+    picture.write_bytes(b"\x89PNG")
+    name = """<script>"a" & 'b'</script>"""
+    page = Document(name, [Section(name, [f"`{name}`"], [name], [[name, 1, True, None]], picture, f"{name}\n")]).html()
+    assert "<script" not in page
+    assert html.unescape(page).count(name) == 8
+    assert "<code>&lt;script&gt;" in page
+    assert "<td class=n>1</td><td>True</td><td>-</td>" in page
+    assert 'src="data:image/png;base64,iVBORw=="' in page
+
+
+@pytest.mark.parametrize("command", [
+    ["sweep", "study.toml"], ["report", "study.toml"], ["rank", "study.toml"], ["chart", "study.toml"],
+    ["tune", "study.toml", "--error", "1 mm", "--horizon", "0.1 s"], ["explain", "model.xml", "--out", "out"],
+])  # fmt: skip
+def test_without_jinja2_nothing_runs_and_the_remedy_is_named(tmp_path, monkeypatch, capsys, command):
+    """The page is written last: an error there would come after hours of running."""
+    from stepper.cli.app import main
+
+    monkeypatch.setitem(sys.modules, "jinja2", None)
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "model.xml").write_text(BLOCK)
+    (tmp_path / "study.toml").write_text("""model = "model.xml"
+[[outcomes]]
+name = "x"
+measure = "body block x"
+[parameters.mass]
+selector = "body_mass[block]"
+low = 0.5
+high = 2.0
+[parameters.gravity]
+selector = "gravity[2]"
+low = -10.0
+high = -9.0
+""")
+    monkeypatch.setattr(sys, "argv", ["stepper", *command])
+    with pytest.raises(SystemExit):
+        main()
+    assert (
+        capsys.readouterr().err == 'stepper: jinja2 is needed to write HTML reports, and is not installed: pip install "stepper-sim[cli]"\n'
+    )
+    assert [path.name for path in tmp_path.iterdir() if path.is_dir()] == []
 
 
 def test_a_report_is_named_after_its_study(tmp_path):

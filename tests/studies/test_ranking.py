@@ -3,6 +3,8 @@
 import numpy as np
 import pytest
 import stepper
+from stepper.lab.study.journal import rows_of
+from stepper.lab.study.results import JOURNAL
 from typer.testing import CliRunner
 
 BALL = '<mujoco><worldbody><body name="ball"><freejoint/><geom size=".1"/></body></worldbody></mujoco>'
@@ -50,10 +52,10 @@ def test_a_success_is_ranked_by_its_share_and_nothing_is_run_twice(tmp_path):
     # A third of the range on either side has one outcome; Wilson's interval never ends at certainty.
     assert (first.thirds[0], first.thirds[2]) == (0.0, 1.0)
     assert first.intervals[0][1] > 0.0
-    journal = (tmp_path / "known/journal").read_bytes()
+    journal = rows_of(tmp_path / "known" / JOURNAL)
     again = stepper.lab.rank(study, tmp_path, samples=32)
     assert again.ranks == found.ranks
-    assert (tmp_path / "known/journal").read_bytes() == journal
+    assert rows_of(tmp_path / "known" / JOURNAL) == journal
     for name in ("rank.html", "rank.md", "rank.png", "rank_table.csv", "rank_table.npz"):
         assert (tmp_path / "known" / name).stat().st_size > 500
     assert "in rank_table.csv" in (tmp_path / "known/rank.md").read_text()

@@ -1,7 +1,6 @@
 """Studies: what a row follows from, that nothing is lost or repeated, that parameters are what they say."""
 
 import copy
-import errno
 import functools
 import json
 import math
@@ -26,10 +25,10 @@ from stepper.lab.study.batches import begin, run_points, world_of
 from stepper.lab.study.drives import digest_of
 from stepper.lab.study.episode import Episodes
 from stepper.lab.study.intervals import least_share, trials_for, wilson
-from stepper.lab.study.journal import Journal, JournalError
-from stepper.lab.study.parameters import model_fields
+from stepper.lab.study.journal import rows_of
+from stepper.lab.study.parameters import asked_for, model_fields
 from stepper.lab.study.points import Point
-from stepper.lab.study.results import Results
+from stepper.lab.study.results import JOURNAL, Results
 from stepper.lab.study.sweep import sweep
 from stepper.lab.study.whose import LAW
 
@@ -338,12 +337,14 @@ def child(folder, command):
     return subprocess.Popen(arguments, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, env=os.environ | {"PYTHONPATH": path})
 
 
-@pytest.mark.parametrize(("command", "kills"), [("sweep", 3), ("report", 1), ("rank", 1)])
-def test_a_study_that_is_killed_goes_on_and_gives_the_same_table(tmp_path, command, kills):
-    """It is killed at moments of its own choosing, a line torn each time, until it is through."""
+@pytest.mark.parametrize(("command", "signals"), [
+    ("sweep", [signal.SIGKILL, signal.SIGINT, signal.SIGKILL]), ("report", [signal.SIGKILL]), ("rank", [signal.SIGINT]),
+])  # fmt: skip
+def test_a_study_that_is_killed_goes_on_and_gives_the_same_table(tmp_path, command, signals):
+    """A study is killed at random moments, some of them while it writes, until it is through."""
     COMMANDS[command](tray(batch=4), tmp_path / "whole")
-    draw, journal = random.Random(1), tmp_path / "cut" / "tray" / "journal"
-    for _ in range(kills):
+    draw, journal = random.Random(1), tmp_path / "cut/tray" / JOURNAL
+    for sent in signals:
         with child(tmp_path / "cut", command) as process:
             for _ in range(draw.randint(1, 4)):
                 # It goes on by a batch each time that it is let: on a busy machine too it is not through when it is killed.
@@ -351,47 +352,13 @@ def test_a_study_that_is_killed_goes_on_and_gives_the_same_table(tmp_path, comma
                 process.stdin.write("\n")
                 process.stdin.flush()
             time.sleep(draw.uniform(0.0, 0.02))
-            process.send_signal(signal.SIGKILL)
-        with journal.open("ab") as file:
-            file.write(b'0badc0de {"key":"x","ou')
-    with Journal(journal) as kept:
-        before = len(kept.rows)
+            process.send_signal(sent)
+    before = rows_of(journal)
     COMMANDS[command](tray(batch=4), tmp_path / "cut")
-    lines = journal.read_bytes().splitlines()
-    assert 0 < before < len(lines), "the kills came before anything was written, or after all of it"
-    keys = [json.loads(line.partition(b" ")[2])["key"] for line in lines]
-    assert len(set(keys)) == len(keys)
+    assert 0 < len(before) < len(rows_of(journal)), "the kills came before anything was written, or after all of it"
+    assert rows_of(journal)[: len(before)] == before
     for name in ("rank_table.csv", "rank_table.npz", "rank.md") if command == "rank" else ("table.csv", "table.npz", f"{command}.md"):
         assert (tmp_path / "cut/tray" / name).read_bytes() == (tmp_path / "whole/tray" / name).read_bytes(), name
-
-
-def test_a_journal_keeps_what_it_was_told_and_refuses_damage(tmp_path, monkeypatch):
-    path = tmp_path / "journal"
-    rows = [{"key": str(k), "x": x} for k, x in enumerate([0.1, math.inf, math.nan, 1e-300])]
-    with Journal(path) as journal:
-        journal.append(rows)
-        with pytest.raises(JournalError, match="another process"):
-            Journal(path)
-
-    def no_locks(*_):
-        raise OSError(errno.ENOLCK, "No locks available")
-
-    with monkeypatch.context() as patched:
-        patched.setattr("fcntl.flock", no_locks)
-        with pytest.raises(OSError, match="No locks available"):
-            Journal(path)
-    whole = path.read_bytes()
-    for cut in range(len(whole)):
-        path.write_bytes(whole[:cut])
-        with Journal(path) as journal:
-            kept = len(journal.rows)
-            assert kept == whole[:cut].count(b"\n")
-            journal.append(rows[kept:])
-            assert repr(list(journal.rows.values())) == repr(rows)
-        assert path.read_bytes() == whole
-    path.write_bytes(whole.replace(b"inf", b"0.5", 1).replace(b"Infinity", b"2", 1))
-    with pytest.raises(JournalError, match="line 2"):
-        Journal(path)
 
 
 def test_what_the_model_leaves_out_is_noted_beside_the_rows(tmp_path):
@@ -408,13 +375,13 @@ def test_what_the_model_leaves_out_is_noted_beside_the_rows(tmp_path):
 def test_nothing_is_run_twice_and_what_changes_is_run_anew(tmp_path):
     study = tray()
     first = swept(study, tmp_path)
-    journal = tmp_path / "tray" / "journal"
-    size = journal.stat().st_size
+    journal = tmp_path / "tray" / JOURNAL
+    count = len(rows_of(journal))
     again = swept(study, tmp_path)
-    assert journal.stat().st_size == size
+    assert len(rows_of(journal)) == count
     assert first.levels == again.levels
     swept(tray(seed=1), tmp_path)
-    assert journal.stat().st_size > size
+    assert len(rows_of(journal)) > count
     told = json.loads((tmp_path / "tray" / "in_force.json").read_text())
     assert set(first.table["in_force"]) < set(told)
     assert len(told) == 2
@@ -446,9 +413,9 @@ def test_the_batch_and_the_threads_change_no_bit(tmp_path, made):
 def test_rows_carry_the_names_of_the_study_that_asks(tmp_path):
     """Settings under another name are the same rows, and two names of the same settings are both there."""
     swept(tray(settings={"few": {"iterations": 5}}), tmp_path)
-    size = (tmp_path / "tray" / "journal").stat().st_size
+    count = len(rows_of(tmp_path / "tray" / JOURNAL))
     table = swept(tray(settings={"five": {"iterations": 5}, "5": {"iterations": 5}}), tmp_path).table
-    assert (tmp_path / "tray" / "journal").stat().st_size == size
+    assert len(rows_of(tmp_path / "tray" / JOURNAL)) == count
     assert set(table["setting"]) == {"stepper", "five", "5"}
 
 
@@ -740,6 +707,29 @@ def test_a_selector_with_a_range_is_a_parameter_of_a_sweep(tmp_path):
         stepper.lab.sweep(own, tmp_path, parameters=["mas"])
     with pytest.raises(ValueError, match=r"the range is '2', must be two numbers"):
         stepper.lab.sweep(own, tmp_path, parameters=["gravity[2]=2"])
+
+
+@pytest.mark.parametrize(("texts", "names"), [
+    (["body_mass[object]=0.5..1.5", "body_mass['object']=0.5..1.5", "body_mass[-1]=.5..1.5"], ["body_mass[object]"]),
+    (["geom_friction[tray,object][0]=0.1..1", "geom_friction[*][-3]=0.1..1"], ["geom_friction[tray,object][0]"]),
+    (["geom_friction[1,0][0]=0.1..1", "geom_friction[object][0]=0.1..1"], ["geom_friction[1,0][0]", "geom_friction[object][0]"]),
+    (["mass", "body_mass[object]=0.5..1.5"], ["mass"]),
+    (["body_mass[object]=0.5..1.5", "mass"], ["body_mass[object]"]),
+    (["mass", "heavy"], ["mass", "heavy"]),
+    (["options.tolerance=1e-9..1e-6", " options.tolerance=1e-9..1e-6"], ["options.tolerance"]),
+])  # fmt: skip
+def test_two_spellings_of_a_selector_are_one_parameter(texts, names):
+    parameters = {name: Parameter("body_mass[object]", low=0.5, high=1.5 + k) for k, name in enumerate(["mass", "heavy"])}
+    model = tray().loaded[0]
+    assert list(asked_for(parameters, texts, model)) == names
+    with pytest.raises(ValueError, match=r"'body_mass\[1\]=0.5..9' and '.*', which are the same numbers with another range: give one"):
+        asked_for(parameters, ["body_mass[object]=0.5..1.5", "body_mass[1]=0.5..9"], model)
+
+
+def test_a_ranking_of_two_spellings_has_one_parameter(tmp_path):
+    """Two of them would each seem to decide half of what the number decides."""
+    with pytest.raises(ValueError, match="1 parameter with low and high, must have two for a ranking"):
+        stepper.lab.rank(tray(), tmp_path, parameters=["body_mass[object]=0.5..1.5", "body_mass[1]=0.5..1.5"])
 
 
 def test_a_study_at_other_values_by_selector():

@@ -63,9 +63,9 @@ def test_a_refusal_ends_a_command_with_one_line(tmp_path, monkeypatch, capsys):
 
         @staticmethod
         def remote(_):
-            return SimpleNamespace(options=lambda num_cpus: SimpleNamespace(remote=lambda *_: object()))
+            return SimpleNamespace(options=lambda **_: SimpleNamespace(remote=lambda *_: object()))
 
-    monkeypatch.setattr("stepper.lab.study.over_ray.require", lambda *_: Ray)
+    monkeypatch.setattr("stepper.shared.over_ray.require", lambda *_: Ray)
     (tmp_path / "arm.xml").write_text(ARM)
     (tmp_path / "study.toml").write_text('model = "arm.xml"\n[[outcomes]]\nname = "angle"\nmeasure = "joint hinge"\n')
     monkeypatch.setattr(sys, "argv", ["stepper", "sweep", str(tmp_path / "study.toml"), "--out", str(tmp_path), "--ray"])

@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 import ray
 import stepper
+from stepper.lab.study.journal import rows_of
+from stepper.lab.study.results import JOURNAL
 from typer.testing import CliRunner
 
 DRIVE = """
@@ -67,9 +69,9 @@ def test_the_rows_are_those_of_one_process(study, tmp_path):
     assert there.sweep.table.rows == here.sweep.table.rows
     assert there.sweep.cliffs == here.sweep.cliffs
     # Nothing is left to run.
-    before = (tmp_path / "there/study/journal").read_bytes()
+    before = rows_of(tmp_path / "there/study" / JOURNAL)
     assert stepper.lab.sweep(study, tmp_path / "there").sweep.table.rows == here.sweep.table.rows
-    assert (tmp_path / "there/study/journal").read_bytes() == before
+    assert rows_of(tmp_path / "there/study" / JOURNAL) == before
 
 
 def test_threads_of_all_cpus_are_one_of_a_task(study, tmp_path):

@@ -16,6 +16,7 @@ from stepper._stepper import Model
 from stepper.adapters.native import Env, make_native
 from stepper.envs.task import Array
 from stepper.shared.machine import require
+from stepper.shared.over_ray import each_task, running_ray
 
 require("ray", "for stepper.adapters.ray")
 
@@ -81,8 +82,7 @@ class RayVectorEnv(VectorEnv[Array, Array, Array]):
         if num_actors is not None and not 1 <= num_actors <= blocks:
             blocks_of = f"the number of blocks of {block_size} that {num_envs} environments make: lower block_size for more"
             raise ValueError(f"num_actors is {num_actors}, must be from 1 to {blocks}, {blocks_of}")
-        if not ray.is_initialized():
-            ray.init(include_dashboard=False)
+        running_ray("for stepper.adapters.ray")
         settings = {"autoreset_mode": AutoresetMode.SAME_STEP, **settings}
         one = make_native(env, 1, **settings)
         self.num_envs, self.autoreset_mode, self.metadata = num_envs, one.autoreset_mode, one.metadata
@@ -284,12 +284,8 @@ def sweep(
     Raises:
         ray.exceptions.RayTaskError: What `run` raised.
     """
-    if not ray.is_initialized():
-        ray.init(include_dashboard=False)
-    references = [ray.put(value) for value in shared]
-    task = ray.remote(run).options(max_retries=attempts, **(options or {}))
-    results: list[Any] = ray.get([task.remote(*references, case) for case in cases])
-    return results
+    tasks = each_task(running_ray("for stepper.adapters.ray"), run, shared, cases, max_retries=attempts, **(options or {}))
+    return [made for _, made in sorted(tasks, key=lambda task: task[0])]
 
 
 class _Host:

@@ -13,7 +13,7 @@ from stepper.cli.options import OUT
 from stepper.lab.accuracy import Account, account
 from stepper.lab.progress import progress, show_files
 from stepper.lab.study import Study
-from stepper.lab.study.document import Document, Section
+from stepper.lab.study.document import Document, Section, check_pages
 from stepper.loading import ModelWarning
 from stepper.shared.machine import provenance
 
@@ -26,6 +26,8 @@ def explain(source: str, *, run: bool = False, out: Path | None = None) -> None:
 
     Example: stepper explain robot.xml --run
     """
+    if out is not None:
+        check_pages()
     study = Study.from_model(Path(source))
     with warnings.catch_warnings():
         # The report has it.

@@ -4,7 +4,7 @@
     stepper.lab.report("tray.toml")  # a sweep of every parameter, with the causes of failures
 
 `study` has what a user writes, with sweep, rank and report; `accuracy` has chart and tune; `comparison` compares both laws of contact;
-`engine_chart` and `demo` run stepper and other engines. docs/reference/studies.md explains them.
+`engine_chart` and `demo` compare the `engines`. docs/reference/studies.md explains them.
 """
 
 import importlib

@@ -22,6 +22,7 @@ INSTALL = {
     "gymnasium": 'pip install "stepper-sim[envs]"',
     "moviepy": 'pip install "stepper-sim[viewer]"',
     "rerun": 'pip install "stepper-sim[viewer]"',
+    "jinja2": 'pip install "stepper-sim[cli]"',
     "rich": 'pip install "stepper-sim[cli]"',
     "stable_baselines3": "pip install stable-baselines3",
     "onnxruntime": 'pip install "stepper-sim[onnx]"',

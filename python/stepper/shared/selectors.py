@@ -195,6 +195,15 @@ def parts_of(model: Model, selector: Selector, where: str = "selector") -> list[
     ]
 
 
+def numbers_of(model: Model, selector: Selector, where: str = "selector") -> frozenset[tuple[str, int]]:
+    """Field and place of each number that a selector selects: equal for all spellings of one selector.
+
+    Raises:
+        ValueError: An unknown field, element or column.
+    """
+    return frozenset((part.field, int(place)) for part in parts_of(model, selector, where) for place in part.index.flat)
+
+
 def places(model: Model, selector: Selector, where: str = "selector") -> NDArray[np.int64]:
     """Places of selected numbers in the flat row of their field, in the shape of the values.
 

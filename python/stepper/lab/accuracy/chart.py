@@ -27,7 +27,7 @@ from stepper.lab.accuracy.reference import Reference, check_moves
 from stepper.lab.accuracy.tables import Found, write
 from stepper.lab.accuracy.traces import Distance, quantity
 from stepper.lab.progress import Tick
-from stepper.lab.study.document import Document
+from stepper.lab.study.document import Document, check_pages
 from stepper.lab.study.report import no_peer
 from stepper.lab.study.study import Study
 from stepper.shared.machine import one_core
@@ -98,6 +98,7 @@ def chart(
     """
     seconds = (QUICK if quick else math.inf) if budget is None else quantity(budget, name="budget", units=("s",))[0]
     clock = Budget.from_seconds(seconds)
+    check_pages()
     study = replace(check_moves(Study.from_model(source)), threads=1)
     if unit not in TARGET:
         raise ValueError(f'unit is {unit!r}, must be "m" or "rad"')

@@ -26,7 +26,7 @@ from stepper.lab.accuracy.reference import Reference, check_moves, patience
 from stepper.lab.accuracy.traces import Distance, Trace, quantity, run, runs
 from stepper.lab.progress import Tick
 from stepper.lab.study.batches import steps_of
-from stepper.lab.study.document import Document, Section, counted
+from stepper.lab.study.document import Document, Section, check_pages, counted
 from stepper.lab.study.intervals import least_share, trials_for
 from stepper.lab.study.over_ray import each
 from stepper.lab.study.study import Study
@@ -175,6 +175,7 @@ def tune(
     for name, share in (("coverage", coverage), ("confidence", confidence)):
         if not 0 < share < 1:
             raise ValueError(f"{name} is {share}, must be between 0 and 1")
+    check_pages()
     study = Study.from_model(source)
     if study.options.contact != "hard":
         raise ValueError('the study has contact="mujoco", whose settings are those of its file; tuning chooses among those of hard contact')

@@ -13,10 +13,10 @@ from statistics import median
 import numpy as np
 
 from stepper._stepper import Model
-from stepper.lab.demo.crowd import Array, Crowd, Measured, MujocoCrowd, Referee, StepperCrowd
+from stepper.lab.demo.referee import Measured, Referee
 from stepper.lab.demo.report import show
 from stepper.lab.engine_chart import SCENES, Effort, charts
-from stepper.lab.engine_chart.engines import MujocoEngine
+from stepper.lab.engines import Array, Crowd, MujocoCrowd, MujocoEngine, StepperCrowd
 from stepper.lab.progress import Tick, progress, show_files
 from stepper.loading import load
 from stepper.shared.machine import allowed_cores, one_core, package_file, provenance, require
@@ -163,8 +163,8 @@ def _crowds(model: Model, path: str, plan: Plan, threads: int) -> list[Crowd]:
     return [
         StepperCrowd(model, plan.num_envs, threads=threads),
         StepperCrowd(model, plan.num_envs, precision="f32", threads=threads),
-        MujocoCrowd(path, plan.num_peers, threads=threads, settings=MATCHED),
-        MujocoCrowd(path, plan.num_peers, threads=threads),
+        MujocoCrowd.from_file(path, plan.num_peers, threads=threads, settings=MATCHED),
+        MujocoCrowd.from_file(path, plan.num_peers, threads=threads),
     ]
 
 

@@ -1,6 +1,6 @@
 """Speed against accuracy: one scene, many engines, settings and time steps, in one process on one core.
 
-`scenes` says what is right, `engines` how to step, `run` sweeps and times, `draw` makes the picture and the table, `files` writes them.
+`scenes` says what is right, `run` sweeps and times, `draw` makes the picture and the table, `files` writes them.
 """
 
 from stepper.lab.engine_chart.draw import draw, write_csv

@@ -10,8 +10,8 @@ from statistics import median
 
 import numpy as np
 
-from stepper.lab.engine_chart.engines import Array, Engine, Run
 from stepper.lab.engine_chart.scenes import Scene
+from stepper.lab.engines import Array, Crowd, Engine
 from stepper.lab.timing import Timed
 
 
@@ -66,7 +66,7 @@ class Row:
 class _Case(Timed):
     engine: Engine
     dt: float
-    run: Run
+    run: Crowd
     qpos: Array
     qvel: Array
     nstep: int
@@ -77,7 +77,7 @@ class _Case(Timed):
         """Processor seconds of one run from the start; the reset is not timed, nor what other programs take."""
         self.run.reset(self.qpos, self.qvel)
         begin = time.process_time()
-        self.run.advance(self.nstep)
+        self.run.step(nstep=self.nstep)
         return time.process_time() - begin
 
 
@@ -86,9 +86,9 @@ def _prepare(scene: Scene, engine: Engine, dt: float) -> _Case:
     qpos, qvel = scene.start(run, dt)
     nstep = round(scene.duration / dt)
     run.reset(qpos, qvel)
-    before = run.qpos
-    run.advance(nstep)
-    end = run.qpos
+    before = run.qpos[0]
+    run.step(nstep=nstep)
+    end = run.qpos[0]
     error = scene.error(before, end) if np.all(np.isfinite(end)) else math.inf
     return _Case(engine, dt, run, qpos, qvel, nstep, error)
 

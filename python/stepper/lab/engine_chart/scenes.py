@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from stepper._options import Options
-from stepper.lab.engine_chart.engines import Array, Engine, MujocoEngine, Run, StepperEngine
+from stepper.lab.engines import Array, Crowd, Engine, MujocoEngine, StepperEngine
 from stepper.shared.machine import require
 
 TIMESTEPS = (1e-4, 2e-4, 5e-4, 1e-3, 2e-3, 5e-3, 1e-2, 2e-2)
@@ -41,7 +41,7 @@ class Scene:
     name: str
     title: str
     mjcf: str
-    start: Callable[[Run, float], tuple[Array, Array]]
+    start: Callable[[Crowd, float], tuple[Array, Array]]
     duration: float
     error: Callable[[Array, Array], float]
     error_label: str
@@ -137,14 +137,14 @@ def _box_mjcf() -> str:
       <body pos="0 0 {BOX_HALF[2]}"><freejoint/><geom type="box" size="{size}" mass="1"/></body></worldbody></mujoco>"""
 
 
-def _box_start(run: Run, dt: float) -> tuple[Array, Array]:
+def _box_start(run: Crowd, dt: float) -> tuple[Array, Array]:
     """Settles, so that no engine begins by sinking into the floor, then gives the box its speed."""
     qpos = np.array([0.0, 0.0, BOX_HALF[2], 1.0, 0.0, 0.0, 0.0])
     run.reset(qpos, np.zeros(6))
-    run.advance(round(BOX_SETTLE / dt))
+    run.step(nstep=round(BOX_SETTLE / dt))
     qvel = np.zeros(6)
     qvel[:2] = BOX_SPEED * math.cos(BOX_ANGLE), BOX_SPEED * math.sin(BOX_ANGLE)
-    return run.qpos, qvel
+    return run.qpos[0], qvel
 
 
 def box() -> Scene:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import base64
-import html
+import functools
+import importlib
 import math
 import re
 from collections.abc import Sequence
@@ -11,15 +12,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-_STYLE = """
-:root { color-scheme: light dark; }
-body { font: 15px/1.5 system-ui, sans-serif; max-width: 68rem; margin: 2rem auto; padding: 0 1rem; }
-h1 { font-size: 1.6rem; } h2 { font-size: 1.15rem; margin-top: 2.2rem; border-bottom: 1px solid #8884; }
-table { border-collapse: collapse; font-variant-numeric: tabular-nums; margin: .8rem 0; max-width: 100%; }
-th, td { padding: .2rem .5rem; text-align: left; border-bottom: 1px solid #8883; overflow-wrap: anywhere; } th { font-weight: 600; }
-td.n { text-align: right; } img { max-width: 100%; background: white; } code { font-size: .92em; }
-pre { overflow-x: auto; background: #8881; padding: .6rem; }
-"""
+from stepper.shared.machine import require
 
 
 @dataclass
@@ -67,12 +60,8 @@ class Document:
 
     def html(self) -> str:
         """As a page that carries its pictures."""
-        body = "".join(_section(section) for section in self.sections)
-        title = html.escape(self.title)
-        return (
-            f'<!doctype html><html lang="en"><meta charset="utf-8"><meta name="viewport" content="width=device-width">'
-            f"<title>{title}</title><style>{_STYLE}</style><h1>{title}</h1>{body}</html>\n"
-        )
+        page: str = _template().render(title=self.title, sections=self.sections)
+        return page
 
     def save(self, folder: Path, name: str) -> list[Path]:
         """Writes NAME.html and NAME.md."""
@@ -80,6 +69,15 @@ class Document:
         for file, text in zip(files, (self.html(), self.markdown()), strict=True):
             file.write_text(text, encoding="utf-8")
         return files
+
+
+def check_pages() -> None:
+    """Raises MissingPackageError if pages cannot be written: called before hours of running, not after.
+
+    Raises:
+        MissingPackageError: jinja2 is not installed.
+    """
+    require("jinja2", "to write HTML reports")
 
 
 def counted(number: int, what: str) -> str:
@@ -96,24 +94,18 @@ def cell(value: Any) -> str:
     return str(value) if isinstance(value, int) or math.isinf(value) else f"{value:.4g}"
 
 
-def _words(text: str) -> str:
-    return re.sub(r"`([^`]*)`", r"<code>\1</code>", html.escape(text))
+@functools.cache
+def _template() -> Any:
+    """The template of a page, which escapes all that it is given."""
+    check_pages()
+    jinja2, markupsafe = importlib.import_module("jinja2"), importlib.import_module("markupsafe")
 
+    def code(text: str) -> Any:
+        return markupsafe.Markup(re.sub(r"`([^`]*)`", r"<code>\1</code>", str(markupsafe.escape(text))))
 
-def _section(section: Section) -> str:
-    parts = [f"<h2>{html.escape(section.title)}</h2>", *(f"<p>{_words(text)}</p>" for text in section.words)]
-    if section.text:
-        parts.append(f"<pre>{html.escape(section.text.rstrip())}</pre>")
-    if section.rows:
-        head = "".join(f"<th>{_words(name)}</th>" for name in section.head)
-        rows = "".join("<tr>" + "".join(_cell(x) for x in row) + "</tr>" for row in section.rows)
-        parts.append(f"<table><tr>{head}</tr>{rows}</table>")
-    if section.picture is not None:
-        data = base64.b64encode(section.picture.read_bytes()).decode()
-        parts.append(f'<p><img alt="{html.escape(section.title)}" src="data:image/png;base64,{data}"></p>')
-    return "".join(parts)
-
-
-def _cell(value: Any) -> str:
-    kind = ' class="n"' if isinstance(value, int | float) and not isinstance(value, bool) else ""
-    return f"<td{kind}>{_words(cell(value))}</td>"
+    environment = jinja2.Environment(
+        loader=jinja2.PackageLoader(__package__, ""), autoescape=True, trim_blocks=True, undefined=jinja2.StrictUndefined
+    )
+    encoded = {"base64": lambda file: base64.b64encode(file.read_bytes()).decode()}
+    environment.filters |= encoded | {"cell": cell, "code": code}
+    return environment.get_template("document.html")

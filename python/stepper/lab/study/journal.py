@@ -1,23 +1,30 @@
-"""The journal of a study: rows that were finished, in a file that only grows.
+"""The journal of a study: an SQLite file of finished rows.
 
-A line is a CRC-32 in hexadecimal, a blank, and a JSON object. What a process was writing when it was killed is at the end of the file,
-without its newline or with a CRC that does not fit: opening the journal cuts it off. A line that does not fit anywhere else is damage, and
-an error.
+Each call of `append` is one transaction. A process that is killed while it writes loses the rows of that call, which is one batch; the
+batch would run again as a whole if it lacked a single row. Other processes may read the file at any time.
 """
 
 from __future__ import annotations
 
 import contextlib
 import json
-import os
+import sqlite3
 import zlib
 from collections.abc import Iterable, Iterator
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any
 
 from stepper._status import Status
 
 Row = dict[str, Any]
+_VERSION = 1
+"""Version of the tables, in the header of the file."""
+_TABLES = (
+    "CREATE TABLE study (name TEXT NOT NULL)",
+    "CREATE TABLE rows (key TEXT NOT NULL PRIMARY KEY, row TEXT NOT NULL, crc INTEGER NOT NULL)",
+    f"PRAGMA user_version = {_VERSION}",
+)
+_RESTART = "restore the file, or delete it to run the study from the start"
 
 
 def diverged(row: Row) -> bool:
@@ -26,64 +33,46 @@ def diverged(row: Row) -> bool:
 
 
 class JournalError(ValueError):
-    """A journal that is damaged, or that another process writes."""
+    """A journal that is damaged, belongs to another study or version, or that another process writes."""
 
 
 class Journal:
-    """Rows by their key, on disk before `append` returns.
-
-    On POSIX one process at a time has it open. Elsewhere nothing keeps a second one out: run one study in a folder at a time there.
+    """Rows by their key, on disk before `append` returns. One process at a time has a journal open; others may call `rows_of`.
 
     Args:
-        path: The file, made with its folder if it is not there.
+        path: The file, which is created with its folder if it does not exist.
+        study: Name of the study.
 
     Raises:
-        JournalError: Another process has it open (POSIX), or a line before the last is damaged.
-        OSError: It cannot be read, written or locked.
+        JournalError: Another process has the journal open, or it is damaged, or it belongs to another study or version.
+        OSError: The folder cannot be created.
     """
 
-    def __init__(self, path: Path):
+    def __init__(self, path: Path, study: str):
         self.path = path
         path.parent.mkdir(parents=True, exist_ok=True)
-        new = not path.exists()
-        self._file: BinaryIO = path.open("a+b")
-        try:
-            _lock(self._file, path)
-            self.rows = self._read()
-        except BaseException:
-            self._file.close()
-            raise
-        if new:
-            _sync_folder(path.parent)
-
-    def _read(self) -> dict[str, Row]:
-        self._file.seek(0)
-        data = self._file.read()
-        rows: dict[str, Row] = {}
-        at = 0
-        for number, line in enumerate(data.splitlines(keepends=True), 1):
-            row = _row_of(line)
-            if row is None:
-                if at + len(line) < len(data):
-                    raise JournalError(f"{self.path}, line {number}: it is damaged; restore the file, or remove it to run the study anew")
-                self._file.truncate(at)
-                break
-            rows[row["key"]] = row
-            at += len(line)
-        return rows
+        with contextlib.ExitStack() as opened:
+            opened.enter_context(contextlib.closing(_locked(path)))
+            with _explained(path):
+                self._file = opened.enter_context(contextlib.closing(sqlite3.connect(path)))
+                # Readers and the writer do not wait for one another; a commit is on the disk when it returns.
+                for pragma in ("journal_mode = WAL", "synchronous = FULL"):
+                    self._file.execute(f"PRAGMA {pragma}")
+                _create(self._file, study)
+                self.rows = {row["key"]: row for row in _read(self._file, path, study)}
+            self._opened = opened.pop_all()
 
     def append(self, rows: Iterable[Row]) -> None:
-        """Writes rows, each with its "key", and waits until they are on the disk."""
-        rows = list(rows)
-        self._file.write(b"".join(_line_of(row) for row in rows))
-        self._file.flush()
-        os.fsync(self._file.fileno())
+        """Writes rows, each with its "key", and waits until they are on the disk: all of them, or none."""
+        lines = [(row["key"], text := json.dumps(row, separators=(",", ":")), zlib.crc32(text.encode())) for row in rows]
+        with _explained(self.path), self._file:
+            self._file.executemany("INSERT INTO rows VALUES (?, ?, ?)", lines)
         # As they will be read.
-        self.rows |= {row["key"]: json.loads(json.dumps(row)) for row in rows}
+        self.rows |= {key: json.loads(text) for key, text, _ in lines}
 
     def close(self) -> None:
-        """Lets other processes have it."""
-        self._file.close()
+        """Lets other processes open the journal."""
+        self._opened.close()
 
     def __enter__(self) -> Journal:
         return self
@@ -92,46 +81,75 @@ class Journal:
         self.close()
 
 
-def _line_of(row: Row) -> bytes:
-    text = json.dumps(row, separators=(",", ":")).encode()
-    return b"%08x %s\n" % (zlib.crc32(text), text)
+def rows_of(path: Path, study: str | None = None) -> list[Row]:
+    """Rows of a journal that another process may be writing; none if there is no such file.
+
+    Args:
+        path: The file.
+        study: Name of the study; None is any.
+
+    Raises:
+        JournalError: The journal is damaged, or belongs to another study or version.
+    """
+    if not path.exists():
+        return []
+    with _explained(path), contextlib.closing(sqlite3.connect(f"{path.absolute().as_uri()}?mode=rw", uri=True)) as file:
+        return list(_read(file, path, study)) if _has_tables(file) else []
 
 
-def _row_of(line: bytes) -> Row | None:
-    """The row of a line; None if it is torn."""
-    crc, _, text = line.partition(b" ")
-    if not line.endswith(b"\n") or crc != b"%08x" % zlib.crc32(text[:-1]):
-        return None
-    row: Row = json.loads(text)
-    return row
+def _has_tables(file: sqlite3.Connection) -> bool:
+    """Whether the tables exist; a process may have been killed before it created them."""
+    return bool(file.execute("SELECT count(*) FROM sqlite_schema").fetchone()[0])
 
 
-def _lock(file: BinaryIO, path: Path) -> None:
-    """Keeps other processes out until the file is closed, on POSIX. The system lets go of it when a process dies."""
-    try:
-        import fcntl  # noqa: PLC0415  (POSIX alone)
-    except ImportError:
+def _create(file: sqlite3.Connection, study: str) -> None:
+    """Creates the tables of a new journal in one transaction."""
+    if _has_tables(file):
         return
+    with file:
+        file.execute("BEGIN")
+        for statement in _TABLES:
+            file.execute(statement)
+        file.execute("INSERT INTO study VALUES (?)", [study])
+
+
+def _read(file: sqlite3.Connection, path: Path, study: str | None) -> Iterator[Row]:
+    """Rows in the order in which they were written."""
+    if (version := file.execute("PRAGMA user_version").fetchone()[0]) != _VERSION:
+        raise JournalError(
+            f"{path} is a journal of version {version}, must be version {_VERSION}: delete it to run the study from the start, or use the "
+            "version of stepper that wrote it"
+        )
+    (name,) = file.execute("SELECT name FROM study").fetchone()
+    if study not in (None, name):
+        raise JournalError(
+            f"{path} is the journal of study {name!r}, not of {study!r}: choose another folder for the results, or delete it"
+        )
+    for number, (text, crc) in enumerate(file.execute("SELECT row, crc FROM rows ORDER BY rowid"), 1):
+        if zlib.crc32(text.encode()) != crc:
+            raise JournalError(f"{path}, row {number} is damaged: {_RESTART}")
+        yield json.loads(text)
+
+
+def _locked(path: Path) -> sqlite3.Connection:
+    """A lock that keeps other processes out until it is closed, or until the process ends."""
+    lock = sqlite3.connect(path.with_suffix(".lock"), timeout=0.0, isolation_level=None)
     try:
-        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError as error:
-        raise JournalError(f"{path}: another process is running this study; wait for it, or choose another folder") from error
+        lock.execute("BEGIN EXCLUSIVE")
+    except sqlite3.Error as error:
+        lock.close()
+        if getattr(error, "sqlite_errorcode", None) == sqlite3.SQLITE_BUSY:
+            raise JournalError(f"{path}: another process is running this study; wait for it, or choose another folder") from error
+        raise JournalError(f"{path.with_suffix('.lock')} cannot be locked ({error}): choose a folder of another file system") from error
+    return lock
 
 
-def _sync_folder(folder: Path) -> None:
-    """Puts the name of a new file on the disk too, where the system can."""
-    with contextlib.suppress(OSError):
-        handle = os.open(folder, os.O_RDONLY)
-        try:
-            os.fsync(handle)
-        finally:
-            os.close(handle)
-
-
-def rows_of(path: Path) -> Iterator[Row]:
-    """Rows of a journal that is not opened: those before the first line that does not fit."""
-    for line in path.read_bytes().splitlines(keepends=True) if path.exists() else ():
-        row = _row_of(line)
-        if row is None:
-            return
-        yield row
+@contextlib.contextmanager
+def _explained(path: Path) -> Iterator[None]:
+    """Raises JournalError in place of SQLite's errors, with the remedy."""
+    try:
+        yield
+    except sqlite3.OperationalError as error:
+        raise JournalError(f"{path}: SQLite cannot use the file ({error}): check its permissions and the space on the disk") from error
+    except sqlite3.DatabaseError as error:
+        raise JournalError(f"{path} is no journal of a study, or is damaged ({error}): {_RESTART}") from error

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import contextlib
 import copy
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from stepper.lab.study.drives import FILES
-from stepper.shared.machine import require
+from stepper.shared.over_ray import each_task, running_ray
 
 if TYPE_CHECKING:
     from stepper.lab.study.study import Study
@@ -48,27 +49,19 @@ def over_ray(study: Study, jobs: Sequence[Job], run: Callable[[Study, Job], Made
         MissingPackageError: Ray is not installed.
         WorkerVersionError: A worker has another stepper, NumPy or MuJoCo, or none.
     """
-    ray = require("ray", "to run a study over Ray")
-    if not ray.is_initialized():
-        ray.init(include_dashboard=False, log_to_driver=False)
+    ray = running_ray("to run a study over Ray", log_to_driver=False)
     for name in [name for name in sys.modules if name.startswith(FILES)]:
         ray.cloudpickle.register_pickle_by_value(sys.modules[name])
     # What rows follow from is told here, where the files are; a worker has it with the study.
     assert study.in_force
     ours = study.identity["versions"]
-    shared = ray.put(ray.cloudpickle.dumps((_of_task(study), run)))
-    task = ray.remote(_guarded()).options(num_cpus=max(1, study.threads))
-    waiting = {task.remote(ours, shared, ray.cloudpickle.dumps(job)): number for number, job in enumerate(jobs)}
-    try:
-        while waiting:
-            (done,), _ = ray.wait(list(waiting), num_returns=1)
-            machine, theirs, made = ray.get(done)
+    shared = (ours, ray.cloudpickle.dumps((_of_task(study), run)))
+    pickled = map(ray.cloudpickle.dumps, jobs)
+    with contextlib.closing(each_task(ray, _guarded(), shared, pickled, num_cpus=max(1, study.threads))) as tasks:
+        for number, (machine, theirs, made) in tasks:
             if theirs != ours:
                 raise WorkerVersionError(_refusal(machine, theirs, ours))
-            yield waiting.pop(done), made
-    finally:
-        for left in waiting:
-            ray.cancel(left)
+            yield number, made
 
 
 def _of_task(study: Study) -> Study:

@@ -27,7 +27,7 @@ from stepper._stepper import Model
 from stepper.actuators import PID, ActuatorModel, DCMotor, Drive
 from stepper.sensors import SensorModel, Transfer
 from stepper.shared.fields import COMPOUNDS, FIELDS, OF_PAIRS, check_pairs
-from stepper.shared.selectors import Selector, parse, parse_range, parts_of, rows_of
+from stepper.shared.selectors import Selector, numbers_of, parse, parse_range, parts_of, rows_of
 from stepper.shared.tables import fitting
 
 Array = NDArray[np.float64]
@@ -154,22 +154,41 @@ def _is_number(value: Any) -> bool:
     return isinstance(value, int | float | np.number) and not isinstance(value, bool) and math.isfinite(value)
 
 
-def asked_for(parameters: Mapping[str, Parameter], wanted: Sequence[str]) -> dict[str, Parameter]:
+def asked_for(parameters: Mapping[str, Parameter], wanted: Sequence[str], model: Model) -> dict[str, Parameter]:
     """Parameters by the texts that a user gives: names of a study's parameters, or selectors with a range.
 
+    Two spellings of one selector with the same range are one parameter.
+
     Raises:
-        ValueError: A text that is neither.
+        ValueError: A text that is neither, or a selector of the same numbers as another text with another range.
     """
-    found = {}
+    found: dict[str, Parameter] = {}
     for text in wanted:
-        if text in parameters:
-            found[text] = parameters[text]
-            continue
-        selector, bounds = parse_range(text, "parameters") if _selects(text) else (None, None)
-        if selector is None or bounds is None:
-            raise ValueError(_no_parameter(text, parameters, "give a selector with its range, as 'geom_friction[floor][0]=0.2..1'"))
-        found[str(selector)] = Parameter(str(selector), low=bounds[0], high=bounds[1])
+        name, own = (text, parameters[text]) if text in parameters else _with_range(text, parameters)
+        # A study may have several parameters of the same numbers, by their names.
+        others = [other for other in found if not {name, other} <= parameters.keys()]
+        same = next((other for other in others if _changed(found[other], model) == _changed(own, model)), None)
+        if same is None:
+            found[name] = own
+        elif (found[same].how, found[same].low, found[same].high) != (own.how, own.low, own.high):
+            raise ValueError(f"parameters has {text!r} and {same!r}, which are the same numbers with another range: give one of them")
     return found
+
+
+def _with_range(text: str, parameters: Mapping[str, Parameter]) -> tuple[str, Parameter]:
+    """Name and parameter of a selector with its range."""
+    selector, bounds = parse_range(text, "parameters") if _selects(text) else (None, None)
+    if selector is None or bounds is None:
+        raise ValueError(_no_parameter(text, parameters, "give a selector with its range, as 'geom_friction[floor][0]=0.2..1'"))
+    return str(selector), Parameter(str(selector), low=bounds[0], high=bounds[1])
+
+
+def _changed(parameter: Parameter, model: Model) -> frozenset[tuple[str, int]]:
+    """Numbers that a parameter changes: equal for all spellings of its selector."""
+    if parameter.kind == "field":
+        return numbers_of(model, parameter.parsed, _where(parameter))
+    rows = rows_of(model, parameter.kind, parameter.parsed.elements, _where(parameter)) if parameter.kind in ("sensor", "actuator") else [0]
+    return frozenset((parameter.parsed.field, row) for row in rows)
 
 
 def _no_parameter(text: str, parameters: Mapping[str, Parameter], otherwise: str) -> str:
@@ -180,7 +199,7 @@ def _no_parameter(text: str, parameters: Mapping[str, Parameter], otherwise: str
 
 def _selects(text: str) -> bool:
     """Whether a text begins with the field of a selector."""
-    field = text.partition("=")[0].partition("[")[0]
+    field = text.partition("=")[0].partition("[")[0].strip()
     return field in FIELDS or field in COMPOUNDS or field.partition(".")[0] in _HEADS[:3]
 
 

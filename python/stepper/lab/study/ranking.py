@@ -121,7 +121,7 @@ def rank(
     """
     study = study_of(study)
     if parameters is not None:
-        chosen = asked_for(study.parameters, parameters)
+        chosen = asked_for(study.parameters, parameters, study.loaded[0])
         study, parameters = replace(study, parameters={**study.parameters, **chosen}), list(chosen)
     names = _names(study, parameters, setting)
     if samples < 2 or samples & (samples - 1):

@@ -199,7 +199,7 @@ class RapierWorld(MujocoWorld):
 
 
 @dataclass(frozen=True)
-class _Joint:
+class RapierJoint:
     """A joint between two bodies, 0 for the world: its frame is at its anchor, with the axis along x, in both bodies."""
 
     body: int
@@ -212,28 +212,24 @@ class _Joint:
     zero: float
 
 
-class _Scene:
-    """One rapier world of a model. Bodies without joints are parts of those that they are fixed to."""
+class RapierScene:
+    """A rapier world of a model, with states in MuJoCo's layout.
 
-    def __init__(self, rapier: Any, mujoco: Any, model: Any, iterations: int | None):
-        self._rp, self._mujoco, self._model, self._data = rapier, mujoco, model, mujoco.MjData(model)
-        mujoco.mj_kinematics(model, self._data)
-        mujoco.mj_comPos(model, self._data)
-        self.world = rapier.PhysicsWorld(gravity=_tuple(model.opt.gravity))
-        self.world.integration_parameters.dt = float(model.opt.timestep)
-        if iterations is not None:
-            self.world.integration_parameters.num_solver_iterations = int(iterations)
-        self._bodies: dict[int, Any] = {0: self.world.add_body(rapier.RigidBody.fixed())}
-        for b in range(1, model.nbody):
-            if model.body_weldid[b] == b:
-                self._bodies[b] = self._body(b)
-        for g in _colliding(model):
-            self._collider(int(g))
-        for b, handle in self._bodies.items():
-            if b:
-                # Until then a body has neither the mass nor the centre that it was given.
-                self.world.rigid_bodies[handle].recompute_mass_properties_from_colliders(self.world.colliders)
-        self._joints = [self._joint(j) for j in range(model.njnt)]
+    Args:
+        rapier: The library rapier3d.
+        mujoco: The library MuJoCo.
+        model: MuJoCo's model.
+        world: rapier's world.
+
+    Attributes:
+        bodies: rapier's bodies by MuJoCo's index; 0 is the world.
+        joints: Joints of the model.
+    """
+
+    def __init__(self, rapier: Any, mujoco: Any, model: Any, world: Any):
+        self._rp, self._mujoco, self._model, self._data, self.world = rapier, mujoco, model, mujoco.MjData(model), world
+        self.bodies: dict[int, Any] = {}
+        self.joints: list[RapierJoint] = []
 
     def put(self, qpos: Array, qvel: Array) -> None:
         """Sets the state."""
@@ -243,7 +239,7 @@ class _Scene:
         mujoco.mj_comPos(m, d)
         mujoco.mj_comVel(m, d)
         velocity = np.zeros(6)
-        for b, handle in self._bodies.items():
+        for b, handle in self.bodies.items():
             if b == 0:
                 continue
             own = self.world.rigid_bodies[handle]
@@ -253,29 +249,6 @@ class _Scene:
             # Rapier's linear velocity is that of the centre of mass.
             arm = _rotate(d.xquat[b], _vector(own.local_center_of_mass))
             own.linvel, own.angvel = _tuple(velocity[3:] + np.cross(velocity[:3], arm)), _tuple(velocity[:3])
-
-    def push(self, applied: Array) -> None:
-        """Forces and torques on bodies, (nbody, 6), in force until the next."""
-        done: set[int] = set()
-        for b in range(1, self._model.nbody):
-            root = int(self._model.body_weldid[b])
-            if root == 0:
-                continue
-            own = self.world.rigid_bodies[self._bodies[root]]
-            if root not in done:
-                own.reset_forces(False)
-                own.reset_torques(False)
-                done.add(root)
-            if applied[b].any():
-                local = self._mujoco_frame(b, root)
-                place = _vector(own.translation) + _rotate(_quaternion(own.rotation), local)
-                own.add_force_at_point(_tuple(applied[b, :3]), _tuple(place))
-                own.add_torque(_tuple(applied[b, 3:]))
-
-    def _mujoco_frame(self, b: int, root: int) -> Array:
-        """Centre of mass of a body in the frame of that which it is fixed to."""
-        reference = self._at_reference
-        return _rotate(_conjugate(reference.xquat[root]), reference.xipos[b] - reference.xpos[root])
 
     @property
     def _at_reference(self) -> Any:
@@ -289,11 +262,11 @@ class _Scene:
         """Configuration and velocity in MuJoCo's layout."""
         m = self._model
         qpos, qvel = np.array(m.qpos0, float), np.zeros(m.nv)
-        for joint in self._joints:
+        for joint in self.joints:
             place, turn, linear, spin = self._motion(joint.body)
             q, v = joint.qpos, joint.qvel
             if joint.kind == self._mujoco.mjtJoint.mjJNT_FREE:
-                r = self.world.rigid_bodies[self._bodies[joint.body]].rotation
+                r = self.world.rigid_bodies[self.bodies[joint.body]].rotation
                 # The orientation as rapier has it: how far its norm drifts is seen.
                 qpos[q : q + 7], qvel[v : v + 6] = [*place, r.w, r.i, r.j, r.k], [*linear, *_rotate(_conjugate(turn), spin)]
                 continue
@@ -302,9 +275,11 @@ class _Scene:
             j = int(m.body_jntadr[joint.body])
             axis = _rotate(_conjugate(reference.xquat[joint.body]), reference.xaxis[j])
             along = _rotate(turn, axis)
-            if joint.kind == self._mujoco.mjtJoint.mjJNT_HINGE:
-                was = _product(_conjugate(reference.xquat[joint.parent]), reference.xquat[joint.body])
-                since = _product(_conjugate(was), _product(_conjugate(base_turn), turn))
+            was = _product(_conjugate(reference.xquat[joint.parent]), reference.xquat[joint.body])
+            since = _product(_conjugate(was), _product(_conjugate(base_turn), turn))
+            if joint.kind == self._mujoco.mjtJoint.mjJNT_BALL:
+                qpos[q : q + 4], qvel[v : v + 3] = since, _rotate(_conjugate(turn), spin - base_spin)
+            elif joint.kind == self._mujoco.mjtJoint.mjJNT_HINGE:
                 qpos[q] = joint.zero + _nearest(2.0 * np.arctan2(since[1:] @ axis, since[0]), self._data.qpos[q] - joint.zero)
                 qvel[v] = (spin - base_spin) @ along
             else:
@@ -319,10 +294,59 @@ class _Scene:
         """Place and orientation of a body's frame, velocity of its origin, angular velocity; world axes."""
         if b == 0:
             return np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]), np.zeros(3), np.zeros(3)
-        own = self.world.rigid_bodies[self._bodies[b]]
+        own = self.world.rigid_bodies[self.bodies[b]]
         turn, spin = _quaternion(own.rotation), _vector(own.angvel)
         arm = _rotate(turn, _vector(own.local_center_of_mass))
         return _vector(own.translation), turn, _vector(own.linvel) - np.cross(spin, arm), spin
+
+    def _rotation(self, q: Array) -> Any:
+        return self._rp.Rotation3.from_quaternion(*_tuple(q))
+
+
+class _Scene(RapierScene):
+    """A world that is built from MuJoCo's model. Bodies without joints are parts of those that they are fixed to."""
+
+    def __init__(self, rapier: Any, mujoco: Any, model: Any, iterations: int | None):
+        super().__init__(rapier, mujoco, model, rapier.PhysicsWorld(gravity=_tuple(model.opt.gravity)))
+        mujoco.mj_kinematics(model, self._data)
+        mujoco.mj_comPos(model, self._data)
+        self.world.integration_parameters.dt = float(model.opt.timestep)
+        if iterations is not None:
+            self.world.integration_parameters.num_solver_iterations = int(iterations)
+        self.bodies = {0: self.world.add_body(rapier.RigidBody.fixed())}
+        for b in range(1, model.nbody):
+            if model.body_weldid[b] == b:
+                self.bodies[b] = self._body(b)
+        for g in _colliding(model):
+            self._collider(int(g))
+        for b, handle in self.bodies.items():
+            if b:
+                # Until then a body has neither the mass nor the centre that it was given.
+                self.world.rigid_bodies[handle].recompute_mass_properties_from_colliders(self.world.colliders)
+        self.joints = [self._joint(j) for j in range(model.njnt)]
+
+    def push(self, applied: Array) -> None:
+        """Forces and torques on bodies, (nbody, 6), in force until the next."""
+        done: set[int] = set()
+        for b in range(1, self._model.nbody):
+            root = int(self._model.body_weldid[b])
+            if root == 0:
+                continue
+            own = self.world.rigid_bodies[self.bodies[root]]
+            if root not in done:
+                own.reset_forces(False)
+                own.reset_torques(False)
+                done.add(root)
+            if applied[b].any():
+                local = self._mujoco_frame(b, root)
+                place = _vector(own.translation) + _rotate(_quaternion(own.rotation), local)
+                own.add_force_at_point(_tuple(applied[b, :3]), _tuple(place))
+                own.add_torque(_tuple(applied[b, 3:]))
+
+    def _mujoco_frame(self, b: int, root: int) -> Array:
+        """Centre of mass of a body in the frame of that which it is fixed to."""
+        reference = self._at_reference
+        return _rotate(_conjugate(reference.xquat[root]), reference.xipos[b] - reference.xpos[root])
 
     def _body(self, b: int) -> Any:
         """A body with the mass of all that is fixed to it."""
@@ -380,14 +404,14 @@ class _Scene:
         shape = shape.density(0.0).position(rp.Isometry3(_tuple(place), self._rotation(quaternion))).collision_groups(groups)
         friction = float(m.geom_friction[g, 0]) if m.geom_condim[g] > 1 else 0.0
         shape = shape.friction(friction).friction_combine_rule(rp.CoefficientCombineRule.MAX).restitution(0.0)
-        self.world.add_collider(shape, self._bodies[root] if root else None)
+        self.world.add_collider(shape, self.bodies[root] if root else None)
 
-    def _joint(self, j: int) -> _Joint:
+    def _joint(self, j: int) -> RapierJoint:
         m, d, rp, kinds = self._model, self._data, self._rp, self._mujoco.mjtJoint
         b, kind = int(m.jnt_bodyid[j]), int(m.jnt_type[j])
         parent, q, v = int(m.body_weldid[m.body_parentid[b]]), int(m.jnt_qposadr[j]), int(m.jnt_dofadr[j])
         low, high = (float(x) for x in m.jnt_range[j]) if m.jnt_limited[j] else (-np.inf, np.inf)
-        found = _Joint(b, parent, kind, q, v, low, high, 0.0 if kind == kinds.mjJNT_FREE else float(m.qpos0[q]))
+        found = RapierJoint(b, parent, kind, q, v, low, high, 0.0 if kind == kinds.mjJNT_FREE else float(m.qpos0[q]))
         if kind == kinds.mjJNT_FREE:
             return found
         frame = self._quaternion(_along_x(d.xaxis[j]))
@@ -397,16 +421,13 @@ class _Scene:
         if np.isfinite(low):
             made = made.limits(rp.JointAxis.ANG_X if hinge else rp.JointAxis.LIN_X, low - found.zero, high - found.zero)
         # A body and its parent do not collide, but for what is fixed to the world.
-        self.world.impulse_joints.insert(self._bodies[parent], self._bodies[b], made.contacts_enabled(parent == 0).build())
+        self.world.impulse_joints.insert(self.bodies[parent], self.bodies[b], made.contacts_enabled(parent == 0).build())
         return found
 
     def _local(self, b: int, place: Array, turn: Array) -> Any:
         """A frame in world axes, as a body has it."""
         back = _conjugate(self._data.xquat[b])
         return self._rp.Isometry3(_tuple(_rotate(back, place - self._data.xpos[b])), self._rotation(_product(back, turn)))
-
-    def _rotation(self, q: Array) -> Any:
-        return self._rp.Rotation3.from_quaternion(*_tuple(q))
 
     def _quaternion(self, matrix: Array) -> Array:
         q = np.zeros(4)

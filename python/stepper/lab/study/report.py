@@ -64,7 +64,7 @@ def sweep(
 ) -> Report:
     """Perturbs every parameter of a study, one at a time: a table with Wilson's intervals, and the values at which success ends.
 
-    What was run before is not run again: rows are kept in OUT/NAME/journal as soon as they are known.
+    What was run before is not run again: rows are kept in OUT/NAME/journal.sqlite as soon as they are known.
 
     Args:
         study: A study, or the file of one.

@@ -9,11 +9,12 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any
 
+from stepper.lab.study.document import check_pages
 from stepper.lab.study.journal import Journal
 from stepper.lab.study.study import Study
 from stepper.shared.files import in_one_piece
 
-IN_FORCE = "in_force.json"
+IN_FORCE, JOURNAL = "in_force.json", "journal.sqlite"
 
 
 class Results:
@@ -25,9 +26,14 @@ class Results:
     """
 
     def __init__(self, study: Study, out: str | os.PathLike[str]):
+        check_pages()
         self.folder = Path(out) / study.name
-        self.journal = Journal(self.folder / "journal")
-        self._tell(study)
+        self.journal = Journal(self.folder / JOURNAL, study.name)
+        try:
+            self._tell(study)
+        except BaseException:
+            self.journal.close()
+            raise
 
     def _tell(self, study: Study) -> None:
         """Adds what is in force to in_force.json, in one piece."""

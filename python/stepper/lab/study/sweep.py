@@ -167,7 +167,7 @@ def sweep(
         raise ValueError(f"resolution is {resolution}, must be between 0 and 1: the width of a cliff's bracket over the range")
     if not study.all_outcomes:
         raise ValueError("the study has no outcome, so there is nothing to compare; give it one")
-    chosen = study.parameters if parameters is None else asked_for(study.parameters, parameters)
+    chosen = study.parameters if parameters is None else asked_for(study.parameters, parameters, study.loaded[0])
     names, study = list(chosen), replace(study, parameters={**study.parameters, **chosen})
     settings, skipped = [USUAL, *study.settings], []
     cells: list[tuple[str, str, Value | None]] = [(setting, "", None) for setting in settings]

@@ -1,0 +1,35 @@
+"""Generated sections of pages: the text between `<!-- NAME ... -->` and `<!-- end of NAME -->`."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+
+def section_of(page: Path, name: str) -> str:
+    """Present text of a section.
+
+    Raises:
+        ValueError: The page has no section of that name.
+    """
+    return _parts(page, name)[1].strip("\n")
+
+
+def write_section(page: Path, name: str, text: str) -> None:
+    """Replaces a section of a page.
+
+    Raises:
+        ValueError: The page has no section of that name.
+    """
+    before, _, after = _parts(page, name)
+    text = text.strip("\n")
+    page.write_text(f"{before}\n\n{text}\n\n{after}", encoding="utf-8")
+
+
+def _parts(page: Path, name: str) -> tuple[str, str, str]:
+    """Text up to the section, the section, and the text from its end on."""
+    mark, text = re.escape(name), page.read_text(encoding="utf-8")
+    found = re.fullmatch(rf"(.*<!-- {mark}(?:: [^\n]*?)? -->)(.*)(<!-- end of {mark} -->.*)", text, re.DOTALL)
+    if found is None:
+        raise ValueError(f"{page} has no section {name!r}: it begins with '<!-- {name} -->' and ends with '<!-- end of {name} -->'")
+    return found[1], found[2], found[3]

@@ -1,0 +1,56 @@
+"""Calls of a function as tasks of Ray, on one machine or many."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Generator, Iterable
+from types import ModuleType
+from typing import Any
+
+from stepper.shared.machine import require
+
+
+def running_ray(purpose: str, *, log_to_driver: bool = True) -> ModuleType:
+    """The library Ray, which is started here if it does not run.
+
+    Args:
+        purpose: As of `stepper.shared.machine.require`.
+        log_to_driver: Whether this process prints the output of the workers, if Ray is started here.
+
+    Raises:
+        MissingPackageError: Ray is not installed.
+    """
+    ray = require("ray", purpose)
+    if not ray.is_initialized():
+        ray.init(include_dashboard=False, log_to_driver=log_to_driver)
+    return ray
+
+
+def each_task(
+    ray: ModuleType, run: Callable[..., Any], shared: Iterable[Any], cases: Iterable[Any], **options: Any
+) -> Generator[tuple[int, Any], None, None]:
+    """Calls `run(*shared, case)` for every case, each call as a task. If one fails, the others are cancelled.
+
+    Args:
+        ray: The library, running.
+        run: The function.
+        shared: Arguments of all calls, which Ray stores once.
+        cases: Last argument of each call.
+        **options: Options of Ray for a task, as num_cpus=2.
+
+    Yields:
+        Number of a case and what its call returned, in the order in which the calls end.
+
+    Raises:
+        ray.exceptions.RayTaskError: The error of a call.
+    """
+    references = [ray.put(value) for value in shared]
+    task = ray.remote(run).options(**options)
+    waiting = {task.remote(*references, case): number for number, case in enumerate(cases)}
+    try:
+        while waiting:
+            (done,), _ = ray.wait(list(waiting), num_returns=1)
+            made = ray.get(done)
+            yield waiting.pop(done), made
+    finally:
+        for left in waiting:
+            ray.cancel(left)

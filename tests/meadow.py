@@ -72,6 +72,6 @@ FIELDS = {
     "dof_damping": lambda m, n, r: per_joint(m, m.dof_damping, n, r),
     "dof_armature": lambda m, n, r: per_joint(m, m.dof_armature, n, r),
     "dof_frictionloss": lambda m, n, r: per_joint(m, m.dof_frictionloss, n, r),
-    "actuator_gain": lambda m, n, r: scaled(m.actuator_gain, n, r, 0.5, 2.0),
-    "actuator_bias": lambda m, n, r: scaled(m.actuator_bias, n, r, 0.5, 2.0),
+    "actuator_gainprm": lambda m, n, r: scaled(m.actuator_gainprm, n, r, 0.5, 2.0),
+    "actuator_biasprm": lambda m, n, r: scaled(m.actuator_biasprm, n, r, 0.5, 2.0),
 }

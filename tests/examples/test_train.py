@@ -1,4 +1,4 @@
-"""examples/train.py: a run goes on to the same curve, and its policy acts the same without torch (`make training`)."""
+"""`stepper train`: a run goes on to the same curve, and its policy acts the same without torch (`make training`)."""
 
 import csv
 import dataclasses
@@ -12,7 +12,7 @@ from envs.cases import needs_gymnasiums
 from stepper.policies import load
 
 torch = pytest.importorskip("torch", reason="torch is not installed: make training")
-import train  # noqa: E402
+from stepper.policies import ppo as train  # noqa: E402
 
 SMALL = {"num_envs": 32, "horizon": 16, "minibatch": 256, "threads": 1, "hidden": 16}
 PER_ITERATION = 32 * 16

@@ -122,11 +122,11 @@ def register() -> None:
 
 
 if __name__ == "__main__":
-    from stepper.policies import ppo
+    from stepper.policies import ppo, ppo_settings
 
     # Under its own name, so that a checkpoint finds the class when it is read.
     sys.modules["panda_task"] = sys.modules["__main__"]
     PandaPick.__module__ = "panda_task"
     register()
-    ppo.TASKS = {**ppo.TASKS, "PandaPick-v0": SETTINGS}
+    ppo_settings.TASKS = {**ppo_settings.TASKS, "PandaPick-v0": SETTINGS}
     ppo.main()

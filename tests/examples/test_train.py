@@ -13,6 +13,7 @@ from stepper.policies import load
 
 torch = pytest.importorskip("torch", reason="torch is not installed: make training")
 from stepper.policies import ppo as train  # noqa: E402
+from stepper.policies import ppo_settings  # noqa: E402
 
 SMALL = {"num_envs": 32, "horizon": 16, "minibatch": 256, "threads": 1, "hidden": 16}
 PER_ITERATION = 32 * 16
@@ -93,7 +94,7 @@ def test_every_setting_is_an_option_with_its_help(monkeypatch):
 
 
 def test_a_task_has_settings_of_its_own_and_options_go_before_them(monkeypatch):
-    own = train.TASKS["Hopper-v5"]["num_envs"]
+    own = ppo_settings.TASKS["Hopper-v5"]["num_envs"]
     assert own != train.Settings.num_envs
     for env in ("Hopper-v5", "stepper/Hopper-v5"):
         assert train.Settings.of_task(env).num_envs == own

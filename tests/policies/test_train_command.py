@@ -12,7 +12,7 @@ from stepper.policies import check_film
 
 ROOT = Path(__file__).parents[2]
 WITHOUT_TORCH = "import sys; sys.modules['torch'] = None; "
-COMMAND = "from stepper.cli import main; sys.argv = ['stepper', 'train', 'stepper/Hopper-v5', '--seed', '3', '--help']; main()"
+COMMAND = "from stepper.cli import main; sys.argv = ['stepper', 'train', 'stepper/Hopper-v5', '--seed', '3']; main()"
 EXAMPLE = f"import runpy; runpy.run_path({str(ROOT / 'examples/train.py')!r}, run_name='__main__')"
 LEARNER = f"import runpy; runpy.run_path({str(ROOT / 'python/stepper/policies/ppo.py')!r}, run_name='__main__')"
 
@@ -23,6 +23,18 @@ def test_the_command_says_what_it_does_before_it_imports_pytorch():
     assert ended.stdout == "stepper train: importing PyTorch\n"
     assert ended.stderr == 'stepper: torch is needed to train, and is not installed: pip install "stepper-sim[train]"\n'
     assert ended.returncode == 1
+
+
+@pytest.mark.skipif(find_spec("typer") is None, reason="typer, which the command line needs, is not installed")
+@pytest.mark.parametrize(("option", "code", "said"), [("--help", 0, "--minibatch"), ("--minibach", 2, "--minibach")])
+def test_help_and_wrong_options_need_no_pytorch(option, code, said):
+    ended = subprocess.run(
+        [sys.executable, "-c", WITHOUT_TORCH + COMMAND.replace("--seed", option)], capture_output=True, text=True, check=False
+    )
+    assert ended.returncode == code
+    assert said in ended.stdout + ended.stderr
+    assert "usage: stepper train" in ended.stdout + ended.stderr
+    assert "PyTorch" not in ended.stdout
 
 
 @pytest.mark.parametrize("script", [EXAMPLE, LEARNER])

@@ -5,6 +5,8 @@ from __future__ import annotations
 from types import ModuleType
 from typing import TYPE_CHECKING
 
+from stepper.policies.ppo_settings import arguments
+
 if TYPE_CHECKING:
     from typer import Typer
 
@@ -21,7 +23,7 @@ def train(words: list[str]) -> None:
 
     Example: stepper train --copy my_ppo.py
     """
-    # PyTorch takes seconds to import.
+    arguments("stepper train").parse_args(words)  # Help and wrong options need no PyTorch, which takes seconds to import.
     print("stepper train: importing PyTorch", flush=True)
     from stepper.policies.ppo import main  # noqa: PLC0415
 

@@ -277,6 +277,11 @@ mod tests {
         assert_eq!(model.digest(), before);
         model.description.actuators[1].force_model.disabled = true;
         assert_ne!(model.digest(), before);
+        let few = ForceModels(vec![ForceModel::default()]);
+        let payload = encoded(&(&model.description, model.hulls.surfaces(), model.soft.noslip, Added::of(&model), few));
+        let digest: [u8; 32] = Sha256::digest(&payload).into();
+        let misfit = [&MAGIC[..], &FORMAT_VERSION.to_le_bytes(), &digest, &payload].concat();
+        assert!(Model::from_bytes(&misfit).unwrap_err().to_string().contains("save the model again"));
     }
 
     #[test]
@@ -343,7 +348,7 @@ mod tests {
     fn with_surface(model: &Model, change: impl FnOnce(&mut Surfaces)) -> Vec<u8> {
         let mut surfaces = model.hulls.surfaces();
         change(&mut surfaces);
-        let payload = encoded(&(&model.description, surfaces, model.soft.noslip, Added::of(model)));
+        let payload = encoded(&(&model.description, surfaces, model.soft.noslip, Added::of(model), ForceModels::of(model)));
         let digest: [u8; 32] = Sha256::digest(&payload).into();
         [&MAGIC[..], &FORMAT_VERSION.to_le_bytes(), &digest, &payload].concat()
     }

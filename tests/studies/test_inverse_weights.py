@@ -63,7 +63,7 @@ def test_each_value_is_a_batch_of_its_own_by_that_law_alone(selector):
 def test_rows_do_not_depend_on_the_points_beside_them(tmp_path):
     found = study("body_mass[ball]", 20.0)
     values = [{"p": value} for value in (0.5, 1.0, 20.0)]
-    with Journal(tmp_path / "journal") as journal:
+    with Journal(tmp_path / "journal", found.name) as journal:
         rows = run_points(found, [Point(theta) for theta in values], journal)
     alone = [run_episodes(found, "stepper", [theta], [0])[0] for theta in values]
     assert [row["outcomes"] for row in rows] == [row["outcomes"] for row in alone]

@@ -119,7 +119,7 @@ study-libraries: build $(LIBRARIES)/study.stamp
 adapters: build $(LIBRARIES)/adapters.stamp
 	PYTHONPATH=python $(LIBRARIES)/bin/python -m pytest $(or $(ADAPTERS),$(wildcard tests/adapters/test_*.py))
 
-# Tests of examples/train.py, shac.py and grasp.py, for which torch is installed, and of the Go1 and the G1, whose files are mjlab's.
+# Tests of `stepper train`, shac.py and grasp.py, for which torch is installed, and of the Go1 and the G1, whose files are mjlab's.
 training: build
 	$(BIN)/python -m pip install --quiet --group train
 	$(BIN)/python -m pip install --quiet --no-deps mjlab

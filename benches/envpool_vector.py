@@ -1,4 +1,4 @@
-"""EnvPool's environments as a vector environment of Gymnasium's, with the autoreset that examples/train.py asks for.
+"""EnvPool's environments as a vector environment of Gymnasium's, with the autoreset that `stepper train` asks for.
 
 EnvPool begins an episode with the call of `step` after the one that ended the last, where the learner wants it within that step.
 """

@@ -33,9 +33,6 @@ _READ = {
     "sensordata": "sensordata",
 }
 """Quantities of stepper and MuJoCo's names of them."""
-_FIELDS = {"actuator_gain": "actuator_gainprm", "actuator_bias": "actuator_biasprm"}
-"""Parameters that MuJoCo calls otherwise."""
-_WIDTH = {"actuator_gain": 3, "actuator_bias": 3}
 _DERIVED = {"body_mass", "body_inertia", "body_ipos", "dof_armature"}
 """Parameters from which MuJoCo derives constants."""
 
@@ -135,8 +132,7 @@ class MujocoSim(MujocoCrowd):
         """Gives environments parameters of their own."""
         ids = np.arange(self.num_envs) if envs is None else np.flatnonzero(envs)
         for name, values in fields.items():
-            target = self._batch.expand(_FIELDS.get(name, name))
-            target[ids, ..., : _WIDTH.get(name, target.shape[-1])] = values[ids]
+            self._batch.expand(name)[ids] = values[ids]
             self.randomized.setdefault(name, np.array(values))[ids] = values[ids]
         if _DERIVED & set(fields):
             self._batch.set_const(ids)

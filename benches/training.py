@@ -142,7 +142,7 @@ def _named(run: str) -> tuple[str, str]:
     """Engine with its law, and task, of the name of a folder of runs: "stepper_Hopper-v5", "stepper_Hopper-v5_hard", "Hopper-v5"."""
     match = re.fullmatch(r"(stepper_)?(.+?-v\d+)(?:_(\w+))?", run)
     if match is None:
-        raise ValueError(f"{run} is no folder of a run of examples/train.py")
+        raise ValueError(f"{run} is no folder of a run of stepper train")
     if match[1] is None:
         return "MuJoCo", match[2]
     task = gymnasium.spec(f"stepper/{match[2]}").kwargs["task"]

@@ -4,8 +4,8 @@
 
 Two fingers and a hand, moved by forces, stand beside a box that lies somewhere between them. The box is wanted 10 cm higher, and forces of
 the fingers cost. Friction holds the box if each finger presses with m g / (2 mu) at least, 6.5 N. The learner by derivatives is that of
-shac.py with a whole episode as its horizon, the other that of train.py; the networks, what they begin with and the task are the same. The
-task is python/stepper/envs/basic/grasp.py.
+shac.py with a whole episode as its horizon, the other that of `stepper train`; networks, their initial values and the task are the
+same. The task is python/stepper/envs/basic/grasp.py.
 """
 
 from __future__ import annotations
@@ -19,11 +19,10 @@ from typing import Any
 import gymnasium
 import numpy as np
 import torch
-import train  # type: ignore[import-not-found]
 from numpy.typing import NDArray
 from shac import Differentiable, Learner, Plan  # type: ignore[import-not-found]
 from stepper.envs.basic.grasp import FORCE, STEPS, Grasp
-from stepper.policies import Policy
+from stepper.policies import Policy, ppo
 
 Array = NDArray[Any]
 
@@ -60,7 +59,7 @@ class Score:
 def score(policy: Policy, rollouts: int, processor: float) -> Score:
     """Runs a policy in 32 episodes that no learner has seen."""
     envs: Any = gymnasium.make_vec(NAME, num_envs=32)
-    observation, _ = envs.reset(seed=train.FRESH)
+    observation, _ = envs.reset(seed=ppo.FRESH)
     gain = 0.0
     for _ in range(ACTIONS):
         action = policy(observation)
@@ -69,7 +68,7 @@ def score(policy: Policy, rollouts: int, processor: float) -> Score:
     return Score(rollouts, processor, gain, float(np.sqrt(np.mean((info["rise"] - RISE) ** 2))), float(FORCE * action[:, 1:].mean()))
 
 
-def grip(net: train.ActorCritic) -> None:
+def grip(net: ppo.ActorCritic) -> None:
     """Makes a policy begin with a grip that lifts the box, too fast: of one that lies on the floor, no derivative says how to lift it."""
     with torch.no_grad():
         net.actor[-1].bias[:] = torch.tensor([0.4, 0.5, 0.5])
@@ -91,9 +90,9 @@ def by_derivatives(rollouts: int, seed: int = 1, **given: Any) -> Iterator[Score
 
 
 def by_ppo(rollouts: int, seed: int = 1, **given: Any) -> Iterator[Score]:
-    """Learns with train.py; yields a score after every update."""
+    """Learns with PPO; yields a score after every update."""
     own = {"num_envs": 64, "horizon": ACTIONS, "minibatch": 640, "epochs": 8, "initial_std": Plan.std, "threads": 1}
-    run, spent = train.Run(train.Settings(env=NAME, seed=seed, **{**own, **given})), 0.0
+    run, spent = ppo.Run(ppo.Settings(env=NAME, seed=seed, **{**own, **given})), 0.0
     grip(run.net)
     while run.episodes < rollouts:
         spent -= time.process_time()

@@ -32,8 +32,8 @@ import torch
 from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 from stepper.policies import Policy, describe, evaluate
+from stepper.policies.ppo import FRESH, ActorCritic, Moments, Settings
 from torch import Tensor, nn
-from train import FRESH, ActorCritic, Moments, Settings  # type: ignore[import-not-found]
 
 Array = NDArray[Any]
 

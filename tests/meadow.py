@@ -50,6 +50,12 @@ def scaled(values, n, rng, low, high):
     return values * rng.uniform(low, high, (n, *values.shape))
 
 
+def affine(values, n, rng):
+    """Constant, length and velocity term of every actuator, each times a factor; the other numbers are 0."""
+    terms = scaled(values[:, :3], n, rng, 0.5, 2.0)
+    return np.concatenate([terms, np.zeros((n, len(values), values.shape[1] - 3))], axis=2)
+
+
 def per_joint(model, values, n, rng):
     """The same factor for the degrees of freedom of a joint, which the model keeps as one number."""
     first = np.r_[True, values[1:] != values[:-1]] if len(values) else np.zeros(0, bool)
@@ -72,6 +78,6 @@ FIELDS = {
     "dof_damping": lambda m, n, r: per_joint(m, m.dof_damping, n, r),
     "dof_armature": lambda m, n, r: per_joint(m, m.dof_armature, n, r),
     "dof_frictionloss": lambda m, n, r: per_joint(m, m.dof_frictionloss, n, r),
-    "actuator_gain": lambda m, n, r: scaled(m.actuator_gain, n, r, 0.5, 2.0),
-    "actuator_bias": lambda m, n, r: scaled(m.actuator_bias, n, r, 0.5, 2.0),
+    "actuator_gainprm": lambda m, n, r: affine(m.actuator_gainprm, n, r),
+    "actuator_biasprm": lambda m, n, r: affine(m.actuator_biasprm, n, r),
 }

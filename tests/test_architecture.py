@@ -58,7 +58,7 @@ FOLDERS = {
     "derivatives": {"shared"},
     "adapters": {"shared", "envs", "derivatives"},
     "sysid": {"shared", "actuators", "recording"},
-    "policies": {"shared"},
+    "policies": {"shared", "envs"},
     "doctor": {"shared"},
     "cli": {"shared", "doctor", "loading", "recording", "lab", "viewer", "envs", "policies", "sysid"},
 }

@@ -2,7 +2,7 @@
 
     python examples/studies/encoders_task.py stepper/Encoders-v0 --steps 6000000 --threads 1
 
-The options are those of examples/train.py.
+The options are those of `stepper train`.
 """
 
 from __future__ import annotations
@@ -51,10 +51,10 @@ def register() -> None:
 
 
 if __name__ == "__main__":
-    import train  # type: ignore[import-not-found]
+    from stepper.policies import ppo
 
     # Under its own name, so that a checkpoint finds the class when it is read.
     sys.modules["encoders_task"] = sys.modules["__main__"]
     Encoders.__module__ = "encoders_task"
     register()
-    train.main()
+    ppo.main()

@@ -2,7 +2,7 @@
 
     python examples/studies/panda_task.py stepper/PandaPick-v0 --threads 1
 
-The options are those of examples/train.py.
+The options are those of `stepper train`.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ SETTINGS = {
     "gamma": 0.98,
     "initial_std": 0.6,
 }
-"""Of the training, in place of those of examples/train.py."""
+"""Of the training, in place of those of `stepper train`."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -122,11 +122,11 @@ def register() -> None:
 
 
 if __name__ == "__main__":
-    import train  # type: ignore[import-not-found]
+    from stepper.policies import ppo, ppo_settings
 
     # Under its own name, so that a checkpoint finds the class when it is read.
     sys.modules["panda_task"] = sys.modules["__main__"]
     PandaPick.__module__ = "panda_task"
     register()
-    train.TASKS = {**train.TASKS, "PandaPick-v0": SETTINGS}
-    train.main()
+    ppo_settings.TASKS = {**ppo_settings.TASKS, "PandaPick-v0": SETTINGS}
+    ppo.main()

@@ -236,12 +236,16 @@ class Actuator:
     """Bounds of the force, N or N m: (2,), infinite where there is none."""
     actrange: Final[_Array]
     """Bounds of the activation: (2,), infinite where there is none."""
-    gear: Final[float]
-    """Scale of length, velocity and force."""
-    gain: Final[_Array]
-    """Affine gain: constant, per length, per velocity: (3,)."""
-    bias: Final[_Array]
-    """Affine bias: constant, per length, per velocity: (3,)."""
+    gear: Final[_Array]
+    """Scale of length, velocity and force, in column 0; force and torque on a site: (6,)."""
+    gaintype: Final[str]
+    """Type of the gain: "fixed", "affine", "dcmotor" or "pid"."""
+    gainprm: Final[_Array]
+    """Parameters of the gain: constant, per length, per velocity; others are 0: (10,)."""
+    biastype: Final[str]
+    """Type of the bias: "none", "affine" or "dcmotor"."""
+    biasprm: Final[_Array]
+    """Parameters of the bias: constant, per length, per velocity; others are 0: (10,)."""
 
 @final
 class Sensor:
@@ -573,13 +577,13 @@ class Model:
         """Relative improvement at which the noslip sweeps stop."""
     @property
     def actuator_gear(self) -> _Array:
-        """Scale of length, velocity and force: (nu,)."""
+        """Scale of length, velocity and force, in column 0; force and torque on a site: (nu, 6)."""
     @property
-    def actuator_gain(self) -> _Array:
-        """Affine gain: (nu, 3)."""
+    def actuator_gainprm(self) -> _Array:
+        """Parameters of the gain: constant, per length, per velocity; others are 0: (nu, 10)."""
     @property
-    def actuator_bias(self) -> _Array:
-        """Affine bias: (nu, 3)."""
+    def actuator_biasprm(self) -> _Array:
+        """Parameters of the bias: constant, per length, per velocity; others are 0: (nu, 10)."""
     @property
     def actuator_ctrlrange(self) -> _Array:
         """Bounds of the control: (nu, 2)."""
@@ -1120,8 +1124,9 @@ class Stepper:
                 torsional (m), rolling (m); geom_restitution (num_envs, ngeom); pair_friction (num_envs, npair, 3) and pair_restitution
                 (num_envs, npair), the same of explicit pairs, see below; geom_size, geom_pos (num_envs, ngeom, 3) m, which
                 leave masses alone; jnt_stiffness (num_envs, njnt) N/m or N m/rad; jnt_range (num_envs, njnt, 2) m or rad;
-                dof_damping, dof_armature, dof_frictionloss (num_envs, nv); actuator_gain, actuator_bias (num_envs, nu, 3), whose
-                force is gain . (1, length, velocity) times the input plus bias . (1, length, velocity). actuators, a
+                dof_damping, dof_armature, dof_frictionloss (num_envs, nv); actuator_gainprm, actuator_biasprm (num_envs, nu, 10) as
+                MuJoCo has them: with their first three numbers the force is gain . (1, length, velocity) times the input plus
+                bias . (1, length, velocity); numbers that the type of an actuator's gain or bias does not read are 0. actuators, a
                 `stepper.ActuatorModel`: its drives take the place of those of the actuators it fits, with all their numbers (what a
                 `Drive` does not say is its default); other actuators keep theirs, and None gives back what the stepper was made with.
                 Stages are compiled: a servo, motor, lag, limits or friction must have been given to `Stepper(..., actuators=)`, to

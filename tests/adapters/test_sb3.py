@@ -142,3 +142,20 @@ def test_ppo_learns_to_balance_a_pole(tmp_path):
 def test_learners_with_a_replay_buffer_take_it():
     envs = StepperVecEnv("stepper/Hopper-v5", 4, max_episode_steps=20, dtype="float32")
     SAC("MlpPolicy", envs, learning_starts=50, batch_size=16, seed=0, device="cpu").learn(200)
+
+
+def test_a_seed_of_the_constructor_is_that_of_seed():
+    name = "stepper/Hopper-v5"
+    first, second, other = StepperVecEnv(name, 3, seed=7), StepperVecEnv(name, 3), StepperVecEnv(name, 3, seed=8)
+    second.seed(7)
+    np.testing.assert_array_equal(first.reset(), second.reset())
+    assert (first.reset() != other.reset()).any()
+
+
+def test_names_of_make_vec_env_and_another_mode_are_named():
+    with pytest.raises(TypeError, match="takes no 'n_envs': use num_envs"):
+        StepperVecEnv("stepper/Hopper-v5", n_envs=3)
+    with pytest.raises(TypeError, match=r"the task is an object of type gymnasium.*: give the name of the environment"):
+        StepperVecEnv(gymnasium.make("stepper/Hopper-v5"))
+    with pytest.raises(ValueError, match="autoreset_mode is NEXT_STEP, must be SAME_STEP for Stable-Baselines3: leave it out"):
+        StepperVecEnv("stepper/Hopper-v5", autoreset_mode="NEXT_STEP")

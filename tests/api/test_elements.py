@@ -40,7 +40,9 @@ def test_elements_have_mujocos_numbers(name):
         assert np.array_equal(ours.pos, theirs.pos)
     for a in range(source.nu):
         ours, theirs = model.actuator(a), source.actuator(a)
-        assert (ours.id, ours.name, ours.trnid, ours.gear) == (theirs.id, theirs.name, theirs.trnid[0], theirs.gear[0])
+        assert (ours.id, ours.name, ours.trnid) == (theirs.id, theirs.name, theirs.trnid[0])
+        for field in ("gear", "gainprm", "biasprm"):
+            assert np.array_equal(getattr(ours, field), np.ravel(getattr(theirs, field)))
         assert ours.actadr == theirs.actadr[0]
         assert not theirs.ctrllimited[0] or np.array_equal(ours.ctrlrange, theirs.ctrlrange)
     for k in range(source.nkey):

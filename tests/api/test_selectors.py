@@ -76,7 +76,7 @@ def test_fields_of_the_whole_model_have_columns_alone(field, columns):
     ("jnt_range[hip]", [2, 3]),
     ("qpos0[root][2]", 2),
     ("qpos0[hip]", 7),
-    ("actuator_gain[servo,motor][0]", [0, 3]),
+    ("actuator_gainprm[servo,motor][0]", [0, 10]),
 ])  # fmt: skip
 def test_names_indices_and_columns_have_the_shape_of_numpy(text, expected):
     found = places(MODEL, parse(text))
@@ -116,7 +116,9 @@ def test_what_is_no_selector_is_said(text, message):
 @st.composite
 def parts(draw):
     """A field that environments may vary, a selector of some of its numbers, and factors for them."""
-    field = draw(st.sampled_from(["body_mass", "geom_friction", "geom_restitution", "dof_damping", "actuator_bias", "gravity", "geom_pos"]))
+    field = draw(
+        st.sampled_from(["body_mass", "geom_friction", "geom_restitution", "dof_damping", "actuator_biasprm", "gravity", "geom_pos"])
+    )
     names = {"body": MODEL.body_names[1:], "geom": [name for name in MODEL.geom_names if name not in {"", "floor", "right_foot"}],
              "dof": ["hip", "7"], "actuator": ["servo"]}  # fmt: skip
     kind = FIELDS[field].element
@@ -177,9 +179,9 @@ def test_values_are_for_all_selected_one_for_each_environment_or_one():
 def test_the_gains_of_a_servo_are_one_number_each():
     sim = stepper.Stepper(MODEL, 2)
     sim.randomize({"actuator_kp[servo]": [10.0, 20.0], "actuator_kv[servo]": 2.0})
-    assert sim.randomized["actuator_gain"][:, 0, 0].tolist() == [10, 20]
-    assert sim.randomized["actuator_bias"][:, 0].tolist() == [[0, -10, -2], [0, -20, -2]]
-    assert MODEL.replace({"actuator_kp[servo]": 7.0}).actuator_bias[0].tolist() == [0, -7, -0.5]
+    assert sim.randomized["actuator_gainprm"][:, 0, 0].tolist() == [10, 20]
+    assert sim.randomized["actuator_biasprm"][:, 0, :3].tolist() == [[0, -10, -2], [0, -20, -2]]
+    assert MODEL.replace({"actuator_kp[servo]": 7.0}).actuator_biasprm[0, :3].tolist() == [0, -7, -0.5]
 
 
 def test_a_number_is_given_once():
@@ -225,8 +227,8 @@ FOLLOW = {
     "jnt_stiffness": {"qacc_smooth"},
     "dof_damping": {"qacc_smooth"},
     "dof_armature": {"mass_matrix", "qacc_smooth"},
-    "actuator_gain": {"qacc_smooth", "actuator_force"},
-    "actuator_bias": {"qacc_smooth", "actuator_force"},
+    "actuator_gainprm": {"qacc_smooth", "actuator_force"},
+    "actuator_biasprm": {"qacc_smooth", "actuator_force"},
 }
 """Those that follow a field; the other fields act in constraints alone."""
 

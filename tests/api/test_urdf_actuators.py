@@ -41,10 +41,10 @@ def test_gains_follow_from_the_inertia_at_the_reference_pose():
     model = stepper.load(arm(), actuators="position")
     inertia = np.diag(stepper.Stepper(model).mass_matrix())
     w = 2 * math.pi * POSITION_FREQUENCY
-    np.testing.assert_allclose(model.actuator_gain[:, 0], inertia * w**2, rtol=1e-12)  # Rounding.
-    np.testing.assert_allclose(model.actuator_bias[:, 2], -2 * inertia * w, rtol=1e-12)
+    np.testing.assert_allclose(model.actuator_gainprm[:, 0], inertia * w**2, rtol=1e-12)  # Rounding.
+    np.testing.assert_allclose(model.actuator_biasprm[:, 2], -2 * inertia * w, rtol=1e-12)
     velocity = stepper.load(arm(), actuators="velocity")
-    np.testing.assert_allclose(velocity.actuator_gain[:, 0], inertia * 2 * math.pi * VELOCITY_FREQUENCY, rtol=1e-12)
+    np.testing.assert_allclose(velocity.actuator_gainprm[:, 0], inertia * 2 * math.pi * VELOCITY_FREQUENCY, rtol=1e-12)
 
 
 def one_joint(more="", kind="continuous"):
@@ -75,7 +75,7 @@ def test_joints_that_follow_another_have_none_and_count():
     model = stepper.load(text, actuators="position")
     assert model.actuator_names == ["j"]
     # Of 1 kg m^2 each: the hand turns three times as fast as the arm.
-    assert model.actuator_gain[0, 0] == pytest.approx((1 + 3**2) * (2 * math.pi * POSITION_FREQUENCY) ** 2, rel=1e-12)
+    assert model.actuator_gainprm[0, 0] == pytest.approx((1 + 3**2) * (2 * math.pi * POSITION_FREQUENCY) ** 2, rel=1e-12)
 
 
 @pytest.mark.parametrize(

@@ -40,8 +40,8 @@ def test_servos_are_those_of_its_motors(envs, joint, inertia, torque):
     assert model.actuator_forcerange[servo, 1] == torque
     stiffness = inertia * (20.0 * np.pi) ** 2
     # The inertias above have ten decimals.
-    assert model.actuator_gain[servo, 0] == pytest.approx(stiffness, rel=1e-6)
-    assert model.actuator_bias[servo, 2] == pytest.approx(-4.0 * inertia * 20.0 * np.pi, rel=1e-6)
+    assert model.actuator_gainprm[servo, 0] == pytest.approx(stiffness, rel=1e-6)
+    assert model.actuator_biasprm[servo, 2] == pytest.approx(-4.0 * inertia * 20.0 * np.pi, rel=1e-6)
 
 
 def test_it_stands_in_its_stance():
@@ -71,9 +71,9 @@ def test_what_is_drawn_lies_within_its_ranges():
     assert (friction.min(axis=1) == friction.max(axis=1)).all() and 0.4 <= friction.min() < 0.5 and 1.1 < friction.max() <= 1.2
     mass = own["body_mass"][:, 1] / model.body_mass[1]
     assert 0.9 <= mass.min() < 0.92 and 1.08 < mass.max() <= 1.1
-    gains = own["actuator_gain"][:, :, 0] / model.actuator_gain[:, 0]
+    gains = own["actuator_gainprm"][:, :, 0] / model.actuator_gainprm[:, 0]
     assert 0.9 <= gains.min() < 0.91 and 1.09 < gains.max() <= 1.1
-    np.testing.assert_allclose(own["actuator_bias"][:, :, 1] / model.actuator_bias[:, 1], gains, rtol=1e-12)
+    np.testing.assert_allclose(own["actuator_biasprm"][:, :, 1] / model.actuator_biasprm[:, 1], gains, rtol=1e-12)
     assert sorted(set(episode_state["latency"])) == [0, 1, 2, 3, 4]
     still = (episode_state["commands"] == 0.0).all(axis=2).mean()
     # One of ten of 400 commands; four standard deviations.

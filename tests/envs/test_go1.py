@@ -68,12 +68,12 @@ def test_what_is_drawn_lies_within_its_ranges_and_is_drawn_anew():
     assert len(feet) == 4
     friction = given["geom_friction"][:, feet, 0]
     mass = given["body_mass"][:, 1] / model.body_mass[1]
-    gains = given["actuator_gain"][..., 0] / model.actuator_gain[:, 0]
+    gains = given["actuator_gainprm"][..., 0] / model.actuator_gainprm[:, 0]
     for values, (low, high) in ((friction, (0.4, 1.2)), (mass, (0.8, 1.2)), (gains, (0.9, 1.1))):
         # Of 400 draws the ends are missed by a twentieth of the range once in 1e9 times.
         assert low <= values.min() < low + 0.05 * (high - low)
         assert high - 0.05 * (high - low) < values.max() <= high
-    np.testing.assert_array_equal(given["actuator_bias"][..., 1], -given["actuator_gain"][..., 0])
+    np.testing.assert_array_equal(given["actuator_biasprm"][..., 1], -given["actuator_gainprm"][..., 0])
     np.testing.assert_array_equal(given["body_mass"][:, 2:], np.tile(model.body_mass[2:], (400, 1)))
     mask = np.zeros(400, dtype=bool)
     mask[5] = True
@@ -222,7 +222,7 @@ def test_motors_have_curves_and_friction():
     for kind, pushes in ((task, False), (plain, True)):
         envs = StepperVectorEnv(kind, 1, options=stepper.Options(integrator="euler"))
         envs.reset(seed=0)
-        envs.sim.randomize(actuator_bias=np.zeros((1, 12, 3)), actuator_gain=np.tile([[[20.0, 0.0, 0.0]]], (1, 12, 1)))
+        envs.sim.randomize({"actuator_biasprm": 0.0, "actuator_gainprm[*][0]": 20.0})
         qvel = np.zeros((1, 18))
         qvel[:, 6:] = 40.0
         envs.set_state(np.array(envs.sim.qpos) + np.eye(19)[2] * 5.0, qvel)

@@ -122,7 +122,7 @@ def test_actions_are_quarters_of_the_largest_torque():
     stance = model.keyframe("stance").qpos[7:]
     np.testing.assert_allclose(envs.sim.ctrl, np.broadcast_to(stance + action_scale(model), (2, 12)), atol=1e-12)
     torque = model.actuator_forcerange[:, 1]
-    np.testing.assert_allclose(action_scale(model) * model.actuator_gain[:, 0], torque / 4.0, rtol=1e-9)
+    np.testing.assert_allclose(action_scale(model) * model.actuator_gainprm[:, 0], torque / 4.0, rtol=1e-9)
     low, high = envs.task.action_bounds(model)
     assert (stance + action_scale(model) * high <= model.actuator_ctrlrange[:, 1] + 1e-12).all()
     assert (low == -high).all()

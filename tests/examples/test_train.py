@@ -1,4 +1,4 @@
-"""examples/train.py: a run goes on to the same curve, and its policy acts the same without torch (`make training`)."""
+"""`stepper train`: a run goes on to the same curve, and its policy acts the same without torch (`make training`)."""
 
 import csv
 import dataclasses
@@ -12,7 +12,8 @@ from envs.cases import needs_gymnasiums
 from stepper.policies import load
 
 torch = pytest.importorskip("torch", reason="torch is not installed: make training")
-import train  # noqa: E402
+from stepper.policies import ppo as train  # noqa: E402
+from stepper.policies import ppo_settings  # noqa: E402
 
 SMALL = {"num_envs": 32, "horizon": 16, "minibatch": 256, "threads": 1, "hidden": 16}
 PER_ITERATION = 32 * 16
@@ -93,7 +94,7 @@ def test_every_setting_is_an_option_with_its_help(monkeypatch):
 
 
 def test_a_task_has_settings_of_its_own_and_options_go_before_them(monkeypatch):
-    own = train.TASKS["Hopper-v5"]["num_envs"]
+    own = ppo_settings.TASKS["Hopper-v5"]["num_envs"]
     assert own != train.Settings.num_envs
     for env in ("Hopper-v5", "stepper/Hopper-v5"):
         assert train.Settings.of_task(env).num_envs == own

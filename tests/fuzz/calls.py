@@ -210,7 +210,7 @@ def _state(rng: Random, sim: stepper.Stepper) -> dict[str, Any]:
 
 def _fields(rng: Random, sim: stepper.Stepper, lead: tuple[int, ...]) -> dict[str, Any]:
     names = ["gravity", "body_mass", "body_ipos", "body_inertia", "geom_friction", "geom_restitution", "geom_size", "geom_pos"]
-    names += ["jnt_stiffness", "jnt_range", "dof_damping", "dof_armature", "dof_frictionloss", "actuator_gain", "actuator_bias"]
+    names += ["jnt_stiffness", "jnt_range", "dof_damping", "dof_armature", "dof_frictionloss", "actuator_gainprm", "actuator_biasprm"]
     names += ["timestep", "qpos0", "wind", "density", "body_quat", "geom_condim", "eq_data", "tendon_range", "colour"]
     fields: dict[str, Any] = {}
     for name in rng.choice(names, int(rng.integers(0, 3))):

@@ -99,9 +99,9 @@ def test_a_search_that_begins_where_friction_never_slides():
     """From a friction that holds the box against the finger, the slope is zero; other starts find the one that slides."""
     scene = pushed()
     model = scene.model(1.3, 5.0)
-    soft = model.replace(actuator_gain=model.actuator_gain / 20, actuator_bias=model.actuator_bias / 20)
+    soft = model.replace(actuator_gainprm=model.actuator_gainprm / 20, actuator_biasprm=model.actuator_biasprm / 20)
     truth = scene.model(1.3, 0.35)
-    truth = truth.replace(actuator_gain=truth.actuator_gain / 20, actuator_bias=truth.actuator_bias / 20)
+    truth = truth.replace(actuator_gainprm=truth.actuator_gainprm / 20, actuator_biasprm=truth.actuator_biasprm / 20)
     ctrl = np.linspace(0, 0.6, 60)[:, None]
     episode = episode_of(truth, ctrl, 0.02, ("wrist_force", "box_x"))
     found = stepper.sysid.identify(
@@ -154,9 +154,9 @@ def shaken(T=120):
     ("dof_armature[shoulder]", {"dof_armature": (0, 0.05)}),
     ("dof_frictionloss[elbow]", {"dof_frictionloss": (1, 0.25)}),
     ("jnt_stiffness[elbow]", {"jnt_stiffness": (1, 4.0)}),
-    ("actuator_gain[a]", {"actuator_gain": ((0, 0), 1.3)}),
-    ("actuator_kp[b]", {"actuator_gain": ((1, 0), 55.0), "actuator_bias": ((1, 1), -55.0)}),
-    ("actuator_kv[b]", {"actuator_bias": ((1, 2), -2.5)}),
+    ("actuator_gainprm[a]", {"actuator_gainprm": ((0, 0), 1.3)}),
+    ("actuator_kp[b]", {"actuator_gainprm": ((1, 0), 55.0), "actuator_biasprm": ((1, 1), -55.0)}),
+    ("actuator_kv[b]", {"actuator_biasprm": ((1, 2), -2.5)}),
     ("body_mass[fore]", {"body_mass": (2, 0.9)}),
 ])  # fmt: skip
 def test_kinds_of_an_arm(text, change):

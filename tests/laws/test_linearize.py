@@ -511,12 +511,12 @@ def test_whole_fields_skip_what_the_model_has_none_of():
     body = f'<body><freejoint/><geom size=".1" mass="2"/>{slide}</body>'
     sim = stepper.Stepper(scene(body, more=MOTOR))
     sim.set_state(qvel=[0, 0, 0, 0, 0, 0, 1.0])
-    lin = sim.linearize(("actuator_gain", "actuator_bias", "dof_damping", "dof_armature"), ctrl=[1.0])
-    gain, damping = lin.blocks["actuator_gain"], lin.blocks["dof_damping"]
+    lin = sim.linearize(("actuator_gainprm", "actuator_biasprm", "dof_damping", "dof_armature"), ctrl=[1.0])
+    gain, damping = lin.blocks["actuator_gainprm"], lin.blocks["dof_damping"]
     # A motor's force is its gain times the control, so that both have one derivative.
     np.testing.assert_allclose(gain[:, 0, 0], sim.linearize(("ctrl",), ctrl=[1.0]).B[:, 0], atol=NOISE)
     assert not gain[:, 0, 1:].any()
-    assert not lin.blocks["actuator_bias"].any()
+    assert not lin.blocks["actuator_biasprm"].any()
     assert not damping[:, :6].any()
     assert damping[13, 6] < 0
     with pytest.raises(ValueError, match="the model has none, and nothing can be perturbed"):
@@ -541,7 +541,7 @@ def test_wrong_calls_say_what_to_do():
         sim.linearize(("dof_damping[y]",))
     with pytest.raises(ValueError, match=r"columns are \['x'\], must be numbers, as 'gravity\[0\]'"):
         sim.linearize(("gravity[x]",))
-    with pytest.raises(ValueError, match=r"write 'actuator_gain\[...\]\[0\]' and 'actuator_bias\[...\]\[1\]'"):
+    with pytest.raises(ValueError, match=r"write 'actuator_gainprm\[...\]\[0\]' and 'actuator_biasprm\[...\]\[1\]'"):
         sim.linearize(("actuator_kp",))
     with pytest.raises(ValueError, match=r"ctrl has shape \(3,\)"):
         sim.linearize(ctrl=np.zeros(3))

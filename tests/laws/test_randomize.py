@@ -234,7 +234,7 @@ def test_frictions_ranges_and_gains_may_vanish():
     """Zero is no change of structure where the model has a number."""
     model = meadow()
     fields = {name: getattr(model, name) * np.r_[0.0, 1.0].reshape(2, *[1] * getattr(model, name).ndim) for name in (
-        "dof_frictionloss", "jnt_stiffness", "actuator_gain", "actuator_bias", "geom_friction", "gravity")}  # fmt: skip
+        "dof_frictionloss", "jnt_stiffness", "actuator_gainprm", "actuator_biasprm", "geom_friction", "gravity")}  # fmt: skip
     sim = stepper.Stepper(model, 2)
     sim.randomize(**fields)
     roll(sim, slice(2))
@@ -263,7 +263,7 @@ def test_frictions_ranges_and_gains_may_vanish():
         ({"dof_frictionloss": ("dof_frictionloss", (1, slice(6)), 2.0)}, ["environment 1", "dof_frictionloss is 2", "no dry friction"]),
         ({"dof_damping": ("dof_damping", (1, 0), 2.0)}, ["environment 1", 'field "dof_damping"', "same value"]),
         ({"jnt_range": ("jnt_range", (1, 7), (-np.inf, np.inf))}, ["environment 1", 'joint "elbow"', "never reached"]),
-        ({"actuator_bias": ("actuator_bias", (1, 1, 1), -9.0)}, ["environment 1", 'actuator "motor"', "actuator_bias", "small number"]),
+        ({"actuator_biasprm": ("actuator_biasprm", (1, 1, 1), -9.0)}, ["environment 1", 'actuator "motor"', 'its biastype is "none"']),
         ({"geom_size": ("geom_size", (1, 0, 0), 9.0)}, ["environment 1", 'field "geom_size"', "where the shape has no number"]),
         ({"geom_size": ("geom_size", (1, 2, 0), -9.0)}, ["environment 1", 'geom "ball"', "radius is -9"]),
     ],

@@ -76,7 +76,7 @@ def test_the_table_of_a_sweep_stays(tmp_path):
         (of(ishigami), {"parameters": ["w"]}, "there is no parameter 'w', there are: x, y, z; or give a selector with its range"),
         (of(ishigami), {"parameters": ["x"]}, "1 parameter with low and high, must have two"),
         (of(ishigami), {"setting": "fast"}, "no settings 'fast'"),
-        (of(ishigami, outcomes=()), {}, "no outcome"),
+        (of(ishigami, outcomes=None), {}, "no outcome"),
         (of(lambda now: np.zeros(now.num_envs)), {"samples": 2}, "value is the same at all 10 points"),
         (of(ishigami, success="> 1e9"), {"samples": 2}, "as many episodes succeed at all 10 points, 0% of them by value > 1e9, so that no"),
         (of(lambda now: np.log(np.asarray(now.theta["x"], float))), {"samples": 4}, "value is not finite in"),

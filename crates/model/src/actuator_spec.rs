@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::{Activation, Actuator, ActuatorError, Description, DeviceError, Model, Transmission, label};
+use crate::{Activation, Actuator, ActuatorError, Description, DeviceError, ForceModel, Model, Transmission, label};
 
 /// Dynamics of an actuator. Every list has one number for all environments, or one for each.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -153,6 +153,7 @@ impl ActuatorSpec {
                 return Err(DeviceError::ServoOnSite);
             }
             (actuator.gain, actuator.bias, actuator.ctrl_range) = ([1.0, 0.0, 0.0], [0.0; 3], None);
+            actuator.force_model = ForceModel::default();
         }
         let bounded = self.servo.is_some() || self.curve().is_some() || self.is_limited();
         if let Some([low, high]) = actuator.force_range.filter(|_| bounded) {

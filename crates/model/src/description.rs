@@ -6,6 +6,7 @@ use crate::added_fields;
 use crate::asset::{HeightField, Mesh};
 use crate::equality::Equality;
 use crate::fluid::{Ellipsoid, Medium};
+use crate::force_model::ForceModel;
 use crate::sensor::{Sensor, Site};
 use crate::shape::Shape;
 use crate::softness::{ContactSpring, SoftSettings, Softness};
@@ -278,13 +279,15 @@ pub enum Activation {
 }
 
 /// An actuator: force = (gain . (1, length, velocity)) * input + bias . (1, length, velocity), input = control or activation.
+///
+/// [`Actuator::affine_force`] gives this gain and bias; other types of gain and bias ([`ForceModel`]) have other parameters.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Actuator {
     /// Name; may be empty.
     pub name: String,
     /// What it pulls on.
     pub transmission: Transmission,
-    /// Scales the length, the velocity and the force.
+    /// Scale of length, velocity and force.
     pub gear: f64,
     /// s by which the control acts later.
     pub delay: f64,
@@ -298,10 +301,13 @@ pub struct Actuator {
     pub act_range: Option<[f64; 2]>,
     /// Dynamics of the activation.
     pub activation: Activation,
-    /// Affine gain.
+    /// Parameters of the gain: constant, per length, per velocity; of a DC motor resistance and motor constant.
     pub gain: [f64; 3],
-    /// Affine bias.
+    /// Parameters of the bias: constant, per length, per velocity.
     pub bias: [f64; 3],
+    /// Formula by which the force follows from these parameters.
+    #[serde(default, with = "added_fields")]
+    pub force_model: ForceModel,
 }
 
 /// A named state.

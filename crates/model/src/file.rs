@@ -7,22 +7,25 @@
 //! | 32 | SHA-256 of the payload |
 //! | rest | payload in postcard's encoding (numbers as their IEEE 754 bits, little endian): the [`Description`], then for every mesh the triangles |
 //! |   | of its convex hull, where the model has it, then its [`NoSlip`], which version 12 does not have, then its `Added` fields, |
-//! |   | which version 13 does not have |
+//! |   | which version 13 does not have, then the [`ForceModel`] of every actuator, which version 14 does not have |
 
+use std::borrow::Cow;
 use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
 use crate::hulls::{Source, Surfaces};
-use crate::{Description, Model, ModelError, NoSlip, Overlap};
+use crate::{Description, ForceModel, Model, ModelError, NoSlip, Overlap};
 
 /// The first bytes of every saved model. The last is no valid UTF-8, so no text file begins so.
 const MAGIC: [u8; 8] = *b"stepper\xff";
 
 /// Version of the format of saved models; changes whenever the payload does.
-pub const FORMAT_VERSION: u32 = 14;
-/// An older version that is read too: its models have no [`Added`] fields.
+pub const FORMAT_VERSION: u32 = 15;
+/// An older version that is read too: its actuators have the force models of their parameters.
+const WITHOUT_FORCE_MODELS: u32 = 14;
+/// An older version that is read too: its models have no [`Added`] fields either.
 const WITHOUT_ADDED: u32 = 13;
 /// An older version that is read too: its models have no noslip sweeps either.
 const WITHOUT_NOSLIP: u32 = 12;
@@ -57,15 +60,53 @@ impl Added {
     }
 }
 
+/// Force models of all actuators; empty where each is that of its parameters.
+#[derive(Default, PartialEq, Serialize, Deserialize)]
+struct ForceModels(Vec<ForceModel>);
+
+impl ForceModels {
+    fn of(model: &Description) -> Self {
+        let usual = model.actuators.iter().all(|a| a.force_model == ForceModel::of_parameters(&a.gain, &a.bias));
+        Self(if usual { vec![] } else { model.actuators.iter().map(|a| a.force_model).collect() })
+    }
+
+    /// Whether there are as many as actuators, or none.
+    fn fits(&self, model: &Description) -> bool {
+        self.0.is_empty() || self.0.len() == model.actuators.len()
+    }
+
+    /// Gives every actuator of a description that it fits its force model.
+    fn write_to(self, model: &mut Description) {
+        model.actuators.iter_mut().for_each(|a| a.force_model = ForceModel::of_parameters(&a.gain, &a.bias));
+        model.actuators.iter_mut().zip(self.0).for_each(|(actuator, own)| actuator.force_model = own);
+    }
+}
+
+/// Description whose actuators have affine forces for parameters.
+fn with_affine_forces(description: &Description) -> Cow<'_, Description> {
+    let mut affine = Cow::Borrowed(description);
+    for (i, actuator) in description.actuators.iter().enumerate() {
+        let (gain, bias) = actuator.affine_force();
+        if (gain, bias) != (actuator.gain, actuator.bias) {
+            let own = &mut affine.to_mut().actuators[i];
+            (own.gain, own.bias) = (gain, bias);
+        }
+    }
+    affine
+}
+
 impl Model {
-    /// SHA-256 of all that the model holds: equal for equal models, on any machine.
+    /// SHA-256 of all from which the motion follows: equal for equal models, on any machine.
+    ///
+    /// Models whose actuators have the same forces by other parameters, see [`ForceModel`], have one digest.
     pub fn digest(&self) -> [u8; 32] {
+        let description = with_affine_forces(&self.description);
         // A model without noslip sweeps and added fields has the digest that it had before there were any.
         let (noslip, added) = (self.soft.noslip, Added::of(self));
         let held = match (noslip == NoSlip::default(), added == Added::default()) {
-            (true, true) => encoded(&self.description),
-            (false, true) => encoded(&(&self.description, noslip)),
-            (_, false) => encoded(&(&self.description, noslip, added)),
+            (true, true) => encoded(&*description),
+            (false, true) => encoded(&(&*description, noslip)),
+            (_, false) => encoded(&(&*description, noslip, added)),
         };
         Sha256::digest(held).into()
     }
@@ -109,7 +150,7 @@ impl Model {
     }
 
     fn payload(&self) -> Vec<u8> {
-        encoded(&(&self.description, self.hulls.surfaces(), self.soft.noslip, Added::of(self)))
+        encoded(&(&self.description, self.hulls.surfaces(), self.soft.noslip, Added::of(self), ForceModels::of(self)))
     }
 }
 
@@ -154,14 +195,17 @@ fn parse(bytes: &[u8], path: &str) -> Result<Model, ModelError> {
     }
     let read = match version {
         WITHOUT_NOSLIP => postcard::take_from_bytes::<(Description, Surfaces)>(payload)
-            .map(|((m, s), rest)| ((m, s, NoSlip::default(), Added::default()), rest)),
+            .map(|((m, s), rest)| ((m, s, NoSlip::default(), Added::default(), ForceModels::default()), rest)),
         WITHOUT_ADDED => postcard::take_from_bytes::<(Description, Surfaces, NoSlip)>(payload)
-            .map(|((m, s, n), rest)| ((m, s, n, Added::default()), rest)),
-        _ => postcard::take_from_bytes::<(Description, Surfaces, NoSlip, Added)>(payload),
+            .map(|((m, s, n), rest)| ((m, s, n, Added::default(), ForceModels::default()), rest)),
+        WITHOUT_FORCE_MODELS => postcard::take_from_bytes::<(Description, Surfaces, NoSlip, Added)>(payload)
+            .map(|((m, s, n, a), rest)| ((m, s, n, a, ForceModels::default()), rest)),
+        _ => postcard::take_from_bytes::<(Description, Surfaces, NoSlip, Added, ForceModels)>(payload),
     };
     match read {
-        Ok(((mut model, surfaces, noslip, added), [])) if added.fits(&model) => {
+        Ok(((mut model, surfaces, noslip, added, forces), [])) if added.fits(&model) && forces.fits(&model) => {
             added.write_to(&mut model);
+            forces.write_to(&mut model);
             model.soft.noslip = noslip;
             model.check(Source::Kept(&surfaces))
         }
@@ -174,7 +218,7 @@ mod tests {
     use std::sync::Arc;
 
     use super::super::finish::tests::rich_model;
-    use super::super::{BodyBuilder, GeomBuilder, JointBuilder, WORLD};
+    use super::super::{BodyBuilder, GainType, GeomBuilder, JointBuilder, WORLD};
     use super::*;
     use proptest::prelude::*;
 
@@ -221,10 +265,30 @@ mod tests {
     }
 
     #[test]
+    fn force_models_are_kept_and_older_files_have_those_of_the_parameters() {
+        let mut model = rich_model();
+        let payload = encoded(&(&model.description, model.hulls.surfaces(), model.soft.noslip, Added::of(&model)));
+        let digest: [u8; 32] = Sha256::digest(&payload).into();
+        let old = [&MAGIC[..], &WITHOUT_FORCE_MODELS.to_le_bytes(), &digest, &payload].concat();
+        assert_eq!(Model::from_bytes(&old).unwrap(), model);
+        let before = model.digest();
+        model.description.actuators[1].force_model.gain = GainType::Affine;
+        assert_eq!(Model::from_bytes(&model.to_bytes()).unwrap(), model);
+        assert_eq!(model.digest(), before);
+        model.description.actuators[1].force_model.disabled = true;
+        assert_ne!(model.digest(), before);
+        let few = ForceModels(vec![ForceModel::default()]);
+        let payload = encoded(&(&model.description, model.hulls.surfaces(), model.soft.noslip, Added::of(&model), few));
+        let digest: [u8; 32] = Sha256::digest(&payload).into();
+        let misfit = [&MAGIC[..], &FORMAT_VERSION.to_le_bytes(), &digest, &payload].concat();
+        assert!(Model::from_bytes(&misfit).unwrap_err().to_string().contains("save the model again"));
+    }
+
+    #[test]
     fn added_fields_that_do_not_fit_are_refused() {
         let model = rich_model();
         let refused = |added: Added| {
-            let payload = encoded(&(&model.description, model.hulls.surfaces(), model.soft.noslip, added));
+            let payload = encoded(&(&model.description, model.hulls.surfaces(), model.soft.noslip, added, ForceModels::default()));
             let digest: [u8; 32] = Sha256::digest(&payload).into();
             Model::from_bytes(&[&MAGIC[..], &FORMAT_VERSION.to_le_bytes(), &digest, &payload].concat()).unwrap_err().to_string()
         };
@@ -284,7 +348,7 @@ mod tests {
     fn with_surface(model: &Model, change: impl FnOnce(&mut Surfaces)) -> Vec<u8> {
         let mut surfaces = model.hulls.surfaces();
         change(&mut surfaces);
-        let payload = encoded(&(&model.description, surfaces, model.soft.noslip, Added::of(model)));
+        let payload = encoded(&(&model.description, surfaces, model.soft.noslip, Added::of(model), ForceModels::of(model)));
         let digest: [u8; 32] = Sha256::digest(&payload).into();
         [&MAGIC[..], &FORMAT_VERSION.to_le_bytes(), &digest, &payload].concat()
     }

@@ -46,6 +46,7 @@
 //! Frames: a body's `pos`, `quat` place it in its parent; a joint's `pos`, `axis` and a geom's `pos`, `quat` are in their body's frame.
 //! Quaternions are (w, x, y, z). Lengths in m, masses in kg, angles in rad.
 
+mod actuator_fields;
 pub mod actuator_spec;
 mod added_fields;
 mod asset;
@@ -59,6 +60,7 @@ mod file;
 mod finish;
 mod finished;
 mod fluid;
+mod force_model;
 mod hull_volume;
 mod hulls;
 mod kernel;
@@ -75,6 +77,7 @@ mod softness;
 mod tendon;
 mod variant;
 
+pub use actuator_fields::AffineForce;
 pub use asset::{HeightField, Mesh};
 pub use builder::{ActuatorBuilder, BodyBuilder, EqualityBuilder, GeomBuilder, JointBuilder, ModelBuilder, TendonBuilder, WORLD};
 pub use description::{
@@ -86,6 +89,7 @@ pub use error::ModelError;
 pub use file::{FORMAT_VERSION, write_whole};
 pub use finished::Model;
 pub use fluid::{Ellipsoid, Medium};
+pub use force_model::{BiasType, ForceModel, GainType};
 pub use hull_volume::WideHull;
 pub use kernel::Kernel;
 pub use lookup::{JointPlace, SensorPlace};

@@ -1,5 +1,6 @@
 //! Models with other numbers: one table of fields, read and written alike.
 
+use crate::actuator_fields::{self, GEAR, PARAMETERS};
 use crate::hulls::Source;
 use crate::pair_overrides::PairOverrides;
 use crate::{Body, Description, Equality, Geom, Joint, Model, ModelError, Pair, Shape, Tendon};
@@ -156,9 +157,21 @@ pub const REPLACEABLE: &[Field] = &[
         whole(&mut m.soft.noslip.iterations, f);
     }),
     scalar("noslip_tolerance", "relative improvement at which the noslip sweeps stop", "", |m, f| f(&mut m.soft.noslip.tolerance)),
-    rows("actuator_gear", 1, "scale of length, velocity and force", "", |m, f| m.actuators.iter_mut().for_each(|a| f(&mut a.gear))),
-    rows("actuator_gain", 3, "affine gain", "", |m, f| m.actuators.iter_mut().flat_map(|a| &mut a.gain).for_each(f)),
-    rows("actuator_bias", 3, "affine bias", "", |m, f| m.actuators.iter_mut().flat_map(|a| &mut a.bias).for_each(f)),
+    rows("actuator_gear", GEAR, "scale of length, velocity and force, in column 0; force and torque on a site", "", actuator_fields::gear),
+    rows(
+        "actuator_gainprm",
+        PARAMETERS,
+        "parameters of the gain: constant, per length, per velocity; others are 0",
+        "",
+        actuator_fields::gain,
+    ),
+    rows(
+        "actuator_biasprm",
+        PARAMETERS,
+        "parameters of the bias: constant, per length, per velocity; others are 0",
+        "",
+        actuator_fields::bias,
+    ),
     rows("actuator_ctrlrange", 2, "bounds of the control", "", |m, f| m.actuators.iter_mut().for_each(|a| bounds(&mut a.ctrl_range, f))),
     rows("actuator_forcerange", 2, "bounds of the force", "N or N m", |m, f| {
         m.actuators.iter_mut().for_each(|a| bounds(&mut a.force_range, f));
@@ -412,22 +425,25 @@ pub(super) fn write(model: &mut Description, field: &Field, values: &[f64]) -> R
     let mut next = values.iter();
     (field.visit)(model, &mut |x| *x = *next.next().expect("as many as were counted"));
     let held = field.read_in(model);
-    match (0..count).find(|&k| held[k].to_bits() != values[k].to_bits()) {
-        Some(k) => Err(ModelError::invalid(
-            field.place(),
-            format!("number {k} is {}, which the model cannot hold: it would become {}", values[k], held[k]),
-            if field.name == "eq_data" {
-                "give 0 where the kind of equality has no number"
-            } else if field.name.starts_with("dof_") {
-                "give all degrees of freedom of a ball or free joint the same value"
-            } else if field.name == "geom_concave" {
-                "give 0 or 1, and 1 only to meshes"
-            } else if field.name == "geom_size" {
-                "give 0 where the shape has no number: to planes, meshes and height fields, and beyond a ball's radius"
-            } else {
-                "give whole numbers in range"
-            },
-        )),
+    // A zero may change its sign: nothing depends on it.
+    match (0..count).find(|&k| held[k] != values[k] && held[k].to_bits() != values[k].to_bits()) {
+        Some(k) => Err(actuator_fields::unread(model, field.name, k, values[k]).unwrap_or_else(|| {
+            ModelError::invalid(
+                field.place(),
+                format!("number {k} is {}, which the model cannot hold: it would become {}", values[k], held[k]),
+                if field.name == "eq_data" {
+                    "give 0 where the kind of equality has no number"
+                } else if field.name.starts_with("dof_") {
+                    "give all degrees of freedom of a ball or free joint the same value"
+                } else if field.name == "geom_concave" {
+                    "give 0 or 1, and 1 only to meshes"
+                } else if field.name == "geom_size" {
+                    "give 0 where the shape has no number: to planes, meshes and height fields, and beyond a ball's radius"
+                } else {
+                    "give whole numbers in range"
+                },
+            )
+        })),
         None => Ok(()),
     }
 }

@@ -42,9 +42,9 @@ pub enum Parameter {
     DofArmature,
     /// Dry friction, N or N m: (num_envs, nv).
     DofFrictionLoss,
-    /// Affine gain of the force: (num_envs, nu, 3).
+    /// Parameters of the gains: (num_envs, nu, 10).
     ActuatorGain,
-    /// Affine bias of the force: (num_envs, nu, 3).
+    /// Parameters of the biases: (num_envs, nu, 10).
     ActuatorBias,
 }
 
@@ -88,8 +88,8 @@ impl Parameter {
             Self::DofDamping => "dof_damping",
             Self::DofArmature => "dof_armature",
             Self::DofFrictionLoss => "dof_frictionloss",
-            Self::ActuatorGain => "actuator_gain",
-            Self::ActuatorBias => "actuator_bias",
+            Self::ActuatorGain => "actuator_gainprm",
+            Self::ActuatorBias => "actuator_biasprm",
         }
     }
 }
@@ -206,11 +206,10 @@ fn geom(i: usize, old: &Geom, new: &Geom) -> Checked {
 }
 
 fn actuator(i: usize, old: &Actuator, new: &Actuator) -> Checked {
-    let moves = |a: &Actuator| [a.gain[1], a.gain[2], a.bias[1], a.bias[2]].iter().any(|&x| x != 0.0);
-    if !moves(new) || moves(old) {
+    if !new.force_depends_on_motion() || old.force_depends_on_motion() {
         return Ok(());
     }
-    let (place, new) = (format!("actuator {:?}", label(&new.name, i)), format!("{:?}", new.bias));
+    let (field, row) = if new.gain == old.gain { ("actuator_biasprm", new.bias) } else { ("actuator_gainprm", new.gain) };
     let lack = "an actuator there whose force does not depend on its length or velocity";
-    lacks(place, "actuator_bias", &new, lack, "a small number in place of a 0")
+    lacks(format!("actuator {:?}", label(&new.name, i)), field, &format!("{row:?}"), lack, "a small number in place of a 0")
 }

@@ -202,12 +202,16 @@ elements! {
         forcerange,
         /// Bounds of the activation: (2,), infinite where there is none.
         actrange,
-        /// Scale of length, velocity and force.
+        /// Scale of length, velocity and force, in column 0; force and torque on a site: (6,).
         gear,
-        /// Affine gain: constant, per length, per velocity: (3,).
-        gain,
-        /// Affine bias: constant, per length, per velocity: (3,).
-        bias,
+        /// Type of the gain: "fixed", "affine", "dcmotor" or "pid".
+        gaintype,
+        /// Parameters of the gain: constant, per length, per velocity; others are 0: (10,).
+        gainprm,
+        /// Type of the bias: "none", "affine" or "dcmotor".
+        biastype,
+        /// Parameters of the bias: constant, per length, per velocity; others are 0: (10,).
+        biasprm,
     }
 
     /// A sensor of a model.

@@ -6,12 +6,26 @@ from typing import Any, TypeAlias
 
 import gymnasium
 from gymnasium.envs.registration import load_env_creator
+from gymnasium.vector import AutoresetMode
 
 from stepper.envs import StepperVectorEnv, Task
+from stepper.envs.making import autoreset
 from stepper.shared.environments import known
 
 Env: TypeAlias = str | Task | type[Task]
 """A name that Gymnasium knows, "stepper/Hopper-v5", with the limit of its episodes; or a `Task`, or the class of one."""
+
+
+def with_autoreset(settings: dict[str, Any], mode: AutoresetMode, library: str) -> dict[str, Any]:
+    """Settings of environments with the mode of automatic resets that a library needs.
+
+    Raises:
+        ValueError: They have another mode.
+    """
+    given = autoreset(settings.get("autoreset_mode", mode))
+    if given != mode:
+        raise ValueError(f"autoreset_mode is {given.name}, must be {mode.name} for {library}: leave it out")
+    return {**settings, "autoreset_mode": mode}
 
 
 def make_native(env: Env, num_envs: int, **settings: Any) -> StepperVectorEnv:
@@ -23,7 +37,7 @@ def make_native(env: Env, num_envs: int, **settings: Any) -> StepperVectorEnv:
         **settings: Further arguments of `stepper.envs.StepperVectorEnv`.
 
     Raises:
-        TypeError: A name of an environment that is not stepper's.
+        TypeError: A name of an environment that is not stepper's, something else than a name or a task, unknown arguments.
         gymnasium.error.Error: A name that Gymnasium does not know.
     """
     if not isinstance(env, str):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from stepper.adapters.native import Env, make_native
+from stepper.adapters.native import Env, make_native, with_autoreset
 from stepper.envs.task import Array
 from stepper.shared.machine import require
 
@@ -29,8 +29,8 @@ class StepperPufferEnv(pufferlib.PufferEnv):  # type: ignore[misc]
     """
 
     def __init__(self, env: Env, num_envs: int = 1, buf: dict[str, Array] | None = None, seed: int = 0, **settings: Any):
-        own = {"dtype": "float32", "autoreset_mode": AutoresetMode.SAME_STEP, "episode_statistics": True}
-        self.envs = make_native(env, num_envs, **settings, **own)
+        settings = with_autoreset(settings, AutoresetMode.SAME_STEP, "PufferLib")
+        self.envs = make_native(env, num_envs, **settings, dtype="float32", episode_statistics=True)
         self.single_observation_space, self.single_action_space = self.envs.single_observation_space, self.envs.single_action_space
         self.num_agents, self._seed = num_envs, seed  # type: int, int | None
         super().__init__(buf)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from stepper.adapters.native import Env, make_native
+from stepper.adapters.native import Env, make_native, with_autoreset
 from stepper.shared.machine import require
 
 require("ray.rllib", "for stepper.adapters.rllib")
@@ -39,7 +39,7 @@ def register_env(name: str, env: Env, **settings: Any) -> None:
         given = {"dtype": "float32", **settings, **config}
         num_envs = given.pop("num_envs", None)
         if num_envs is not None:
-            return make_native(env, num_envs, autoreset_mode=AutoresetMode.NEXT_STEP, **given)
+            return make_native(env, num_envs, **with_autoreset(given, AutoresetMode.NEXT_STEP, "RLlib"))
         given.pop("threads", None)
         return gymnasium.make(env, **given) if isinstance(env, str) else StepperEnv(env, **given)
 

@@ -7,7 +7,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from stepper.adapters.native import Env, make_native
+from stepper.adapters.native import Env, make_native, with_autoreset
 from stepper.envs.task import Array
 from stepper.shared.machine import require
 
@@ -24,6 +24,7 @@ class StepperVecEnv(VecEnv):  # type: ignore[misc]
     Args:
         env: A name that Gymnasium knows, "stepper/Hopper-v5", with the limit of its episodes; or a `Task`, or the class of one.
         num_envs: Number of environments.
+        seed: Seed of the first episodes, as `seed` gives it: environment i has `seed` + i. None draws one.
         infos: Environments whose infos are filled: "all", or those whose episode is "ended"; those of the others are empty then. A thousand
             dictionaries in each step take a tenth to a third of its time.
         episode_statistics: Whether the info of an episode that is over has "episode", as `Monitor` writes it.
@@ -38,17 +39,20 @@ class StepperVecEnv(VecEnv):  # type: ignore[misc]
         env: Env,
         num_envs: int = 1,
         *,
+        seed: int | None = None,
         infos: Literal["all", "ended"] = "all",
         episode_statistics: bool = True,
         **settings: Any,
     ):
         if infos not in ("all", "ended"):
             raise ValueError(f'infos is {infos!r}, must be "all" or "ended"')
-        mode = AutoresetMode.SAME_STEP
-        self.envs = make_native(env, num_envs, autoreset_mode=mode, episode_statistics=episode_statistics, **settings)
+        settings = with_autoreset(settings, AutoresetMode.SAME_STEP, "Stable-Baselines3")
+        self.envs = make_native(env, num_envs, episode_statistics=episode_statistics, **settings)
         self._monitored, self._all = episode_statistics, infos == "all"
         self._actions: Array | None = None
         super().__init__(num_envs, self.envs.single_observation_space, self.envs.single_action_space)
+        if seed is not None:
+            self.seed(seed)
 
     def reset(self) -> Array:
         """Begins new episodes, with the seeds that `seed` gave.

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from stepper.adapters.native import Env, make_native
+from stepper.adapters.native import Env, make_native, with_autoreset
 from stepper.envs.task import Array
 from stepper.shared.machine import require
 
@@ -33,7 +33,8 @@ class StepperTorchRLEnv(EnvBase):  # type: ignore[misc]
 
     def __init__(self, env: Env, num_envs: int = 1, *, device: torch.device | str = "cpu", **settings: Any):
         super().__init__(device=device, batch_size=torch.Size([num_envs]))
-        self.envs = make_native(env, num_envs, **{"dtype": "float32", **settings, "autoreset_mode": AutoresetMode.NEXT_STEP})
+        settings = with_autoreset({"dtype": "float32", **settings}, AutoresetMode.NEXT_STEP, "TorchRL")
+        self.envs = make_native(env, num_envs, **settings)
         self._seed: int | None = None
         self._last: TensorDictBase | None = None
         self._over: Array = np.zeros(num_envs, dtype=bool)

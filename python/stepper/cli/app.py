@@ -6,14 +6,14 @@ import sys
 from typing import TYPE_CHECKING
 
 from stepper._stepper import ModelError
-from stepper.cli import chart, compare, demo, doctor, evaluate, explain, identify, rank, replay, report, sweep, tune, view
+from stepper.cli import chart, compare, demo, doctor, evaluate, explain, identify, rank, replay, report, sweep, train, tune, view
 from stepper.shared.files import in_words
 from stepper.shared.machine import require
 
 if TYPE_CHECKING:
     from typer import Typer
 
-COMMANDS = (demo, chart, compare, explain, report, sweep, rank, tune, evaluate, identify, replay, view, doctor)
+COMMANDS = (demo, chart, compare, explain, report, sweep, rank, tune, train, evaluate, identify, replay, view, doctor)
 
 
 def application() -> Typer:

@@ -47,7 +47,7 @@ def evaluate(
 
 def register(app: Typer, typer: ModuleType) -> None:
     """Adds the command."""
-    file = typer.Argument(help="A file of Policy.save, which examples/train.py writes.")
+    file = typer.Argument(help="A file of Policy.save, which stepper train writes.")
     asked = typer.Option([], "--info", help="An info whose mean is asked for too, tracking_error say; may be given several times.")
 
     @app.command("evaluate", help=evaluate.__doc__)

@@ -18,6 +18,7 @@ RECORDING = "A folder that Stepper.record wrote."
 RAY = "Run batches as tasks of Ray, on all machines of its cluster."
 RAY_RUNS = "Run settings as tasks of Ray, on all machines of its cluster; costs are measured here."
 ONLY = "Only this parameter, by name, or a selector with its range, 'geom_friction[floor][0]=0.2..1'; may be given several times."
+SEED = "Of everything that is random, in place of the study's; the same seed gives the same rows."
 VALUES = "NAME=VALUE of a study's parameter, or of a selector, 'geom_friction[floor][0]=0.3'; once for each."
 
 
@@ -32,10 +33,12 @@ def progress_kept_in(out: Path) -> Iterator[Tick]:
         raise
 
 
-def of_file(path: Path, *, ray: bool) -> Study:
-    """The study of a file, over Ray where that is asked for here or there."""
+def of_file(path: Path, *, ray: bool, seed: int | None = None) -> Study:
+    """The study of a file, over Ray where that is asked for here or there, with another seed if one is given; the seed is printed."""
     study = Study.from_file(path)
-    return replace(study, ray=True) if ray else study
+    print(f"{study.name}: seed {study.seed}, of the study" if seed is None else f"{study.name}: seed {seed}", file=sys.stderr, flush=True)
+    changed: dict[str, Any] = ({"ray": True} if ray else {}) | ({} if seed is None else {"seed": seed})
+    return replace(study, **changed) if changed else study
 
 
 def of_source(source: str, *, ray: bool, values: Sequence[str] = ()) -> Any:

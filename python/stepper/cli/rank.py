@@ -6,7 +6,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING
 
-from stepper.cli.options import ONLY, OUT, RAY, STUDY, of_file, progress_kept_in
+from stepper.cli.options import ONLY, OUT, RAY, SEED, STUDY, of_file, progress_kept_in
 from stepper.lab.progress import show_files
 from stepper.lab.study import rank as run
 from stepper.lab.study.points import USUAL
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from typer import Typer
 
 
-def rank(study: Path, out: Path, *, samples: int, parameters: list[str], setting: str, ray: bool) -> None:
+def rank(study: Path, out: Path, *, samples: int, parameters: list[str], setting: str, ray: bool, seed: int | None) -> None:
     """Which parameters decide an outcome: all drawn from their ranges at once, ranked by Sobol's indices with intervals.
 
     Goes on where it was stopped: rows are kept as soon as they are known.
@@ -23,7 +23,7 @@ def rank(study: Path, out: Path, *, samples: int, parameters: list[str], setting
     Example: stepper rank examples/studies/quadruped.py --samples 128
     """
     with progress_kept_in(out) as tick:
-        found = run(of_file(study, ray=ray), out, samples=samples, parameters=parameters or None, setting=setting, tick=tick)
+        found = run(of_file(study, ray=ray, seed=seed), out, samples=samples, parameters=parameters or None, setting=setting, tick=tick)
     print(found.document.markdown())
     show_files(found.files)
 
@@ -43,6 +43,7 @@ def register(app: Typer, typer: ModuleType) -> None:
         samples: int = typer.Option(64, min=2, help="A power of 2; points are this times (2 + number of parameters)."),
         parameter: list[str] = names,
         setting: str = typer.Option(USUAL, help="Name of the settings, of the study's."),
+        seed: int | None = typer.Option(None, min=0, help=SEED),
         ray: bool = over,
     ) -> None:
-        rank(study, out, samples=samples, parameters=parameter, setting=setting, ray=ray)
+        rank(study, out, samples=samples, parameters=parameter, setting=setting, ray=ray, seed=seed)

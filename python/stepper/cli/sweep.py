@@ -6,7 +6,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING
 
-from stepper.cli.options import ONLY, OUT, RAY, STUDY, of_file, progress_kept_in
+from stepper.cli.options import ONLY, OUT, RAY, SEED, STUDY, of_file, progress_kept_in
 from stepper.lab.progress import show_files
 from stepper.lab.study import sweep as run
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from typer import Typer
 
 
-def sweep(study: Path, out: Path, *, parameters: list[str], cliffs: bool, resolution: float, ray: bool) -> None:
+def sweep(study: Path, out: Path, *, parameters: list[str], cliffs: bool, resolution: float, ray: bool, seed: int | None) -> None:
     """Perturbs every parameter of a study: a table with Wilson's intervals, and the values at which success ends, by bisection.
 
     Goes on where it was stopped: rows are kept as soon as they are known.
@@ -22,7 +22,7 @@ def sweep(study: Path, out: Path, *, parameters: list[str], cliffs: bool, resolu
     Example: stepper sweep examples/studies/tray.toml
     """
     with progress_kept_in(out) as tick:
-        found = run(of_file(study, ray=ray), out, parameters=parameters or None, cliffs=cliffs, resolution=resolution, tick=tick)
+        found = run(of_file(study, ray=ray, seed=seed), out, parameters=parameters or None, cliffs=cliffs, resolution=resolution, tick=tick)
     print(found.document.markdown())
     show_files(found.files)
 
@@ -42,6 +42,7 @@ def register(app: Typer, typer: ModuleType) -> None:
         parameter: list[str] = names,
         cliffs: bool = typer.Option(True, help="Locate the values at which success ends."),
         resolution: float = typer.Option(1e-3, min=1e-12, max=0.5, help="Width of a cliff's bracket over the range of its parameter."),
+        seed: int | None = typer.Option(None, min=0, help=SEED),
         ray: bool = over,
     ) -> None:
-        sweep(study, out, parameters=parameter, cliffs=cliffs, resolution=resolution, ray=ray)
+        sweep(study, out, parameters=parameter, cliffs=cliffs, resolution=resolution, ray=ray, seed=seed)

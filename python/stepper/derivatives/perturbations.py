@@ -29,9 +29,9 @@ KINK_DENSITY = 1.0
 ROUNDING = 2.0**-52
 """Rounding of a number of order 1."""
 
-SIGNED = frozenset({"gravity", "body_ipos", "geom_pos", "jnt_range", "actuator_gain", "actuator_bias"})
+SIGNED = frozenset({"gravity", "body_ipos", "geom_pos", "jnt_range", "actuator_gainprm", "actuator_biasprm"})
 """Fields whose numbers may be negative; the others are 0 at least."""
-ABSENT = frozenset({"body_mass", "body_inertia", "geom_size", "dof_frictionloss", "jnt_stiffness", "actuator_gain", "actuator_bias"})
+ABSENT = frozenset({"body_mass", "body_inertia", "geom_size", "dof_frictionloss", "jnt_stiffness", "actuator_gainprm", "actuator_biasprm"})
 """Fields in which 0 says that the model has none of it, and nothing else may be put there. A law of an actuator without a term, as a
 motor's, has none of that term."""
 OF_AXES = frozenset({"dof_damping", "dof_armature"})

@@ -10,15 +10,14 @@ from typing import Any
 import numpy as np
 from gymnasium.spaces import Box
 
-from stepper._hints import near_or_all
 from stepper._options import Options, Precision
 from stepper._quantities import room
 from stepper._status import Status
 from stepper._stepper import Model, Stepper
+from stepper.envs.making import made_task
 from stepper.envs.state import EnvState, check_settings, restore, save
 from stepper.envs.streams import Rng, Streams
 from stepper.envs.task import Array, Contact, Moment, Observation, Reset, Task, Terms, cleared
-from stepper.envs.tasks import TASKS
 from stepper.loading import ModelWarning
 
 _NON_FINITE = np.uint32(Status.NON_FINITE)
@@ -318,19 +317,6 @@ class Batch:
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__ = state
         self._rows = self._table()
-
-
-def made_task(task: Task | type[Task] | str, arguments: dict[str, Any]) -> Task:
-    """The task itself, or one of a class or a name with the arguments given."""
-    if isinstance(task, Task):
-        if arguments:
-            raise TypeError(f"{type(task).__name__} is made already: give {sorted(arguments)} to it, not to the environment")
-        return task
-    if isinstance(task, type) and issubclass(task, Task):
-        return task(**arguments)
-    if task not in TASKS:
-        raise ValueError(f"there is no task {task!r}{near_or_all(task, sorted(TASKS))}; or give a stepper.envs.Task")
-    return TASKS[task](**arguments)
 
 
 def _check_episode_state(task: Task, values: Terms, num_envs: int) -> None:

@@ -94,7 +94,10 @@ class Streams:
 
 
 class Rng:
-    """Random numbers for the environments that are reset: a row for each of them, from its own stream.
+    """Random numbers for the n environments that are reset: a row for each of them, from its own stream.
+
+    Draws have the shape (n, size): `size` numbers for each environment. `array[mask] = rng.uniform(low, high, size)` fits an array
+    (num_envs, size) of all environments.
 
     Args:
         streams: Streams of all environments.
@@ -105,7 +108,7 @@ class Rng:
         self._streams, self.envs = streams, envs
 
     def uniform(self, low: float, high: float, size: int) -> Array:
-        """Numbers from `low` to `high`, evenly spread: (n, size)."""
+        """Numbers from `low` to `high`, evenly spread, `size` of each environment: (n, size)."""
         words = self._streams.words(self.envs, size)
         words >>= _MANTISSA
         numbers = words.astype(np.float64)
@@ -114,7 +117,7 @@ class Rng:
         return numbers
 
     def normal(self, size: int) -> Array:
-        """Numbers of the standard normal distribution: (n, size). Box and Muller's method."""
+        """Numbers of the standard normal distribution, `size` of each environment: (n, size). Box and Muller's method."""
         pairs = (size + 1) // 2
         words = (self._streams.words(self.envs, 2 * pairs) >> _MANTISSA).astype(np.float64) * _STEP
         radius, angle = np.sqrt(-2.0 * np.log1p(-words[:, :pairs])), 2.0 * np.pi * words[:, pairs:]

@@ -18,6 +18,7 @@ from stepper._options import Options, Precision
 from stepper._stepper import Model, Stepper, selected
 from stepper.envs.batch import Batch
 from stepper.envs.drawing import RENDER_MODES, Drawing, RenderMode, camera_settings
+from stepper.envs.making import autoreset
 from stepper.envs.state import EnvState
 from stepper.envs.task import Array, Camera, Contact, Moment, Task, Terms
 
@@ -32,7 +33,7 @@ class StepperVectorEnv(VectorEnv[Array, Array, Array]):
         num_envs: Number of environments.
         autoreset_mode: When an environment whose episode is over begins another: `AutoresetMode.NEXT_STEP`, with the next call of `step`,
             whose action it ignores; `SAME_STEP`, within the step that ends it, whose last observation and info are the infos "final_obs"
-            and "final_info"; `DISABLED`, when `reset(options={"reset_mask": mask})` asks for it.
+            and "final_info"; `DISABLED`, when `reset(options={"reset_mask": mask})` asks for it. Names do too: "SAME_STEP".
         contact: Law of contact: "mujoco", with the integrator that the model's file asks for, or "hard"; None is the task's.
         options: Settings of the step in place of those of `contact`.
         precision: "f64" or "f32".
@@ -85,7 +86,7 @@ class StepperVectorEnv(VectorEnv[Array, Array, Array]):
         settings: dict[str, Any] = {"contact": contact, "options": options, "precision": precision, "threads": threads, "dtype": dtype}
         settings["model"] = model
         self._batch = Batch(task, num_envs, arguments, max_episode_steps=max_episode_steps, **settings)
-        self.num_envs, self.autoreset_mode = num_envs, AutoresetMode(autoreset_mode)
+        self.num_envs, self.autoreset_mode = num_envs, autoreset(autoreset_mode)
         camera = camera_settings(width, height, camera_id, camera_name, default_camera_config)
         self.render_mode, self._drawing = render_mode, Drawing(self._batch, render_mode, **camera)
         frames = {"render_modes": [*RENDER_MODES], "render_fps": round(1 / self._batch.dt)}

@@ -107,6 +107,7 @@ def _actuator(kind: Actuators, urdf: Urdf, joint: dict[str, Any], index: int, in
         "activation": "None",
         "gain": [gain, 0.0, 0.0],
         "bias": bias,
+        "force_model": {"gain": "Fixed", "bias": "Affine" if any(bias) else "None", "disabled": False},
     }
 
 

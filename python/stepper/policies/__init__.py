@@ -10,7 +10,7 @@ Loading and acting need NumPy alone; `evaluate`, `compare` and `film` need Gymna
 
 from stepper.policies.environment import describe, differences
 from stepper.policies.evaluation import Comparison, Evaluation, compare, evaluate, is_native, make
-from stepper.policies.film import film
+from stepper.policies.film import check_film, film
 from stepper.policies.policy import ACTIVATIONS, Policy, PolicyError, PolicyWarning, load
 
 __all__ = [
@@ -20,6 +20,7 @@ __all__ = [
     "Policy",
     "PolicyError",
     "PolicyWarning",
+    "check_film",
     "compare",
     "describe",
     "differences",

@@ -17,6 +17,26 @@ from stepper.shared.machine import require
 Array = NDArray[Any]
 
 
+def check_film(env: str, **settings: Any) -> None:
+    """Checks that an environment can be filmed here, by one picture: before a training whose end is a film.
+
+    Args:
+        env: Name of an environment that Gymnasium knows.
+        **settings: Arguments of the environment.
+
+    Raises:
+        RuntimeError: OpenGL cannot draw here, with the remedy.
+        MissingPackageError: Gymnasium or MoviePy is not installed.
+    """
+    require("moviepy", "to write films")
+    single = make(env, render_mode="rgb_array", **settings)
+    try:
+        single.reset(seed=0)
+        single.render()
+    finally:
+        single.close()
+
+
 def film(
     policy: Callable[[Array], Array],
     env: str,

@@ -90,9 +90,9 @@ class Compound:
 
 COMPOUNDS = {
     "actuator_kp": Compound(
-        "actuator", (("actuator_gain", 0, 1.0), ("actuator_bias", 1, -1.0)), "stiffness of a position servo", "N/m or N m/rad"
+        "actuator", (("actuator_gainprm", 0, 1.0), ("actuator_biasprm", 1, -1.0)), "stiffness of a position servo", "N/m or N m/rad"
     ),
-    "actuator_kv": Compound("actuator", (("actuator_bias", 2, -1.0),), "velocity gain of a servo", "N s/m or N m s/rad"),
+    "actuator_kv": Compound("actuator", (("actuator_biasprm", 2, -1.0),), "velocity gain of a servo", "N s/m or N m s/rad"),
 }
 """Parameters that are numbers of several fields, by name."""
 

@@ -49,12 +49,13 @@ class MissingPackageError(ImportError):
     """An optional package is not installed; the message says how to install it."""
 
 
-def require(module: str, purpose: str) -> ModuleType:
+def require(module: str, purpose: str, extra: str = "") -> ModuleType:
     """Imports an optional module.
 
     Args:
         module: Its dotted name.
         purpose: What it is needed for, the end of the sentence "... is needed ".
+        extra: Extra of stepper whose installation is the remedy; that of `INSTALL` by default.
 
     Returns:
         The module.
@@ -70,7 +71,7 @@ def require(module: str, purpose: str) -> ModuleType:
         top = module.split(".", maxsplit=1)[0]
         if error.name is not None and error.name.split(".", maxsplit=1)[0] != top:
             raise
-        raise _missing(module, purpose) from error
+        raise _missing(module, purpose, extra) from error
 
 
 def package_file(package: str, file: str, purpose: str) -> str:
@@ -91,9 +92,9 @@ def package_file(package: str, file: str, purpose: str) -> str:
     return os.path.join(folders[0], file)
 
 
-def _missing(module: str, purpose: str) -> MissingPackageError:
+def _missing(module: str, purpose: str, extra: str = "") -> MissingPackageError:
     top = module.split(".", maxsplit=1)[0]
-    how = INSTALL.get(module) or INSTALL.get(top) or f"pip install {top}"
+    how = f'pip install "stepper-sim[{extra}]"' if extra else INSTALL.get(module) or INSTALL.get(top) or f"pip install {top}"
     return MissingPackageError(f"{module} is needed {purpose}, and is not installed: {how}", name=module)
 
 

@@ -64,7 +64,7 @@ KINDS = {
     "dof_damping": Kind("joint", "N s/m or N m s/rad", "viscous damping", "move {0} at several speeds"),
     "dof_armature": Kind("joint", "kg or kg m^2", "added inertia", "accelerate {0}"),
     "dof_frictionloss": Kind("joint", "N or N m", "dry friction", "move {0} slowly, back and forth"),
-    "actuator_gain": Kind("actuator", "", "gain, whatever its bias", "drive {0} with large and changing controls"),
+    "actuator_gainprm": Kind("actuator", "", "gain, whatever its bias", "drive {0} with large and changing controls"),
     "actuator_kp": Kind("actuator", "", "stiffness of a position servo", "drive {0} away from where it is, against a load"),
     "actuator_kv": Kind("actuator", "", "velocity gain of a servo", "move {0} at several speeds"),
     "actuator.delay": Kind("actuator", "s", "delay of the control", "change the control of {0} often", log=False, bounds=(0.0, 0.1)),
@@ -213,11 +213,13 @@ class Block:
         self.parts = [(part.field, part.index.reshape(-1), part.sign) for part in parts]
         field, places, sign = self.parts[0]
         own = sign * np.asarray(getattr(model, field), np.float64).reshape(-1)[places]
+        if self.parameter.kind == "actuator_gainprm":
+            _check_gain_types(self.parameter, model, self.index)
         if self.parameter.kind == "actuator_kp":
-            bias = np.asarray(model.actuator_bias)[list(self.index)]
+            bias = np.asarray(model.actuator_biasprm)[list(self.index)]
             if not np.allclose(bias[:, 1], -own):
                 raise ValueError(
-                    f"{self.parameter}: {self.names[0]} is no position servo, its bias is {bias[0].tolist()}; identify its actuator_gain"
+                    f"{self.parameter}: {self.names[0]} is no position servo, its bias is {bias[0].tolist()}; identify its actuator_gainprm"
                 )
         # Where the model's value is 0, all elements have the same one.
         self.ratio = own / own[0] if own[0] > 0 else np.ones(len(own))
@@ -255,13 +257,13 @@ class Block:
             self._flat(variants, field)[:, places] = sign * value
         if self.parameter.kind == "body_mass":
             variants.of("body_inertia")[:, list(self.index)] *= (value / before)[..., None]
-        if self.parameter.kind == "actuator_gain":
+        if self.parameter.kind == "actuator_gainprm":
             # All of the gain grows together, as that of a motor whose current is scaled.
-            variants.of("actuator_gain")[:, list(self.index), 1:] *= (value / before)[..., None]
+            variants.of("actuator_gainprm")[:, list(self.index), 1:] *= (value / before)[..., None]
 
     def _numbers(self) -> Selector:
         """Selector of the numbers that have the value: of a gain its constant part."""
-        return replace(self.selector, columns=(0,)) if self.parameter.kind == "actuator_gain" else self.selector
+        return replace(self.selector, columns=(0,)) if self.parameter.kind == "actuator_gainprm" else self.selector
 
     @staticmethod
     def _flat(variants: Variants, field: str) -> Array:
@@ -394,8 +396,8 @@ _BLOCKS: dict[str, type[Block]] = {
 }  # fmt: skip
 _SAME = {
     "body_inertial": ("body_mass", "body_ipos", "body_inertia", "body_inertial"),
-    "actuator_kp": ("actuator_kp", "actuator_gain"),
-    "actuator_gain": ("actuator_kp", "actuator_gain"),
+    "actuator_kp": ("actuator_kp", "actuator_gainprm"),
+    "actuator_gainprm": ("actuator_kp", "actuator_gainprm"),
 }
 """Kinds whose numbers a kind has too."""
 
@@ -457,6 +459,20 @@ def _indices(parameter: FitParameter, model: Model) -> tuple[int, ...]:
         return tuple(rows_of(model, KINDS[parameter.kind].element, items, where))
     joints = [k for k in range(model.njnt) for _ in range(model.joint(k).nv)]
     return tuple(dict.fromkeys(joints[row] for row in rows_of(model, "dof", items, where)))
+
+
+def _check_gain_types(parameter: FitParameter, model: Model, index: Sequence[int]) -> None:
+    """Checks that the first parameter of the gain of every actuator multiplies its force.
+
+    Raises:
+        ValueError: A gain of another type.
+    """
+    for actuator in map(model.actuator, index):
+        if actuator.gaintype not in ("fixed", "affine"):
+            raise ValueError(
+                f'{parameter}: the gaintype of actuator "{actuator.name or actuator.id}" is "{actuator.gaintype}", and gains are '
+                'identified of types "fixed" and "affine" alone; leave it out, or give the source one of these'
+            )
 
 
 def _unnamed(parameter: FitParameter, model: Model, index: int) -> list[int]:

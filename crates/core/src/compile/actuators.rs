@@ -164,7 +164,7 @@ impl<S: Scalar> Drives<S> {
         *na += usize::from(act.is_some());
         let dynamics = self.dynamics(scene, a, spec);
         let moves = dynamics.as_ref().is_some_and(|t| t.servo || t.motor.is_some());
-        let needs_motion = moves || [a.gain[1], a.gain[2], a.bias[1], a.bias[2]].iter().any(|&x| x != 0.0);
+        let needs_motion = moves || a.force_depends_on_motion();
         let servo = needs_motion.then_some(self.servos.len());
         if needs_motion {
             let moment: Vec<_> = arms.iter().map(|&(j, c)| (addresses[j].1, c * a.gear)).collect();

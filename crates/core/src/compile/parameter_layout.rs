@@ -26,7 +26,7 @@ impl<S: Scalar> ModelStructure<S> {
             limits: joints.clone().filter(|j| is_scalar(j)).filter_map(|j| j.range).collect(),
             ball_limits: joints.filter(|j| j.kind == JointKind::Ball).filter_map(|j| j.range).map(widest).collect(),
             frictions: self.frictions.iter().map(|f| model.joints[f.joint].frictionloss).collect(),
-            actuators: model.actuators.iter().map(|a| ActuatorParams { gain: a.gain, bias: a.bias }).collect(),
+            actuators: model.actuators.iter().map(|a| a.affine_force()).map(|(gain, bias)| ActuatorParams { gain, bias }).collect(),
             geoms: self.geoms.iter().map(|g| source.geom(g.index)).collect(),
             pairs: source.pairs().collect(),
             members: source.members().collect(),

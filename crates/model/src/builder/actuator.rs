@@ -1,7 +1,7 @@
 //! An actuator.
 
 use crate::builder::{find, find_joint};
-use crate::{Activation, Actuator, Description, ModelError, Transmission};
+use crate::{Activation, Actuator, Description, ForceModel, ModelError, Transmission};
 
 /// What a builder's target names.
 #[derive(Clone, Debug)]
@@ -33,6 +33,7 @@ impl ActuatorBuilder {
             activation: Activation::None,
             gain,
             bias,
+            force_model: ForceModel::of_parameters(&gain, &bias),
         };
         Self { actuator, name: target.into(), target: Target::Joint }
     }

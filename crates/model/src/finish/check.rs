@@ -7,7 +7,7 @@ use std::collections::HashSet;
 
 use crate::finish::element::{Checked, Element};
 use crate::hulls::{Hulls, Source};
-use crate::{Activation, Description, EqualityKind, JointKind, ModelError, Shape, Transmission};
+use crate::{Activation, Actuator, BiasType, Description, EqualityKind, ForceModel, GainType, JointKind, ModelError, Shape, Transmission};
 
 /// How much the largest principal moment may exceed the sum of the others, relative: rounding of a source in single precision.
 const TRIANGLE: f64 = 1e-6;
@@ -303,6 +303,26 @@ fn equalities(model: &Description) -> Checked {
     Ok(())
 }
 
+fn force_model(at: &Element, actuator: &Actuator) -> Checked {
+    let ForceModel { gain, bias, .. } = actuator.force_model;
+    let dc_motor = gain == GainType::DcMotor;
+    let fits = match gain {
+        GainType::Fixed | GainType::Affine => bias != BiasType::DcMotor,
+        GainType::DcMotor => bias == BiasType::DcMotor,
+        GainType::PidPosition | GainType::PidVelocity => bias == BiasType::Affine,
+    };
+    if !fits {
+        let what = format!("gaintype is {:?} and biastype is {:?}", gain.word(), bias.word());
+        return at.fail(what, "give \"dcmotor\" both or neither, and \"affine\" as the bias of \"pid\"");
+    }
+    if dc_motor {
+        at.positive("resistance, column 0 of gainprm,", &actuator.gain[..1], " Ohm")?;
+    }
+    let (gain, bias) = actuator.affine_force();
+    at.finite("gain", &gain)?;
+    at.finite("bias", &bias)
+}
+
 fn actuators(model: &Description) -> Checked {
     for (i, actuator) in model.actuators.iter().enumerate() {
         let at = Element::new("actuator", &actuator.name, i);
@@ -326,6 +346,7 @@ fn actuators(model: &Description) -> Checked {
         at.size("delay", &[actuator.delay], " s")?;
         at.finite("gain", &actuator.gain)?;
         at.finite("bias", &actuator.bias)?;
+        force_model(&at, actuator)?;
         at.range("ctrl_range", actuator.ctrl_range)?;
         at.range("force_range", actuator.force_range)?;
         at.range("act_range", actuator.act_range)?;

@@ -173,9 +173,11 @@ impl Actuator {
             ctrlrange: v.bounds(actuator.ctrl_range, "actuator_ctrlrange")?,
             forcerange: v.bounds(actuator.force_range, "actuator_forcerange")?,
             actrange: v.bounds(actuator.act_range, "actuator_actrange")?,
-            gear: v.of(actuator.gear)?,
-            gain: v.row(&actuator.gain, "actuator_gain")?,
-            bias: v.row(&actuator.bias, "actuator_bias")?,
+            gear: v.row(&actuator.gear_row(), "actuator_gear")?,
+            gaintype: v.of(actuator.force_model.gain.word())?,
+            gainprm: v.row(&actuator.gain_row(), "actuator_gainprm")?,
+            biastype: v.of(actuator.force_model.bias.word())?,
+            biasprm: v.row(&actuator.bias_row(), "actuator_biasprm")?,
         })
     }
 }

@@ -108,8 +108,9 @@ impl Stepper {
     ///         torsional (m), rolling (m); geom_restitution (num_envs, ngeom); pair_friction (num_envs, npair, 3) and pair_restitution
     ///         (num_envs, npair), the same of explicit pairs, see below; geom_size, geom_pos (num_envs, ngeom, 3) m, which
     ///         leave masses alone; jnt_stiffness (num_envs, njnt) N/m or N m/rad; jnt_range (num_envs, njnt, 2) m or rad;
-    ///         dof_damping, dof_armature, dof_frictionloss (num_envs, nv); actuator_gain, actuator_bias (num_envs, nu, 3), whose
-    ///         force is gain . (1, length, velocity) times the input plus bias . (1, length, velocity). actuators, a
+    ///         dof_damping, dof_armature, dof_frictionloss (num_envs, nv); actuator_gainprm, actuator_biasprm (num_envs, nu, 10) as
+    ///         MuJoCo has them: with their first three numbers the force is gain . (1, length, velocity) times the input plus
+    ///         bias . (1, length, velocity); numbers that the type of an actuator's gain or bias does not read are 0. actuators, a
     ///         `stepper.ActuatorModel`: its drives take the place of those of the actuators it fits, with all their numbers (what a
     ///         `Drive` does not say is its default); other actuators keep theirs, and None gives back what the stepper was made with.
     ///         Stages are compiled: a servo, motor, lag, limits or friction must have been given to `Stepper(..., actuators=)`, to

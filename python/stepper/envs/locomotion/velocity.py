@@ -255,14 +255,14 @@ class VelocityTask(Task):
         }
         for name, values in begun.items():
             episode_state[name][mask] = values
-        own = ("geom_friction", "body_mass", "body_ipos", "actuator_gain", "actuator_bias")
+        own = ("geom_friction", "body_mass", "body_ipos", "actuator_gainprm", "actuator_biasprm")
         rows = {name: np.repeat(np.asarray(getattr(model, name))[None], count, axis=0) for name in own}
         rows["geom_friction"][:, [k for k, name in enumerate(model.geom_names) if "foot" in name], 0] = rng.uniform(*self.friction, 1)
         rows["body_mass"][:, 1] *= rng.uniform(*self.mass_scale, 1)[:, 0]
         rows["body_ipos"][:, 1] += rng.uniform(-self.center_shift, self.center_shift, 3)
         gains = rng.uniform(*self.gain_scale, model.nu)[:, :, None]
-        rows["actuator_gain"] *= gains
-        rows["actuator_bias"] *= gains
+        rows["actuator_gainprm"] *= gains
+        rows["actuator_biasprm"] *= gains
         fields = {name: np.zeros((len(mask), *values.shape[1:])) for name, values in rows.items()}
         for name, values in rows.items():
             fields[name][mask] = values

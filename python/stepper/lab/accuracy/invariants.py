@@ -264,7 +264,7 @@ def _nominal(study: Study) -> Any:
     if compiled is None:
         return None
     fields = {name: rows[0] for name, rows in model_fields(study.parameters, model, [study.nominal]).items()}
-    known = {name: own for name, own in fields.items() if name in ("gravity", "actuator_gain", "actuator_bias", "actuator_gear")}
+    known = {name: own for name, own in fields.items() if name == "gravity"}
     known |= {name: own for name, own in fields.items() if getattr(getattr(compiled, name, None), "shape", None) == own.shape}
     return with_fields(require("mujoco", "to measure invariants"), compiled, known)
 

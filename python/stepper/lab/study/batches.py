@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from stepper._options import Options, Precision
 from stepper.lab.study import drives
 from stepper.lab.study.journal import Journal, Row
 from stepper.lab.study.outcomes import Watch
@@ -22,7 +23,7 @@ from stepper.lab.study.over_ray import each
 from stepper.lab.study.parameters import Theta, actuator_model, model_fields, sensor_model
 from stepper.lab.study.points import Point
 from stepper.lab.study.rapier import RapierWorld
-from stepper.lab.study.worlds import Plan, Thetas, World, make_world, stacked
+from stepper.lab.study.worlds import Plan, Thetas, World, make_world, own_fields, stacked
 from stepper.shared.fields import RANDOMIZED
 
 if TYPE_CHECKING:
@@ -105,8 +106,19 @@ def group_of(study: Study, point: Point) -> str:
     """What points must share to be stepped together."""
     shared = {name: value for name, value in point.theta.items() if study.parameters[name].kind == "options"}
     fields = model_fields(study.parameters, study.loaded[0], [point.theta])
-    own = {field: hashlib.sha256(rows.tobytes()).hexdigest() for field, rows in fields.items() if field not in RANDOMIZED}
-    return json.dumps([point.setting, sorted(shared.items()), sorted(own.items())])
+    engine, _, options, _ = options_of(study, point.setting, point.theta)
+    own = own_fields(options) if engine == "stepper" else frozenset(RANDOMIZED)
+    digests = {field: hashlib.sha256(rows.tobytes()).hexdigest() for field, rows in fields.items() if field not in own}
+    return json.dumps([point.setting, sorted(shared.items()), sorted(digests.items())])
+
+
+def options_of(study: Study, setting: str, theta: Theta, **changed: Any) -> tuple[str, Precision, Options, dict[str, Any]]:
+    """Engine, precision and options of a point, and all settings that it changes but engine and precision; arguments as of `world_of`."""
+    given: dict[str, Any] = {study.parameters[n].leaf: v for n, v in theta.items() if study.parameters[n].kind == "options"}
+    # Settings that are compared fix what they name: a parameter's value has no part in that.
+    given |= study.setting(setting) | changed
+    engine, precision = given.pop("engine", "stepper"), given.pop("precision", study.precision)
+    return engine, precision, replace(study.options, **given) if engine == "stepper" else study.options, given
 
 
 def world_of(study: Study, setting: str, thetas: Sequence[Theta], **changed: Any) -> World:
@@ -120,14 +132,8 @@ def world_of(study: Study, setting: str, thetas: Sequence[Theta], **changed: Any
     """
     model, compiled = study.loaded
     ideal = changed.pop("sensors", "given") is None
-    given: dict[str, Any] = {study.parameters[n].leaf: v for n, v in thetas[0].items() if study.parameters[n].kind == "options"}
-    # Settings that are compared fix what they name: a parameter's value has no part in that.
-    given |= study.setting(setting) | changed
-    engine, precision = given.pop("engine", "stepper"), given.pop("precision", study.precision)
-    options = study.options
-    if engine == "stepper":
-        options = replace(options, **given)
-    elif options.timestep is not None:
+    engine, precision, options, given = options_of(study, setting, thetas[0], **changed)
+    if engine != "stepper" and options.timestep is not None:
         given.setdefault("timestep", options.timestep)
     plan = Plan(
         model=model,

@@ -88,7 +88,8 @@ def _made(data: dict[str, Any], path: Path, kind: type[Study]) -> Study:
     for name in ("start", "exact"):
         if name in given:
             given[name] = find(given[name], folder)
-    given["outcomes"] = [_part(Outcome, _measured(table, folder), f"outcome {k + 1}") for k, table in enumerate(given.get("outcomes", []))]
+    if "outcomes" in given:
+        given["outcomes"] = [_part(Outcome, _measured(table, folder), f"outcome {k + 1}") for k, table in enumerate(given["outcomes"])]
     given["parameters"] = {name: _part(Parameter, table, f"parameter {name!r}") for name, table in given.get("parameters", {}).items()}
     if "options" in given:
         given["options"] = _part(Options, given["options"], "options")

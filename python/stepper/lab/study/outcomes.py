@@ -11,6 +11,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from stepper._hints import unknown
+from stepper._stepper import Model
+
 Array = NDArray[np.float64]
 Measure = Callable[[Any], Any]
 """From a `World`, a number of every environment, (num_envs,)."""
@@ -19,6 +22,8 @@ OVER = ("end", "change", "max", "min", "mean")
 WHOSE = ("physics", "perception", "policy", "evaluation")
 _COMPARED = {">=": operator.ge, "<=": operator.le, ">": operator.gt, "<": operator.lt}
 _AXES = {"x": 0, "y": 1, "z": 2}
+_KINDS = {"body": "body", "site": "site", "joint": "joint", "jointvel": "joint", "sensor": "sensor", "force": "body"}
+"""Kinds of elements that the first words of measures name."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -57,6 +62,19 @@ class Outcome:
             _compare(self.success, self.name)
         if isinstance(self.measure, str):
             words_of(self.measure)
+
+    def check(self, model: Model) -> None:
+        """Checks that the model has the element that the words of the measure name.
+
+        Raises:
+            ValueError: It has no such element.
+        """
+        if isinstance(self.measure, str):
+            word, name = self.measure.split()[:2]
+            kind = _KINDS[word]
+            names = list(getattr(model, f"{kind}_names"))
+            if name not in names:
+                raise ValueError(f"outcome {self.name!r}: measure is {self.measure!r}: {unknown(kind, name, names)}")
 
     @property
     def threshold(self) -> float | None:

@@ -45,6 +45,8 @@ SETTINGS = frozenset(field.name for field in fields(Options)) | {"precision"}
 LEVELS = 5
 _HEADS = ("sensor", "actuator", "options", "drive")
 """Beginnings of selectors of what is no field of the model."""
+OF_MODEL = frozenset({"field", "sensor", "actuator"})
+"""Kinds of selectors that name elements of the model."""
 
 
 @hint_keywords("stepper.lab.Parameter")

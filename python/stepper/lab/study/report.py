@@ -247,10 +247,9 @@ def _drives(study: Study) -> list[Section]:
             f"{low:.4g} to {high:.4g}" if np.isfinite([low, high]).any() else "none"
             for low, high in (actuator.ctrlrange, actuator.forcerange)
         ]
-        gain, bias = (" ".join(f"{x:.4g}" for x in values) for values in (actuator.gain, actuator.bias))
-        rows.append(
-            [actuator.name or f"#{k}", actuator.trntype, actuator.gear, gain, bias, *ends, "ideal" if drive is None else repr(drive)]
-        )
+        gain, bias = (" ".join(f"{x:.4g}" for x in values) for values in (actuator.gainprm[:3], actuator.biasprm[:3]))
+        gear = " ".join(f"{x:.4g}" for x in (actuator.gear if actuator.trntype == "site" else actuator.gear[:1]))
+        rows.append([actuator.name or f"#{k}", actuator.trntype, gear, gain, bias, *ends, "ideal" if drive is None else repr(drive)])
     head = ("actuator", "on", "gear", "gain", "bias", "controls", "forces", "drive")
     return [Section("Actuators", [] if rows else ["The model has no actuators."], head, rows)]
 

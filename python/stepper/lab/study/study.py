@@ -18,14 +18,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stepper import _stepper
-from stepper._hints import Hinting, near
+from stepper._hints import Hinting, hint_keywords, near
 from stepper._options import Options, Precision
 from stepper._stepper import Model, __version__
 from stepper.actuators import ActuatorModel
 from stepper.lab.study import drives
 from stepper.lab.study.episode import Episodes
 from stepper.lab.study.outcomes import Outcome
-from stepper.lab.study.parameters import Parameter, Theta, Value, check, moved
+from stepper.lab.study.parameters import OF_MODEL, Parameter, Theta, Value, check, moved
 from stepper.lab.study.points import USUAL
 from stepper.lab.study.worlds import World
 from stepper.loading import compile_source, is_saved, load
@@ -41,20 +41,26 @@ Exact = Callable[[World, Array], tuple[Any, Any]]
 
 _HOLD = 0.02
 """s that a control is held where a study does not say it."""
-_ROWS = 2
-"""Part of what a row follows from: another number where the same study gives other rows. 2: episodes that diverge have no outcome."""
+_ROWS = 3
+"""Part of what a row follows from: another number where the same study gives other rows.
+
+2: Episodes that diverge have no outcome. 3: Inverse weights of MuJoCo's law follow masses, inertias, centres of mass and armatures.
+"""
 
 
+@hint_keywords("stepper.lab.Study")
 @dataclass(frozen=True, kw_only=True)
 class Study(metaclass=Hinting):
     """Episodes of a model under a drive, measured, where parameters may be other than one thinks.
+
+    Names in selectors and in the words of measures are looked up in the model at once, which loads it.
 
     Attributes:
         model: As of `stepper.load`, or a `Model`, or a function that returns one of those.
         name: In tables, and the folder of its results; of a file that says none, the file's stem.
         drive: What controls it: a function of a `World` that returns controls, `Recorded(path)`, `Policy(function)`, "random", or None for
             no controls (those of the keyframe, else 0).
-        outcomes: What is measured; one of them may have a success, which decides.
+        outcomes: What is measured; one of them may have a success, which decides. None is nothing: such a study can be charted and tuned.
         parameters: What may be otherwise, by name.
         settings: Other ways to run the same episodes, by name: attributes of `Options` and "precision"; or {"engine": "mujoco"} with
             MuJoCo's integrator, cone, solver, impratio, noslip_iterations, iterations, tolerance, timestep.
@@ -81,7 +87,7 @@ class Study(metaclass=Hinting):
     model: Any
     name: str = "study"
     drive: Any = None
-    outcomes: Outcome | Sequence[Outcome] = ()
+    outcomes: Outcome | Sequence[Outcome] | None = None
     parameters: Mapping[str, Parameter] = field(default_factory=dict)
     settings: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     seconds: float = 1.0
@@ -102,6 +108,7 @@ class Study(metaclass=Hinting):
     ray: bool = False
 
     def __post_init__(self) -> None:
+        self._check_kinds()
         object.__setattr__(self, "parameters", dict(self.parameters))
         object.__setattr__(self, "settings", {name: dict(given) for name, given in self.settings.items()})
         for name in ("seconds", "episodes", "batch"):
@@ -126,6 +133,26 @@ class Study(metaclass=Hinting):
             raise ValueError(f"settings {USUAL!r} are the study's own options; choose another name")
         for name, given in self.settings.items():
             self.setting(name, given)
+        if any(isinstance(o.measure, str) for o in self.all_outcomes) or any(p.kind in OF_MODEL for p in self.parameters.values()):
+            _ = self.loaded
+
+    def _check_kinds(self) -> None:
+        """Raises TypeError and ValueError for outcomes and parameters that are none."""
+        if self.outcomes is not None and not isinstance(self.outcomes, Outcome):
+            if isinstance(self.outcomes, str) or not isinstance(self.outcomes, Sequence):
+                raise TypeError(f"outcomes is {self.outcomes!r}, must be a stepper.lab.Outcome or a list of them")
+            if not self.outcomes:
+                raise ValueError(f"outcomes is {self.outcomes!r}, so the study has no outcome: give one, or leave outcomes out")
+        for outcome in self.all_outcomes:
+            if not isinstance(outcome, Outcome):
+                raise TypeError(f"outcomes has {outcome!r}, must be a stepper.lab.Outcome, as Outcome(name=..., measure=...)")
+        if not isinstance(self.parameters, Mapping):
+            raise TypeError(f"parameters is {self.parameters!r}, must be a dict of stepper.lab.Parameter by name")
+        for name, parameter in self.parameters.items():
+            if not isinstance(parameter, Parameter):
+                raise TypeError(
+                    f"parameter {name!r} is {parameter!r}, must be a stepper.lab.Parameter: Parameter(selector, low=..., high=...)"
+                )
 
     @classmethod
     def from_model(cls, source: Any, **changed: Any) -> Study:
@@ -167,6 +194,8 @@ class Study(metaclass=Hinting):
                 compiled = None if is_saved(source) else compile_source(source)
                 model = load(source if compiled is None else compiled, strict=False)
         check(self.parameters, model)
+        for outcome in self.all_outcomes:
+            outcome.check(model)
         return model, compiled
 
     @cached_property
@@ -185,7 +214,7 @@ class Study(metaclass=Hinting):
     @property
     def all_outcomes(self) -> tuple[Outcome, ...]:
         """What is measured, however many."""
-        return (self.outcomes,) if isinstance(self.outcomes, Outcome) else tuple(self.outcomes)
+        return (self.outcomes,) if isinstance(self.outcomes, Outcome) else tuple(self.outcomes or ())
 
     @property
     def decisive(self) -> Outcome | None:
@@ -235,7 +264,7 @@ class Study(metaclass=Hinting):
         ]
         return {
             "rows": _ROWS,
-            "model": {"name": model.name, "sha256": model.digest, "omitted": len(model.omitted)},
+            "model": {"name": model.name, "sha256": model.digest, "omitted": len(model.omitted), "forces": _force_types(model)},
             "drive": {"name": drives.name_of(self.drive), "sha256": drives.digest_of(self.driven())},
             "start": {"name": drives.name_of(self.start), "sha256": drives.digest_of(self.start), "keyframe": self.keyframe},
             "noise": [self.qpos_noise, self.qvel_noise],
@@ -337,6 +366,11 @@ class Study(metaclass=Hinting):
     def generators(self, episodes: Sequence[int]) -> list[np.random.Generator]:
         """Random numbers of the starts of episodes."""
         return [np.random.default_rng([self.seed, int(e), 0]) for e in episodes]
+
+
+def _force_types(model: Model) -> list[str]:
+    """Types of the gain and bias of every actuator: the digest of a model does not have them, and parameters of gains depend on them."""
+    return [f"{actuator.gaintype} {actuator.biastype}" for actuator in map(model.actuator, range(model.nu))]
 
 
 def _digest(value: Any) -> str:

@@ -186,14 +186,16 @@ def sweep(
     ends: list[Cliff] = []
     between: list[Level] = []
     if cliffs and study.decisive is not None:
-        for setting in settings:
-            for name in names:
-                own = [level for level in levels if (level.setting, level.parameter) == (setting, name)]
-                for cliff, tried in _cliffs(study, own, journal, resolution, tick):
-                    ends.append(cliff)
-                    for value, more in tried:
-                        every += more
-                        between.append(_level(study, (setting, name, value), more, by_cell[setting, "", None]))
+        groups = [[level for level in levels if (level.setting, level.parameter) == (s, name)] for s in settings for name in names]
+        brackets = [bracket for own in groups for bracket in _brackets(study, own, resolution)]
+        progress = _Progress(f"cliffs of {study.name}", sum(_rounds(*bracket) for bracket in brackets), tick)
+        for one, other, width in brackets:
+            cliff, tried = _bisect(study, one, other, width, lambda points: _shares(study, points, journal, progress))
+            ends.append(cliff)
+            for value, more in tried:
+                every += more
+                between.append(_level(study, (one.setting, one.parameter, value), more, by_cell[one.setting, "", None]))
+        progress.end()
     return Sweep(study, tuple(levels), tuple(ends), Table(every), tuple(skipped), tuple(between))
 
 
@@ -246,22 +248,43 @@ def _deviation(values: np.ndarray[tuple[int], np.dtype[np.float64]]) -> float:
     return float(values.std(ddof=1)) if len(values) > 1 else math.nan
 
 
-def _cliffs(study: Study, levels: Sequence[Level], journal: Journal, resolution: float, tick: Tick | None) -> list[tuple[Cliff, Tried]]:
-    """Every cliff between neighbouring levels of a parameter, with the values that located it and their episodes."""
+class _Progress:
+    """Progress of the rounds of all bisections, as one."""
+
+    def __init__(self, what: str, rounds: int, tick: Tick | None):
+        self._what, self._rounds, self._tick, self._done = what, rounds, tick, 0
+
+    def of_round(self, done: float) -> None:
+        """Tells the fraction that is done of the round under way."""
+        if self._tick is not None:
+            # The end is told once: a time step has fewer values between two than a number.
+            self._tick(self._what, min((self._done + done) / self._rounds, 0.99))
+        self._done += done == 1.0
+
+    def end(self) -> None:
+        """Tells the end, if there were rounds."""
+        if self._tick is not None and self._rounds:
+            self._tick(self._what, 1.0)
+
+
+def _brackets(study: Study, levels: Sequence[Level], resolution: float) -> list[tuple[Level, Level, float]]:
+    """Neighbouring levels of a parameter with a cliff between them, and the width to which each bracket is narrowed."""
     numeric = [level for level in levels if isinstance(level.value, int | float) and not isinstance(level.value, bool)]
     if study.parameters[levels[0].parameter].leaf in COUNTS if levels else True:
         return []
     numeric.sort(key=lambda level: float(level.value or 0))
-    found = []
-    for one, other in pairwise(numeric):
-        if (one.share >= CLIFF) != (other.share >= CLIFF):
-            width = resolution * abs(float(numeric[-1].value or 0) - float(numeric[0].value or 0))
-            found.append(_bisect(study, one, other, width, lambda points: _shares(study, points, journal, tick)))
-    return found
+    width = resolution * abs(float(numeric[-1].value or 0) - float(numeric[0].value or 0)) if numeric else 0.0
+    return [(one, other, width) for one, other in pairwise(numeric) if (one.share >= CLIFF) != (other.share >= CLIFF)]
 
 
-def _shares(study: Study, points: Sequence[Point], journal: Journal, tick: Tick | None) -> list[tuple[float, list[Row]]]:
-    rows = run_points(study, points, journal, None if tick is None else lambda done: tick(f"cliffs of {study.name}", done))
+def _rounds(one: Level, other: Level, width: float) -> int:
+    """Rounds of a bisection that narrows a bracket to a width."""
+    apart = abs(float(other.value or 0) - float(one.value or 0))
+    return max(1, math.ceil(math.log(apart / width) / math.log(_AT_ONCE + 1) - 1e-9)) if apart > width else 0
+
+
+def _shares(study: Study, points: Sequence[Point], journal: Journal, progress: _Progress) -> list[tuple[float, list[Row]]]:
+    rows = run_points(study, points, journal, progress.of_round)
     n = study.episodes
     cut = [rows[k * n : (k + 1) * n] for k in range(len(points))]
     return [(sum(row["success"] for row in own) / n, own) for own in cut]

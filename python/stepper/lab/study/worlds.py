@@ -24,6 +24,8 @@ from stepper.shared.fields import RANDOMIZED
 from stepper.shared.machine import require
 
 Array = NDArray[np.float64]
+_WEIGHED = frozenset({"body_mass", "body_inertia", "body_ipos", "dof_armature"})
+"""Fields of `Stepper.randomize` from which the inverse weights of MuJoCo's law follow."""
 _HUGE = 1e10
 """m, rad and those over s, beyond which a state is that of no motion: MuJoCo's mjMAXVAL, at which it begins anew, for both engines."""
 
@@ -221,6 +223,15 @@ def _default_integrator(sim: Stepper) -> str:
     return Options.from_model(sim.model).integrator or "euler" if asked else "euler"
 
 
+def own_fields(options: Options) -> frozenset[str]:
+    """Fields that environments of a batch may have of their own in steps with these options.
+
+    By MuJoCo's law the resistance of constraints follows from inverse weights of bodies and joints at the reference pose.
+    `Stepper.randomize` leaves them as they are; `Model.replace` computes them, as `mj_setConst` does.
+    """
+    return frozenset(RANDOMIZED) - _WEIGHED if options.contact == "mujoco" else frozenset(RANDOMIZED)
+
+
 def _split(plan: Plan) -> tuple[Model, dict[str, Array]]:
     """The model with what all environments share, and what each has of its own."""
     shared, own = {}, {}
@@ -229,7 +240,7 @@ def _split(plan: Plan) -> tuple[Model, dict[str, Array]]:
         if field in ROWS_FROM_NOTHING and np.any((rows > 0) & (before == 0)):
             shared[field] = np.where(before > 0, before, rows.max(axis=0))
             own[field] = rows
-        elif field in RANDOMIZED:
+        elif field in own_fields(plan.options):
             own[field] = rows
         elif np.array_equal(rows, np.broadcast_to(rows[0], rows.shape)):
             shared[field] = rows[0]
@@ -478,10 +489,6 @@ def with_fields(mujoco: Any, base: Any, fields: Mapping[str, Array]) -> Any:
         if hasattr(model.opt, field):
             # Gravity, wind, density, viscosity, impratio.
             setattr(model.opt, field, value)
-        elif field in ("actuator_gain", "actuator_bias"):
-            getattr(model, f"{field}prm")[:, :3] = value
-        elif field == "actuator_gear":
-            model.actuator_gear[:, 0] = value
         elif hasattr(model, field) and getattr(model, field).shape == value.shape:
             getattr(model, field)[:] = value
         else:

@@ -10,7 +10,6 @@ if TYPE_CHECKING:
     from stepper.loading.mjcf.source import Source
 
 Description = dict[str, Any]
-AffineForce = tuple[list[float], list[float]]
 
 # MuJoCo's numbers (mjtype.h), compared with the installed version's by a test.
 TRN_JOINT, TRN_JOINT_IN_PARENT, TRN_TENDON, TRN_SITE = 0, 1, 3, 4
@@ -18,6 +17,8 @@ DYN_NONE, DYN_INTEGRATOR, DYN_FILTER, DYN_FILTER_EXACT = range(4)
 SIMULATED = (DYN_NONE, DYN_INTEGRATOR, DYN_FILTER, DYN_FILTER_EXACT)
 GAIN_FIXED, GAIN_AFFINE, GAIN_DCMOTOR, GAIN_PID = 0, 1, 3, 5
 BIAS_NONE, BIAS_AFFINE, BIAS_DCMOTOR = 0, 1, 3
+GAIN_TYPES = {GAIN_FIXED: "Fixed", GAIN_AFFINE: "Affine"}
+BIAS_TYPES = {BIAS_NONE: "None", BIAS_AFFINE: "Affine"}
 INPUT_POS, INPUT_VEL, INPUT_VOLTAGE = 1, 2, 8
 OLDER, BETWEEN, CUBIC = range(3)
 """What acts between two samples of a delayed control or reading (`interp`)."""
@@ -39,12 +40,12 @@ def why_dropped(source: Source, a: int) -> list[str]:
         reasons.append(f"transmission to the ball or free joint {source.label('JOINT', target)}")
     elif transmission == TRN_TENDON and target not in source.tendons:
         reasons.append(f"transmission to the spatial tendon {source.label('TENDON', target)}")
-    if affine_force(source, a) is None:
+    if force_of(source, a) is None:
         if m.actuator_dyntype[a] not in SIMULATED:
             reasons.append(f"dynamics {word('mjtDyn', m.actuator_dyntype[a])}")
-        if m.actuator_gaintype[a] not in (GAIN_FIXED, GAIN_AFFINE):
+        if m.actuator_gaintype[a] not in GAIN_TYPES:
             reasons.append(f"gain {word('mjtGain', m.actuator_gaintype[a])}")
-        if m.actuator_biastype[a] not in (BIAS_NONE, BIAS_AFFINE):
+        if m.actuator_biastype[a] not in BIAS_TYPES:
             reasons.append(f"bias {word('mjtBias', m.actuator_biastype[a])}")
     if m.actuator_ctrlnum[a] != 1:
         reasons.append(f"{m.actuator_ctrlnum[a]} controls")
@@ -53,24 +54,28 @@ def why_dropped(source: Source, a: int) -> list[str]:
     return reasons
 
 
-def affine_force(source: Source, a: int) -> AffineForce | None:
-    """Affine gain and bias, if that is what an actuator has: (constant, length, velocity) each."""
+def force_of(source: Source, a: int) -> Description | None:
+    """Parameters of an actuator's gain and bias that act, and their types; None of one that is not simulated."""
     m = source.m
     kinds = int(m.actuator_gaintype[a]), int(m.actuator_biastype[a])
     gain, bias, inputs = m.actuator_gainprm[a], m.actuator_biasprm[a], int(m.actuator_ctrlspec[a])
     if kinds == (GAIN_DCMOTOR, BIAS_DCMOTOR):
         # Torque K (u - K w) / R. Voltage limits (dynprm[1]) are those of a controller; all else is circuit, heat, cogging or friction.
         more = np.any(gain[2:]) or np.any(bias) or np.any(np.delete(m.actuator_dynprm[a], 1)) or m.actuator_actnum[a]
-        resistance, constant = gain[:2].tolist()
-        return None if more or inputs != INPUT_VOLTAGE else ([constant / resistance, 0.0, 0.0], [0.0, 0.0, -(constant**2) / resistance])
+        return None if more or inputs != INPUT_VOLTAGE else _force([*gain[:2].tolist(), 0.0], [0.0, 0.0, 0.0], "DcMotor", "DcMotor")
     if m.actuator_dyntype[a] not in SIMULATED:
         return None
     if kinds == (GAIN_PID, BIAS_AFFINE) and m.actuator_dyntype[a] == DYN_NONE and inputs in (INPUT_POS, INPUT_VEL):
-        return [float(-bias[1 if inputs == INPUT_POS else 2]), 0.0, 0.0], bias[:3].tolist()
-    if kinds[0] not in (GAIN_FIXED, GAIN_AFFINE) or kinds[1] not in (BIAS_NONE, BIAS_AFFINE):
+        return _force([0.0, 0.0, 0.0], bias[:3].tolist(), "PidPosition" if inputs == INPUT_POS else "PidVelocity", "Affine")
+    if kinds[0] not in GAIN_TYPES or kinds[1] not in BIAS_TYPES:
         return None
     factors = [float(gain[0]), 0.0, 0.0] if kinds[0] == GAIN_FIXED else gain[:3].tolist()
-    return factors, bias[:3].tolist() if kinds[1] == BIAS_AFFINE else [0.0, 0.0, 0.0]
+    offsets = bias[:3].tolist() if kinds[1] == BIAS_AFFINE else [0.0, 0.0, 0.0]
+    return _force(factors, offsets, GAIN_TYPES[kinds[0]], BIAS_TYPES[kinds[1]])
+
+
+def _force(gain: list[float], bias: list[float], gain_type: str, bias_type: str) -> Description:
+    return {"gain": gain, "bias": bias, "force_model": {"gain": gain_type, "bias": bias_type, "disabled": False}}
 
 
 def delay(source: Source, a: int) -> tuple[float, int]:
@@ -89,10 +94,10 @@ def actuator(source: Source, i: int) -> Description:
     m = source.m
     ctrl, on_site = int(m.actuator_ctrladr[i]), int(m.actuator_trntype[i]) == TRN_SITE
     group = int(m.actuator_group[i])
-    idle = source.off("actuation") or (0 <= group < 31 and bool(int(m.opt.disableactuator) >> group & 1))
-    found = affine_force(source, i)
-    assert found is not None
-    gain, bias = found
+    disabled = source.off("actuation") or (0 <= group < 31 and bool(int(m.opt.disableactuator) >> group & 1))
+    force = force_of(source, i)
+    assert force is not None
+    force["force_model"]["disabled"] = disabled
     clamps = bool(m.actuator_ctrllimited[ctrl]) and not source.off("clampctrl")
     late, between = delay(source, i)
     return {
@@ -105,8 +110,7 @@ def actuator(source: Source, i: int) -> Description:
         "force_range": m.actuator_forcerange[i].tolist() if m.actuator_forcelimited[i] else None,
         "act_range": m.actuator_actrange[i].tolist() if m.actuator_actlimited[i] else None,
         "activation": activation(source, i),
-        "gain": [0.0, 0.0, 0.0] if idle else gain,
-        "bias": [0.0, 0.0, 0.0] if idle else bias,
+        **force,
     }
 
 

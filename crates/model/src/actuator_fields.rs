@@ -1,0 +1,134 @@
+//! Affine force of an actuator, and its gear and parameters in MuJoCo's shapes.
+
+use crate::{Actuator, BiasType, Description, ForceModel, GainType, ModelError, Transmission, label};
+
+/// Numbers of a row of `actuator_gear`.
+pub(crate) const GEAR: usize = 6;
+/// Numbers of a row of `actuator_gainprm` and of `actuator_biasprm`.
+pub(crate) const PARAMETERS: usize = 10;
+
+/// Gain and bias of an affine force: constant, per length, per velocity.
+pub type AffineForce = ([f64; 3], [f64; 3]);
+
+impl Actuator {
+    /// Whether the force depends on length or velocity.
+    pub fn force_depends_on_motion(&self) -> bool {
+        let (gain, bias) = self.affine_force();
+        [gain[1], gain[2], bias[1], bias[2]].iter().any(|&x| x != 0.0)
+    }
+
+    /// Gain and bias of its force: constant, per length, per velocity.
+    pub fn affine_force(&self) -> AffineForce {
+        const ZERO: [f64; 3] = [0.0; 3];
+        let ForceModel { gain, bias, disabled } = self.force_model;
+        if disabled {
+            return (ZERO, ZERO);
+        }
+        let factors = match gain {
+            GainType::Fixed => [self.gain[0], 0.0, 0.0],
+            GainType::Affine => self.gain,
+            GainType::DcMotor => {
+                let [resistance, constant, _] = self.gain;
+                return ([constant / resistance, 0.0, 0.0], [0.0, 0.0, -(constant * constant) / resistance]);
+            }
+            GainType::PidPosition => [-self.bias[1], 0.0, 0.0],
+            GainType::PidVelocity => [-self.bias[2], 0.0, 0.0],
+        };
+        (factors, if bias == BiasType::Affine { self.bias } else { ZERO })
+    }
+}
+
+impl Actuator {
+    /// Force and torque per unit of the actuator's force of one on a site; the scale of length, velocity and force of any other.
+    pub fn gear_row(&self) -> [f64; GEAR] {
+        match self.transmission {
+            Transmission::Site { wrench, .. } => wrench.map(|x| x * self.gear),
+            Transmission::Joint(_) | Transmission::Tendon(_) => [self.gear, 0.0, 0.0, 0.0, 0.0, 0.0],
+        }
+    }
+
+    /// Parameters of the gain.
+    pub fn gain_row(&self) -> [f64; PARAMETERS] {
+        row(&self.gain[..self.force_model.gain.width()])
+    }
+
+    /// Parameters of the bias.
+    pub fn bias_row(&self) -> [f64; PARAMETERS] {
+        row(&self.bias[..self.force_model.bias.width()])
+    }
+
+    /// Property that says which columns of a field the actuator reads, and the number of them.
+    fn reads(&self, field: &str) -> (String, usize) {
+        match (field, self.transmission) {
+            ("actuator_gainprm", _) => (format!("its gaintype is {:?}", self.force_model.gain.word()), self.force_model.gain.width()),
+            ("actuator_biasprm", _) => (format!("its biastype is {:?}", self.force_model.bias.word()), self.force_model.bias.width()),
+            (_, Transmission::Joint(_)) => ("it acts on a joint".into(), 1),
+            (_, Transmission::Tendon(_)) => ("it acts on a tendon".into(), 1),
+            (_, Transmission::Site { .. }) => ("it acts on a site".into(), GEAR),
+        }
+    }
+}
+
+fn row<const N: usize>(numbers: &[f64]) -> [f64; N] {
+    std::array::from_fn(|k| numbers.get(k).copied().unwrap_or(0.0))
+}
+
+pub(crate) fn gear(model: &mut Description, f: &mut dyn FnMut(&mut f64)) {
+    for actuator in &mut model.actuators {
+        let before = actuator.gear_row();
+        let mut row = before;
+        row.iter_mut().for_each(&mut *f);
+        match &mut actuator.transmission {
+            Transmission::Joint(_) | Transmission::Tendon(_) => actuator.gear = row[0],
+            Transmission::Site { wrench, .. } if row.map(f64::to_bits) != before.map(f64::to_bits) => {
+                (*wrench, actuator.gear) = (row, 1.0);
+            }
+            Transmission::Site { .. } => {}
+        }
+    }
+}
+
+pub(crate) fn gain(model: &mut Description, f: &mut dyn FnMut(&mut f64)) {
+    for actuator in &mut model.actuators {
+        let width = actuator.force_model.gain.width();
+        visit(&mut actuator.gain[..width], f);
+    }
+}
+
+pub(crate) fn bias(model: &mut Description, f: &mut dyn FnMut(&mut f64)) {
+    for actuator in &mut model.actuators {
+        let width = actuator.force_model.bias.width();
+        visit(&mut actuator.bias[..width], f);
+    }
+}
+
+/// Visits the numbers that are read, and zeros for the other columns.
+fn visit(read: &mut [f64], f: &mut dyn FnMut(&mut f64)) {
+    let others = PARAMETERS - read.len();
+    read.iter_mut().for_each(&mut *f);
+    (0..others).for_each(|_| f(&mut 0.0));
+}
+
+/// Error for a number of `field` that an actuator does not read: the `k`-th, which is to be `value`.
+pub(crate) fn unread(model: &Description, field: &str, k: usize, value: f64) -> Option<ModelError> {
+    let width = match field {
+        "actuator_gear" => GEAR,
+        "actuator_gainprm" | "actuator_biasprm" => PARAMETERS,
+        _ => return None,
+    };
+    let (i, column) = (k / width, k % width);
+    let actuator = &model.actuators[i];
+    let (reason, read) = actuator.reads(field);
+    let columns = match read {
+        0 => "no column".to_owned(),
+        1 => "column 0 alone".to_owned(),
+        _ => format!("columns 0 to {}", read - 1),
+    };
+    let what = format!("{field} is {value} in column {column}, which the actuator does not read: {reason}, which reads {columns}");
+    let remedy = match (field, read) {
+        ("actuator_biasprm", 0) => "give 0 there, or load a model whose actuator has biastype=\"affine\"",
+        ("actuator_gainprm", 1) => "give 0 there, or load a model whose actuator has gaintype=\"affine\"",
+        _ => "give 0 there",
+    };
+    Some(ModelError::invalid(format!("actuator {:?}", label(&actuator.name, i)), what, remedy))
+}

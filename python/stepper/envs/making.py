@@ -1,0 +1,92 @@
+"""Arguments of environments: the task, in any of its forms, and the mode of automatic resets."""
+
+from __future__ import annotations
+
+import inspect
+from typing import Any
+
+import gymnasium
+from gymnasium.vector import AutoresetMode, VectorEnv
+
+from stepper._hints import near_or_all, unknown_keyword
+from stepper.envs.task import Task
+from stepper.envs.tasks import TASKS
+
+SETTINGS = (
+    *("num_envs", "autoreset_mode", "contact", "options", "precision", "threads", "dtype", "max_episode_steps", "episode_statistics"),
+    *("render_mode", "width", "height", "camera_id", "camera_name", "default_camera_config", "model"),
+)
+"""Arguments of environments that are not those of a task."""
+
+
+def made_task(task: Task | type[Task] | str, arguments: dict[str, Any]) -> Task:
+    """The task itself, or one of a class or a name with the arguments given.
+
+    Raises:
+        TypeError: Something else than a task, or arguments that it does not have.
+        ValueError: No task of that name.
+    """
+    if isinstance(task, Task):
+        if arguments:
+            raise TypeError(f"{type(task).__name__} is made already: give {sorted(arguments)} to it, not to the environment")
+        return task
+    if not isinstance(task, str) and not (isinstance(task, type) and issubclass(task, Task)):
+        raise TypeError(f"the task is {_in_words(task)}, must be a stepper.envs.Task, the class of one, or the name of one{_remedy(task)}")
+    if isinstance(task, str) and task not in TASKS:
+        raise ValueError(f"there is no task {task!r}{_near_task(task)}; or give a stepper.envs.Task")
+    kind = TASKS[task] if isinstance(task, str) else task
+    known = inspect.signature(kind).parameters
+    if not any(p.kind == inspect.Parameter.VAR_KEYWORD for p in known.values()):
+        for name in arguments:
+            if name not in known:
+                raise TypeError(_unknown(kind, name, [*SETTINGS, *known]))
+    return kind(**arguments)
+
+
+def autoreset(mode: AutoresetMode | str) -> AutoresetMode:
+    """The mode of automatic resets of a member of Gymnasium's enum, or of its name or value.
+
+    Raises:
+        ValueError: Something else.
+    """
+    names = {name: mode for each in AutoresetMode for name, mode in ((each.name.lower(), each), (each.value.lower(), each))}
+    found = mode if isinstance(mode, AutoresetMode) else names.get(mode.lower()) if isinstance(mode, str) else None
+    if found is None:
+        raise ValueError(f"autoreset_mode is {mode!r}, must be {', '.join(repr(each.name) for each in AutoresetMode)}, or a member of "
+                         "gymnasium.vector.AutoresetMode")  # fmt: skip
+    return found
+
+
+def _unknown(kind: type[Task], name: str, known: list[str]) -> str:
+    """Error message for an argument that neither environments nor tasks of a kind have."""
+    if name == "seed":
+        return f"an environment of {kind.__name__}() takes no 'seed': give it to reset(seed=...), which begins episodes under it"
+    if name == "env_kwargs":
+        return f"an environment of {kind.__name__}() takes no 'env_kwargs': give its arguments themselves, as contact=\"hard\""
+    return unknown_keyword(f"an environment of {kind.__name__}", name, known)
+
+
+def _in_words(value: Any) -> str:
+    """A value of another type than a task, in words."""
+    if value is None or isinstance(value, bool | int | float | list | tuple | dict):
+        return f"{value!r} ({type(value).__name__})"
+    if isinstance(value, type):
+        return f"the class {value.__module__}.{value.__qualname__}"
+    return f"an object of type {type(value).__module__}.{type(value).__qualname__}"
+
+
+def _remedy(value: Any) -> str:
+    """What to do about something else than a task, as the end of a message."""
+    if isinstance(value, gymnasium.Env | VectorEnv):
+        name = value.spec.id if value.spec is not None else None
+        return f": give the name of the environment{f', {name!r}' if name else ''} and num_envs, which make a batch of it"
+    if (callable(value) and not isinstance(value, type)) or (isinstance(value, list | tuple) and value and callable(value[0])):
+        return ": give the name or the task that the function makes, and num_envs, which make a batch of it"
+    return ""
+
+
+def _near_task(name: str) -> str:
+    """Names of tasks like one that none has, as the middle of a message."""
+    if name in gymnasium.registry:
+        return f"; {name!r} is a name of Gymnasium: gymnasium.make_vec({name!r}, num_envs=...) makes its environments"
+    return near_or_all(name, sorted(TASKS))

@@ -1,0 +1,396 @@
+"""Proximal policy optimisation (PPO) in one file: trains a task, keeps its learning curve, checkpoint and policy, evaluates and films it.
+
+    stepper train stepper/HalfCheetah-v5 --seed 1 --film half_cheetah.mp4
+
+Rows of the learning curve are written as they are made, and a checkpoint beside them every half a minute: the same command continues a
+stopped run, to the same curve. With `HalfCheetah-v5` in place of the name the same learner trains in Gymnasium's own environment, whose
+state is in no checkpoint: there it continues with new episodes, and the curve is another one from there.
+
+To change the learner, write a copy of this file with `stepper train --copy my_ppo.py`, and train with `python my_ppo.py`.
+
+The method is that of Schulman et al. (2017, https://arxiv.org/abs/1707.06347), with generalised advantages (2016,
+https://arxiv.org/abs/1506.02438), observations and rewards normalised by running moments, and a learning rate that holds the
+Kullback-Leibler divergence of an update near a target.
+"""
+
+from __future__ import annotations
+
+import csv
+import dataclasses
+import os
+import time
+from collections import deque
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from stepper.shared.machine import require
+
+if __name__ == "__main__":
+    print("importing PyTorch", flush=True)
+# Threads of OpenMP that wait spin otherwise, which on a machine that others use takes the time that the physics could have.
+os.environ.setdefault("OMP_WAIT_POLICY", "passive")
+for name in ("torch", "gymnasium"):
+    require(name, "to train", "train")
+
+import gymnasium  # noqa: E402
+import numpy as np  # noqa: E402
+import torch  # noqa: E402
+from gymnasium.vector import AutoresetMode  # noqa: E402
+from numpy.typing import NDArray  # noqa: E402
+from torch import Tensor, nn  # noqa: E402
+
+from stepper.envs import StepperVectorEnv  # noqa: E402
+from stepper.policies import Policy, check_film, describe, evaluate, film, is_native  # noqa: E402
+from stepper.policies.ppo_settings import Settings, arguments  # noqa: E402
+from stepper.shared.environments import known  # noqa: E402
+
+Array = NDArray[Any]
+
+
+FRESH = 2**32
+"""The first seed of episodes that no training has seen."""
+TOLD = 5.0
+"""Time between two lines of progress, s."""
+
+
+class Moments:
+    """Running mean and variance (Chan's update), of every column."""
+
+    def __init__(self, size: int):
+        self.mean, self.var, self.count = np.zeros(size), np.ones(size), 1e-4
+
+    def update(self, batch: Array) -> None:
+        """Takes a batch (n, size) in."""
+        rows = batch.reshape(-1, len(self.mean)).astype(np.float64)
+        shift, total = rows.mean(axis=0) - self.mean, self.count + len(rows)
+        self.var = (self.var * self.count + rows.var(axis=0) * len(rows) + shift**2 * self.count * len(rows) / total) / total
+        self.mean, self.count = self.mean + shift * len(rows) / total, total
+
+
+class ActorCritic(nn.Module):
+    """Two networks of two hidden layers: means of a Gaussian whose deviation is the same in all states, and the value of a state."""
+
+    def __init__(self, observations: int, actions: int, settings: Settings):
+        super().__init__()
+        self.actor = _network(observations, settings.hidden, actions, gain=0.01)
+        self.critic = _network(observations, settings.hidden, 1, gain=1.0)
+        self.log_std = nn.Parameter(torch.full((actions,), float(np.log(settings.initial_std))))
+
+    def log_prob(self, mean: Tensor, action: Tensor) -> Tensor:
+        """Logarithms of the density of actions (n, nu) about their means: (n,)."""
+        scaled = (action - mean) * torch.exp(-self.log_std)
+        return -0.5 * (scaled * scaled).sum(-1) - self.log_std.sum() - 0.5 * np.log(2.0 * np.pi) * mean.shape[-1]
+
+
+def _network(inputs: int, hidden: int, outputs: int, gain: float) -> nn.Sequential:
+    layers = [nn.Linear(inputs, hidden), nn.Linear(hidden, hidden), nn.Linear(hidden, outputs)]
+    for layer, scale in zip(layers, (2**0.5, 2**0.5, gain), strict=True):
+        nn.init.orthogonal_(layer.weight, scale)
+        nn.init.zeros_(layer.bias)
+    return nn.Sequential(layers[0], nn.Tanh(), layers[1], nn.Tanh(), layers[2])
+
+
+class Run:
+    """A training under way: all that a checkpoint has."""
+
+    def __init__(self, settings: Settings):
+        self.settings = settings
+        torch.manual_seed(settings.seed)
+        self.envs = make(settings)
+        space = self.envs.single_action_space
+        self.middle, self.half = (space.high + space.low) / 2, (space.high - space.low) / 2
+        size = self.envs.single_observation_space.shape[0]
+        self.net = ActorCritic(size, space.shape[0], settings)
+        self.optimizer = torch.optim.Adam(self.net.parameters(), lr=settings.learning_rate, eps=1e-5, fused=True)
+        self.observed, self.returned = Moments(size), Moments(1)
+        self.discounted = np.zeros(settings.num_envs)
+        self.observation = self.envs.reset(seed=settings.seed * 1_000_003)[0]
+        self.observed.update(self.observation)
+        self.steps, self.iteration, self.seconds, self.processor = 0, 0, 0.0, 0.0
+        self.episodes, self.recent = 0, deque[tuple[float, int]](maxlen=100)
+
+    def normal(self, observation: Array) -> Tensor:
+        """Normalised observations, float32."""
+        scaled = (observation - self.observed.mean) / np.sqrt(self.observed.var + 1e-8)
+        return torch.from_numpy(np.clip(scaled, -10.0, 10.0).astype(np.float32))
+
+    @torch.no_grad()
+    def collect(self) -> dict[str, Tensor]:
+        """Steps all environments through a horizon: samples with their advantages."""
+        s, net = self.settings, self.net
+        shape = (s.horizon, s.num_envs)
+        seen = np.empty((*shape, len(self.observed.mean)), dtype=np.float32)
+        states, actions = torch.empty(seen.shape), torch.empty(*shape, len(self.middle))
+        means, values = torch.empty_like(actions), torch.empty(s.horizon + 1, s.num_envs)
+        rewards, lasts, ends = np.zeros(shape), np.zeros(shape), np.zeros(shape, dtype=bool)
+        std = torch.exp(net.log_std)
+        for t in range(s.horizon):
+            seen[t] = self.observation
+            states[t] = self.normal(self.observation)
+            means[t] = net.actor(states[t])
+            actions[t] = means[t] + std * torch.randn(means[t].shape)
+            values[t] = net.critic(states[t]).squeeze(-1)
+            bounded = np.clip(actions[t].numpy(), -1.0, 1.0)
+            self.observation, reward, terminated, truncated, info = self.envs.step(self.middle + self.half * bounded)
+            over = terminated | truncated
+            self.discounted = self.discounted * s.gamma + reward
+            self.returned.update(self.discounted[:, None])
+            self.discounted[over] = 0.0
+            rewards[t], ends[t] = reward, over
+            if over.any():
+                self._count(info, over)
+                cut = np.flatnonzero(truncated & ~terminated)
+                if len(cut):  # An episode that only ran out of time has a value beyond its end.
+                    final = self.normal(np.stack(list(info["final_obs"][cut])))
+                    lasts[t, cut] = net.critic(final).squeeze(-1).numpy()
+        values[s.horizon] = net.critic(self.normal(self.observation)).squeeze(-1)
+        self.observed.update(seen)
+        self.steps += s.horizon * s.num_envs
+        scale = 1.0 / np.sqrt(self.returned.var[0] + 1e-8)
+        reward_of = torch.from_numpy((rewards * scale + s.gamma * lasts).astype(np.float32))
+        going = torch.from_numpy((~ends).astype(np.float32))
+        advantages, ahead = torch.empty(shape), torch.zeros(s.num_envs)
+        for t in reversed(range(s.horizon)):
+            error = reward_of[t] + s.gamma * going[t] * values[t + 1] - values[t]
+            ahead = error + s.gamma * s.gae_lambda * going[t] * ahead
+            advantages[t] = ahead
+        flat = {"state": states, "action": actions, "mean": means, "advantage": advantages, "return": advantages + values[:-1]}
+        samples = {name: part.flatten(0, 1) for name, part in flat.items()}
+        samples["log_prob"] = net.log_prob(samples["mean"], samples["action"])
+        return samples
+
+    def _count(self, info: dict[str, Any], over: Array) -> None:
+        """Notes the episodes that are over."""
+        episode = info.get("episode") or info["final_info"]["episode"]
+        self.recent += [(float(r), int(n)) for r, n in zip(episode["r"][over], episode["l"][over], strict=True)]
+        self.episodes += int(over.sum())
+
+    def update(self, samples: dict[str, Tensor]) -> dict[str, float]:
+        """Improves the networks by samples. Returns how the update went."""
+        s, net, count = self.settings, self.net, len(samples["return"])
+        old_log_std = net.log_std.detach().clone()
+        losses, clipped = [], []
+        for _ in range(s.epochs):
+            order = torch.randperm(count)
+            mixed = {name: part[order] for name, part in samples.items()}
+            for k in range(0, count - s.minibatch + 1, s.minibatch):
+                one = {name: part[k : k + s.minibatch] for name, part in mixed.items()}
+                advantage = (one["advantage"] - one["advantage"].mean()) / (one["advantage"].std() + 1e-8)
+                ratio = torch.exp(net.log_prob(net.actor(one["state"]), one["action"]) - one["log_prob"])
+                gain = torch.minimum(advantage * ratio, advantage * ratio.clamp(1.0 - s.clip, 1.0 + s.clip)).mean()
+                error = 0.5 * (net.critic(one["state"]).squeeze(-1) - one["return"]).square().mean()
+                loss = s.value * error - gain - s.entropy * net.log_std.sum()
+                self.optimizer.zero_grad()
+                loss.backward()
+                nn.utils.clip_grad_norm_(net.parameters(), s.max_grad_norm)
+                self.optimizer.step()
+                losses.append(float(error.detach()))
+                clipped.append(float(((ratio.detach() - 1.0).abs() > s.clip).float().mean()))
+        with torch.no_grad():
+            kl = _divergence(samples["mean"], old_log_std, net.actor(samples["state"]), net.log_std)
+        for group in self.optimizer.param_groups:
+            rate = group["lr"]
+            group["lr"] = max(rate / 1.5, 1e-5) if kl > 2.0 * s.target_kl else min(rate * 1.5, 1e-2) if kl < 0.5 * s.target_kl else rate
+        explained = 1.0 - float(samples["advantage"].var() / samples["return"].var())
+        return {
+            "kl": kl,
+            "clipped": float(np.mean(clipped)),
+            "value_error": float(np.mean(losses)),
+            "explained_variance": explained,
+            "std": float(torch.exp(net.log_std.detach()).mean()),
+            "learning_rate": rate,
+        }
+
+    def policy(self) -> Policy:
+        """What was learned, in NumPy."""
+        linear = [layer for layer in self.net.actor if isinstance(layer, nn.Linear)]
+        layers = tuple((layer.weight.detach().numpy().T.copy(), layer.bias.detach().numpy().copy()) for layer in linear)
+        space = self.envs.single_action_space
+        training = dataclasses.asdict(self.settings) | {"seconds": round(self.seconds, 1), "torch": torch.__version__}
+        return Policy(
+            mean=self.observed.mean,
+            std=np.sqrt(self.observed.var + 1e-8),
+            clip=10.0,
+            layers=layers,
+            activation="tanh",
+            low=np.asarray(space.low, dtype=np.float64),
+            high=np.asarray(space.high, dtype=np.float64),
+            environment=describe(self.envs),
+            training=training,
+        )
+
+    def save(self, file: Path) -> None:
+        """Writes a checkpoint, in one piece. It is a pickle: load only your own."""
+        state = {name: value for name, value in self.__dict__.items() if name not in ("net", "optimizer", "envs")}
+        state |= {
+            "settings": dataclasses.asdict(self.settings),
+            "net": self.net.state_dict(),
+            "optimizer": self.optimizer.state_dict(),
+            "random": torch.get_rng_state(),
+        }
+        # Environments of stepper pickle with their state; others begin new episodes.
+        state["envs"] = self.envs if isinstance(self.envs.unwrapped, StepperVectorEnv) else None
+        partial = file.with_suffix(".part")
+        torch.save(state, partial)
+        partial.replace(file)
+
+    @classmethod
+    def load(cls, file: Path) -> Run:
+        """Goes on from a checkpoint."""
+        state = torch.load(file, weights_only=False)
+        run = cls(Settings(**state.pop("settings")))
+        run.net.load_state_dict(state.pop("net"))
+        run.optimizer.load_state_dict(state.pop("optimizer"))
+        envs, random = state.pop("envs"), state.pop("random")
+        if envs is None:  # Episodes are new, and what they returned so far is nothing.
+            del state["observation"], state["discounted"]
+        else:
+            run.envs = envs
+        run.__dict__ |= state
+        torch.set_rng_state(random)
+        return run
+
+
+def _divergence(mean: Tensor, log_std: Tensor, new_mean: Tensor, new_log_std: Tensor) -> float:
+    """Kullback-Leibler divergence of Gaussians, old from new, nats; mean over states."""
+    var, new_var = torch.exp(2.0 * log_std), torch.exp(2.0 * new_log_std)
+    parts = new_log_std - log_std + (var + (mean - new_mean).square()) / (2.0 * new_var) - 0.5
+    return float(parts.sum(-1).mean())
+
+
+def make(settings: Settings) -> Any:
+    """The environments to train in."""
+    if is_native(settings.env):
+        return gymnasium.make_vec(
+            settings.env,
+            num_envs=settings.num_envs,
+            **settings.environment(),
+            threads=settings.threads,
+            autoreset_mode=AutoresetMode.SAME_STEP,
+            episode_statistics=True,
+        )
+    mode: dict[str, Any] = {"autoreset_mode": AutoresetMode.SAME_STEP}
+    # Vector environments of a task's own take it themselves, those that Gymnasium makes of single ones take it so.
+    mode = mode if gymnasium.spec(settings.env).vector_entry_point else {"vector_kwargs": mode}
+    envs = gymnasium.make_vec(settings.env, num_envs=settings.num_envs, **mode)
+    return gymnasium.wrappers.vector.RecordEpisodeStatistics(envs)
+
+
+def train(settings: Settings, folder: Path, *, every: float = 30.0, quiet: bool = False) -> Run:
+    """Trains, or goes on with what a folder has.
+
+    Args:
+        settings: What to train.
+        folder: Folder for curve.csv, checkpoint.pt and policy.npz.
+        every: Time between two checkpoints, s.
+        quiet: Whether nothing is printed.
+
+    Raises:
+        ValueError: The folder has another run.
+    """
+    torch.set_num_threads(settings.threads)
+    folder.mkdir(parents=True, exist_ok=True)
+    curve, checkpoint = folder / "curve.csv", folder / "checkpoint.pt"
+    if not quiet:
+        begins = "continuing" if checkpoint.exists() else "making"
+        print(f"{settings.env}: {begins} a run of {settings.num_envs:,} environments, seed {settings.seed}, in {folder}", flush=True)
+    if checkpoint.exists():
+        run = Run.load(checkpoint)
+        theirs, ours = dataclasses.asdict(run.settings), dataclasses.asdict(settings)
+        theirs["steps"], run.settings = settings.steps, settings  # A run may go on for longer.
+        if found := [f"{name} is {theirs[name]} there, {ours[name]} here" for name in ours if theirs.get(name) != ours[name]]:
+            raise ValueError(f"{folder} has another run: {'; '.join(found)}; give another folder with --out")
+    else:
+        run = Run(settings)
+    _cut(curve, run.iteration)
+    if not quiet:
+        goes_on = f", from step {run.steps:,} on" if run.steps else ""
+        print(f"training for {settings.steps:,} steps{goes_on}; a line every {TOLD:.0f} s, and every update in {curve}", flush=True)
+    told = -np.inf
+    saved, begun, spent = time.perf_counter(), time.perf_counter() - run.seconds, time.process_time() - run.processor
+    while run.steps < settings.steps:
+        progress = run.update(run.collect())
+        run.iteration += 1
+        run.seconds, run.processor = time.perf_counter() - begun, time.process_time() - spent
+        returns, length = np.mean(run.recent, axis=0) if run.recent else (float("nan"), float("nan"))
+        row = {"iteration": run.iteration, "steps": run.steps, "seconds": round(run.seconds, 2), "processor": round(run.processor, 2)}
+        row |= {"episodes": run.episodes, "return": float(returns), "length": float(length)} | progress
+        _append(curve, row)
+        if not quiet and (time.perf_counter() - told > TOLD or run.steps >= settings.steps):
+            told = time.perf_counter()
+            print(f"{run.steps:>12,} steps {run.seconds:6.0f} s  return {returns:9.1f}  length {length:6.1f}", flush=True)
+        if time.perf_counter() - saved > every or run.steps >= settings.steps:
+            run.save(checkpoint)
+            saved = time.perf_counter()
+    run.policy().save(folder / "policy.npz")
+    return run
+
+
+def _cut(curve: Path, iteration: int) -> None:
+    """Removes rows after a checkpoint: they are made again."""
+    if curve.exists():
+        lines = curve.read_text().splitlines(keepends=True)
+        curve.write_text("".join(lines[: iteration + 1]))
+
+
+def _append(curve: Path, row: dict[str, float]) -> None:
+    new = not curve.exists() or not curve.stat().st_size
+    with curve.open("a", newline="") as file:
+        writer = csv.DictWriter(file, list(row))
+        if new:
+            writer.writeheader()
+        writer.writerow(row)
+
+
+def main(words: Sequence[str] | None = None, prog: str | None = None) -> None:
+    """Trains, evaluates, films.
+
+    Args:
+        words: Arguments of the command line; None is those of the process.
+        prog: Name of the command in its help; None is that of the file.
+    """
+    given = vars(arguments(prog).parse_args(words))
+    env, out, episodes, video, copy = (given.pop(name) for name in ("env", "out", "evaluate", "film", "copy"))
+    if copy is not None:
+        _copy_to(copy)
+        return
+    if episodes < 2:
+        raise ValueError(f"--evaluate is {episodes}, must be at least 2: one episode has no confidence interval")
+    env = known(env)
+    settings = Settings.of_task(env, **{name: value for name, value in given.items() if value is not None})
+    law = f"_{settings.contact}" if settings.contact else ""
+    folder = out or Path("out/train", env.replace("/", "_") + law, f"seed{settings.seed}")
+    if video is not None:
+        check_film(env, **settings.environment())
+    run = train(settings, folder)
+    policy = run.policy()
+    print(f"{run.steps:,} steps in {run.seconds:.0f} s, {run.processor:.0f} s of processor time; the run is in {folder}")
+    print(f"evaluating {episodes} fresh episodes", flush=True)
+    print(evaluate(policy, env, episodes=episodes, seed=FRESH, **settings.environment()), flush=True)
+    if video is not None:
+        print("filming at most 300 actions", flush=True)
+        film(policy, env, video, actions=300, seed=FRESH, progress=_filmed, **settings.environment())
+        print(f"wrote {video}")
+
+
+def _copy_to(file: Path) -> None:
+    """Writes this file to a new one.
+
+    Raises:
+        ValueError: The file exists.
+    """
+    if file.exists():
+        raise ValueError(f"--copy: {file} exists; name a new file, or remove it")
+    file.write_text(Path(__file__).read_text(encoding="utf-8"), encoding="utf-8")
+    print(f"wrote {file}; change it, and train with: python {file} {Settings.env}")
+
+
+def _filmed(actions: int) -> None:
+    """Prints the progress of a film."""
+    if actions % 50 == 0:
+        print(f"{actions:>12,} actions filmed", flush=True)
+
+
+if __name__ == "__main__":
+    main()

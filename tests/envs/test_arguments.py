@@ -1,0 +1,115 @@
+"""Arguments of environments: names of Gymnasium and Stable-Baselines3, modes by name, and errors that name what was given."""
+
+import dataclasses
+
+import gymnasium
+import pytest
+import stepper
+import stepper.envs
+from gymnasium.vector import AutoresetMode
+from hypothesis import given
+from hypothesis import strategies as st
+from stepper.adapters.envpool import StepperPool
+from stepper.adapters.native import make_native, with_autoreset
+from stepper.envs import StepperEnv, StepperVectorEnv
+from stepper.envs.making import SETTINGS, autoreset
+from stepper.envs.tasks import TASKS
+
+NAME = "stepper/InvertedPendulum-v5"
+MODEL = stepper.load("<mujoco><worldbody><body><joint/><geom size='.1' pos='.2 0 0'/></body></worldbody></mujoco>")
+
+
+@given(st.sampled_from(AutoresetMode), st.sampled_from(["member", "name", "value", "lower"]))
+def test_modes_are_members_names_and_values(mode, form):
+    assert autoreset({"member": mode, "name": mode.name, "value": mode.value, "lower": mode.name.lower()}[form]) is mode
+
+
+@given(st.text() | st.integers() | st.none())
+def test_another_mode_is_an_error_with_all_names(text):
+    known = {word for mode in AutoresetMode for word in (mode.name.lower(), mode.value.lower())}
+    if not isinstance(text, str) or text.lower() not in known:
+        with pytest.raises(ValueError, match=r"autoreset_mode is .*, must be 'NEXT_STEP', 'SAME_STEP', 'DISABLED', or a member of"):
+            autoreset(text)
+
+
+def test_environments_take_the_mode_by_name():
+    for made in (
+        gymnasium.make_vec(NAME, num_envs=2, autoreset_mode="SAME_STEP"),
+        StepperVectorEnv("InvertedPendulum", 2, autoreset_mode="same_step"),
+        make_native(NAME, 2, autoreset_mode="SameStep"),
+    ):
+        assert made.metadata["autoreset_mode"] is AutoresetMode.SAME_STEP
+        made.close()
+
+
+def test_a_library_has_the_mode_that_it_needs():
+    same = AutoresetMode.SAME_STEP
+    assert with_autoreset({"threads": 1}, same, "L") == {"threads": 1, "autoreset_mode": same}
+    assert with_autoreset({"autoreset_mode": "SAME_STEP"}, same, "L") == {"autoreset_mode": same}
+    with pytest.raises(ValueError, match="autoreset_mode is NEXT_STEP, must be SAME_STEP for PufferLib: leave it out"):
+        with_autoreset({"autoreset_mode": "NEXT_STEP"}, same, "PufferLib")
+
+
+CALLS = {
+    "vector": lambda **given: StepperVectorEnv("InvertedPendulum", **given),
+    "make_vec": lambda **given: gymnasium.make_vec(NAME, num_envs=1, **given),
+    "make": lambda **given: gymnasium.make(NAME, **given),
+    "single": lambda **given: StepperEnv("InvertedPendulum", **given),
+    "native": lambda **given: make_native(NAME, 1, **given),
+    "pool": lambda **given: StepperPool(NAME, 1, **given),
+}
+
+
+@pytest.mark.parametrize("call", CALLS)
+@pytest.mark.parametrize(
+    ("name", "hint"),
+    [
+        ("n_envs", "takes no 'n_envs': use num_envs"),
+        ("num_threads", "takes no 'num_threads': use threads"),
+        ("env_kwargs", "takes no 'env_kwargs': give its arguments themselves"),
+        ("dtyp", "takes no 'dtyp'; did you mean dtype?"),
+        ("colour", "takes no 'colour'; there are: "),
+    ],
+)
+def test_an_unknown_argument_is_named_with_the_present_one(call, name, hint):
+    with pytest.raises(TypeError) as error:
+        CALLS[call](**{name: 1})
+    assert f"an environment of InvertedPendulum() {hint}" in str(error.value)
+
+
+def test_a_seed_belongs_to_reset():
+    with pytest.raises(TypeError, match=r"takes no 'seed': give it to reset\(seed=...\)"):
+        gymnasium.make_vec(NAME, num_envs=2, seed=3)
+
+
+@pytest.mark.parametrize(
+    ("given", "parts"),
+    [
+        (lambda: gymnasium.make(NAME), ["an object of type gymnasium.", f"give the name of the environment, {NAME!r} and num_envs"]),
+        (lambda: StepperVectorEnv("InvertedPendulum", 2), ["StepperVectorEnv", "give the name of the environment and num_envs"]),
+        (lambda: lambda: gymnasium.make(NAME), ["an object of type builtins.function", "the task that the function makes"]),
+        (lambda: [len], ["[<built-in function len>] (list)", "the task that the function makes"]),
+        (lambda: MODEL, ["an object of type stepper._stepper.Model"]),
+        (lambda: None, ["the task is None (NoneType)"]),
+        (lambda: 3, ["the task is 3 (int)"]),
+        (lambda: dict, ["the class builtins.dict"]),
+    ],
+)
+def test_something_else_than_a_task_is_named(given, parts):
+    value = given()
+    for call in (lambda: StepperVectorEnv(value, 1), lambda: make_native(value, 1), lambda: StepperPool(value, 1)):
+        with pytest.raises(TypeError, match=r"the task is .*, must be a stepper.envs.Task, the class of one, or the name of one") as error:
+            call()
+        assert all(part in str(error.value) for part in parts), str(error.value)
+
+
+def test_a_name_of_gymnasium_is_no_name_of_a_task():
+    with pytest.raises(ValueError, match=r"is a name of Gymnasium: gymnasium\.make_vec"):
+        StepperVectorEnv(NAME, 1)
+
+
+def test_settings_are_those_of_the_constructor():
+    known = set(StepperVectorEnv.__init__.__kwdefaults__) | {"num_envs"}
+    assert set(SETTINGS) == known
+    for task in TASKS.values():
+        assert not known & {field.name for field in dataclasses.fields(task)} - {"contact"}

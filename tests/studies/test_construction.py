@@ -1,0 +1,65 @@
+"""A study is checked when it is made: outcomes, parameters, and the names in them."""
+
+from dataclasses import replace
+
+import pytest
+import stepper
+from stepper.lab import Outcome, Parameter, Study
+
+ARM = """<mujoco><worldbody><body name="arm"><joint name="hinge" axis="0 1 0"/><geom name="rod" size=".02" pos=".3 0 0"/>
+  <site name="tip" pos=".3 0 0"/></body></worldbody><actuator><position name="servo" joint="hinge" kp="5"/></actuator>
+  <sensor><jointpos name="angle" joint="hinge"/></sensor></mujoco>"""
+GIVEN = {
+    "outcomes": Outcome(name="angle", measure="joint hinge", success="<= 0"),
+    "parameters": {"mass": Parameter("body_mass[arm]", low=1, high=2)},
+}
+
+
+def words(measure):
+    return Outcome(name="x", measure=measure)
+
+
+@pytest.mark.parametrize(
+    ("given", "kind", "parts"),
+    [
+        ({"outcome": []}, TypeError, ["stepper.lab.Study() takes no 'outcome'", "outcomes"]),
+        ({"outcomes": []}, ValueError, ["outcomes is []", "no outcome"]),
+        ({"outcomes": "body arm z"}, TypeError, ["outcomes is 'body arm z'", "stepper.lab.Outcome"]),
+        ({"outcomes": ["body arm z"]}, TypeError, ["outcomes has 'body arm z'", "Outcome(name=..., measure=...)"]),
+        ({"outcomes": [words("body amr z")]}, ValueError, ["outcome 'x'", "'body amr z'", "did you mean arm"]),
+        ({"outcomes": [words("site hand z")]}, ValueError, ["outcome 'x'", "no site 'hand'", "tip"]),
+        ({"outcomes": [words("joint hing")]}, ValueError, ["outcome 'x'", "did you mean hinge"]),
+        ({"outcomes": [words("jointvel hing")]}, ValueError, ["outcome 'x'", "did you mean hinge"]),
+        ({"outcomes": [words("sensor angel 0")]}, ValueError, ["outcome 'x'", "did you mean angle"]),
+        ({"outcomes": [words("force amr z")]}, ValueError, ["outcome 'x'", "did you mean arm"]),
+        ({"parameters": [Parameter("gravity[2]", low=-10, high=-9)]}, TypeError, ["parameters is [", "a dict of stepper.lab.Parameter"]),
+        ({"parameters": {"g": (0, 1)}}, TypeError, ["parameter 'g' is (0, 1)", "stepper.lab.Parameter"]),
+        (
+            {"parameters": {"m": Parameter("body_mass[amr]", low=1, high=2)}},
+            ValueError,
+            ["parameter 'm'", "body_mass[amr]", "did you mean arm"],
+        ),
+        (
+            {"parameters": {"m": Parameter("body_mas[arm]", low=1, high=2)}},
+            ValueError,
+            ["parameter 'm'", "body_mas", "did you mean body_mass"],
+        ),
+        ({"parameters": {"d": Parameter("sensor.delay[angel]", low=0, high=1)}}, ValueError, ["parameter 'd'", "did you mean angle"]),
+        ({"parameters": {"d": Parameter("actuator.delay[sevro]", low=0, high=1)}}, ValueError, ["parameter 'd'", "did you mean servo"]),
+    ],
+)
+def test_what_is_wrong_is_named_at_once(given, kind, parts):
+    for model in (ARM, stepper.load(ARM), lambda: ARM):
+        with pytest.raises(kind) as error:
+            Study(model=model, **given)
+        assert all(part in str(error.value) for part in parts), str(error.value)
+
+
+def test_a_copy_with_a_wrong_name_is_refused_too():
+    study = Study(model=ARM, **GIVEN)
+    with pytest.raises(ValueError, match=r"parameter 'm'.*did you mean arm"):
+        replace(study, parameters={"m": Parameter("body_mass[amr]", low=1, high=2)})
+
+
+def test_a_study_without_names_loads_nothing():
+    Study(model="there_is_no_such_file.xml", parameters={"h": Parameter("options.timestep", values=(0.001, 0.002))})

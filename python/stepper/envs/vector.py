@@ -32,8 +32,8 @@ class StepperVectorEnv(VectorEnv[Array, Array, Array]):
         num_envs: Number of environments.
         autoreset_mode: When an environment whose episode is over begins another: `AutoresetMode.NEXT_STEP`, with the next call of `step`,
             whose action it ignores; `SAME_STEP`, within the step that ends it, whose last observation and info are the infos "final_obs"
-            and "final_info"; `DISABLED`, when `reset(options={"reset_mask": mask})` asks for it.
-        contact: Law of contact: "mujoco", with the integrator that the model's file asks for, or "hard"; None is the task's.
+            and "final_info"; `DISABLED`, only with `reset(options={"reset_mask": mask})`.
+        contact: Law of contact: "mujoco", with the integrator of the model's file, or "hard"; None is the task's.
         options: Settings of the step in place of those of `contact`.
         precision: "f64" or "f32".
         threads: Threads that step; 0 is all that this process may use. The bits are the same for any number.
@@ -281,8 +281,8 @@ class StepperVectorEnv(VectorEnv[Array, Array, Array]):
         """A picture of every environment, (height, width, 3) uint8 each; None without a render mode. `stepper.viewer.Renderer` draws some.
 
         Raises:
-            stepper.viewer.LooksError: The task's model did not come from MJCF, so that nobody knows what it looks like.
-            RuntimeError: MuJoCo's renderer cannot draw on this machine; the message says what to install.
+            stepper.viewer.LooksError: The task's model did not come from MJCF, so that its looks are unknown.
+            RuntimeError: MuJoCo's renderer cannot draw on this machine; the message lists what to install.
         """
         return None if self.render_mode is None or self._drawing is None else self._drawing.frames(range(self.num_envs))
 
@@ -315,7 +315,7 @@ class StepperVectorEnv(VectorEnv[Array, Array, Array]):
 
 
 def _shown(terms: Terms, mask: Array) -> dict[str, Any]:
-    """Terms as infos of the environments of a mask: zero in the others, and a mask beside each."""
+    """Terms as infos of the environments of a mask: zero in the others, and a mask for each."""
     if mask.all():
         return {key: value for name, term in terms.items() for key, value in ((name, np.array(term)), (f"_{name}", mask))}
     if not mask.any():

@@ -7,7 +7,7 @@ MJBATCH := .venv-mjbatch
 DOCS := .venv-docs
 DENY := 0.20.2
 
-.PHONY: demo test wheel bench loading many-contacts terrains floors docs atlas corpus adapters identify studies study-libraries fuzz training gymnasium viewer check advisories build format clean
+.PHONY: demo test wheel bench loading many-contacts terrains floors docs atlas corpus adapters identify studies study-libraries fuzz properties training gymnasium viewer check advisories build format clean
 
 # The main job: 1,024 humanoids, beside MuJoCo. It compiles the CPU level of this machine alone, in less than half the time of all levels.
 demo: export STEPPER_ONE_LEVEL := native
@@ -135,6 +135,12 @@ identify: build $(VENV)/identify.stamp
 MINUTES ?= 10
 fuzz: build
 	PYTHONPATH=tests $(BIN)/python -m fuzz --minutes $(MINUTES)
+
+# Property tests with random examples, ROUNDS times with others each. Not in CI: a failure may be rare. It prints the decorator that repeats it, and
+# .hypothesis keeps it for the next run.
+ROUNDS ?= 3
+properties: build
+	for round in $$(seq $(ROUNDS)); do $(BIN)/python -m pytest -m hypothesis --hypothesis-profile properties --numprocesses logical || exit 1; done
 
 # Gymnasium's own tests of vector environments, wrappers and environments, around stepper's: GYMNASIUM is a checkout of its repository.
 gymnasium: build

@@ -1,9 +1,10 @@
-"""Words of the Rust sources: doc comments begin with a noun, sentences are short, and one concept has one word."""
+"""Words of the Rust and Python sources: doc comments begin with a noun, sentences are short, and one concept has one word."""
 
 import re
 from pathlib import Path
 
 import pytest
+from python_texts import texts_of
 from rust_comments import Comment, comments_of, prose, sentences, words
 
 ROOT = Path(__file__).parents[1]
@@ -41,6 +42,37 @@ REMAINING = {
     "crates/python": (32, 16, 58),
 }
 """Openings, long sentences and words that are left in other folders. The numbers may only fall."""
+
+
+PYTHON = ("python/stepper", "examples", "benches")
+"""Folders whose docstrings, comments and messages are read."""
+REMAINING_PYTHON = {
+    "benches": (15, 6, 35),
+    "benches/atlas": (26, 2, 32),
+    "benches/comparison": (3, 3, 13),
+    "benches/corpus": (13, 3, 16),
+    "benches/identification": (8, 1, 22),
+    "benches/many_contacts": (28, 1, 26),
+    "benches/mujoco_law": (4, 0, 3),
+    "benches/studies": (0, 1, 1),
+    "benches/terrains": (2, 0, 4),
+    "examples": (19, 11, 44),
+    "examples/studies": (15, 4, 12),
+    "python/stepper/_options.py": (0, 4, 5),
+    "python/stepper/_status.py": (0, 5, 0),
+    "python/stepper/actuators": (0, 2, 0),
+    "python/stepper/adapters": (6, 4, 31),
+    "python/stepper/cli": (7, 1, 21),
+    "python/stepper/derivatives": (0, 13, 0),
+    "python/stepper/envs": (0, 11, 0),
+    "python/stepper/lab": (126, 37, 131),
+    "python/stepper/loading": (0, 5, 1),
+    "python/stepper/policies": (0, 2, 1),
+    "python/stepper/sensors": (0, 2, 0),
+    "python/stepper/sysid": (0, 15, 0),
+    "python/stepper/viewer": (0, 2, 1),
+}
+"""Openings, long sentences and words that are left in folders of Python; all others have none. The numbers may only fall."""
 
 
 def comments(place: str) -> list[Comment]:
@@ -104,6 +136,46 @@ def test_every_crate_is_listed():
     listed = [ROOT / place for place in (*PLAIN, *REMAINING)]
     assert len(sources) > 200
     assert [file for file in sources if not any(file == place or place in file.parents for place in listed)] == []
+
+
+def python_findings() -> dict[str, list[list[str]]]:
+    """Openings, long sentences and replaced words of each folder."""
+    findings: dict[str, list[list[str]]] = {}
+    for root in PYTHON:
+        for file in sorted((ROOT / root).rglob("*.py")):
+            inside = file.relative_to(ROOT / root).parts[0]
+            found = list(texts_of(file, ROOT))
+            kinds = findings.setdefault(f"{root}/{inside}" if (ROOT / root / inside).is_dir() or root == PYTHON[0] else root, [[], [], []])
+            for kind, check in zip(kinds, (openings, long_sentences, replaced_words), strict=True):
+                kind.extend(check(found))
+    return findings
+
+
+def test_python_texts_are_plain():
+    findings = python_findings()
+    assert len(findings) > 20
+    wrong = {
+        place: [kind for kind, most in zip(kinds, REMAINING_PYTHON.get(place, (0, 0, 0)), strict=True) if len(kind) > most]
+        for place, kinds in findings.items()
+    }
+    assert {place: kinds for place, kinds in wrong.items() if kinds} == {}
+
+
+@pytest.mark.parametrize(("text", "found"), [
+    ('"""What a step reads."""', [1, 0, 0]),
+    (f'"""Sum {"of terms " * 13}."""', [0, 1, 0]),
+    ('def f():\n    """Sum.\n\n    Args:\n        a: Who asks.\n    """', [0, 0, 2]),
+    ('A = 1\n"""Its size, m."""', [1, 0, 0]),
+    ("# Whoever reads.\n# And writes anew.", [0, 0, 2]),
+    ('raise ValueError(f"{n} says no")', [0, 0, 1]),
+    ('typer.Option(help="Nobody reads")', [0, 0, 1]),
+    ('"""Sum of terms. It is large."""', [0, 0, 0]),
+])  # fmt: skip
+def test_a_planted_python_text_is_found(tmp_path, text, found):
+    file = tmp_path / "planted.py"
+    file.write_text(f"{text}\n")
+    planted = list(texts_of(file, tmp_path))
+    assert [len(check(planted)) for check in (openings, long_sentences, replaced_words)] == found
 
 
 @pytest.mark.parametrize(("text", "found"), [

@@ -12,7 +12,7 @@ import stepper
 from numpy.typing import ArrayLike
 from stepper.lab.engines import MujocoCrowd, MujocoEngine, configured
 
-from atlas.world import Array, CannotRunError, DivergedError, Touch, World
+from atlas.world import NOT_FINITE, Array, CannotRunError, DivergedError, Touch, World
 
 
 @dataclass(frozen=True)
@@ -83,7 +83,7 @@ class _StepperWorld(World):
             if count := int(np.count_nonzero(flags & flag)):
                 self.flags[str(flag.name)] += count
         if (flags & stepper.Status.NON_FINITE).any():
-            raise DivergedError("a step was not finite")
+            raise DivergedError(NOT_FINITE)
 
 
 @dataclass(frozen=True)

@@ -20,6 +20,8 @@ from atlas.mjcf import SURFACE
 Array = NDArray[np.float64]
 AT_ONCE = 1000
 """Steps in one call of an engine at the most."""
+NOT_FINITE = "a step was not finite"
+"""Note of a run in which the engine itself reported a state that is not finite."""
 
 
 class CannotRunError(Exception):

@@ -1,4 +1,4 @@
-"""What to do instead: of writing to a copy, of assigning to what cannot be assigned, and of names that nothing has."""
+"""Hints for mistakes: writes to a copy, assignments to read-only attributes, and unknown names."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ class ReadOnly(np.ndarray[Any, Any]):
     """
 
     message = ""
-    # Beside any other array, the other's kind is that of the result.
+    # With any other array, the other's kind is that of the result.
     __array_priority__ = -1.0
 
     def __array_wrap__(self, array: Any, context: Any = None, return_scalar: bool = False) -> Any:
@@ -78,7 +78,7 @@ class ReadOnly(np.ndarray[Any, Any]):
         return repr(self.view(np.ndarray))
 
     def copy(self, order: Any = "C") -> Any:
-        """A plain array of its own."""
+        """A separate plain array."""
         return np.array(self, order=order)
 
     def __reduce_ex__(self, protocol: Any) -> Any:
@@ -108,7 +108,7 @@ def kind(field: str, remedy: str = "") -> type[ReadOnly]:
 
 
 def remedy_of(field: str) -> str:
-    """Which call sets an array of a stepper or a field of a model."""
+    """Call that sets an array of a stepper or a field of a model."""
     return (
         _REMEDIES.get(field)
         or f"model.replace({field}=...) makes a model with other numbers, sim.randomize(...) gives environments their own"
@@ -121,7 +121,7 @@ def kind_of_environments(field: str) -> type[ReadOnly]:
 
 
 def not_assigned(owner: type, name: str) -> AttributeError:
-    """What to say of an assignment to an attribute that takes none."""
+    """Message for an assignment to a read-only attribute."""
     there = getattr(owner, name, None)
     if there is None:
         return no_attribute(owner, name)
@@ -172,7 +172,7 @@ def no_name(module: str, name: str, known: Iterable[str]) -> AttributeError:
 class Hinting(type):
     """Metaclass of classes whose missing attributes are named in an error with a hint, as `Options.of`."""
 
-    if not TYPE_CHECKING:  # Type checkers know which attributes there are.
+    if not TYPE_CHECKING:  # Type checkers read the attributes from the stub.
 
         def __getattr__(cls, name: str) -> Any:
             raise no_attribute(cls, name)
@@ -234,7 +234,7 @@ def unknown_field(where: str, name: str, known: Iterable[str], listed: str) -> s
 
 
 def unknown(kind: str, name: str, names: list[str]) -> str:
-    """What to say of a name that no element of a kind has.
+    """Message for a name that no element of a kind has.
 
     Args:
         kind: "joint", for example.

@@ -234,4 +234,4 @@ NEW_KEYWORDS_OF = {
         "of": "selector, as 'geom_friction[floor,box][0]'",
     },
 }
-"""The same of single calls."""
+"""Names of single calls in other libraries, with the names here."""

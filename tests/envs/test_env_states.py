@@ -275,7 +275,7 @@ OPTIONS = {
 }  # fmt: skip
 
 
-@settings(max_examples=25, deadline=None, derandomize=True)
+@settings(max_examples=25, deadline=None)
 @given(*(st.tuples(st.fixed_dictionaries(SETTINGS), st.fixed_dictionaries(OPTIONS)) for _ in range(2)), st.data())
 def test_a_state_fits_where_all_settings_are_equal_and_nowhere_else(one, other, data):
     """Whichever of them differ; those that differ are named."""
@@ -454,7 +454,7 @@ HAPPENINGS = (
 
 @pytest.mark.parametrize("name", TASKS)
 @pytest.mark.parametrize("mode", ["NextStep", "SameStep"])
-@settings(max_examples=15, deadline=None, derandomize=True)
+@settings(max_examples=15, deadline=None)
 @given(st.lists(st.tuples(st.sampled_from(HAPPENINGS), st.lists(st.booleans(), min_size=N, max_size=N)), max_size=9), st.integers(0, 99))
 def test_whatever_happens_a_new_batch_in_the_same_state_goes_on_alike(name, mode, happenings, seed):
     envs, rng = made(name, mode), np.random.default_rng(seed)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import scipy.linalg
 import stepper
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 from models import SOURCES, afloat, random_quaternion, stepper_model
 from stepper import Drive, Options
@@ -389,6 +389,7 @@ def test_a_single_environment_has_no_leading_axis():
     assert lin.kinked_steps.shape == (2,)
 
 
+@example(seed=5135, robot="gymnasium/humanoid")
 @given(seed=st.integers(0, 10**6), robot=st.sampled_from(["gymnasium/ant", "dm_control/fish", "gymnasium/humanoid"]))
 def test_two_steps_are_the_product_of_one_and_one(seed, robot):
     model, rng = floating(robot), np.random.default_rng(seed)
@@ -407,7 +408,8 @@ def test_two_steps_are_the_product_of_one_and_one(seed, robot):
     if model.joint(0).type == "free":
         expected = np.zeros((2 * model.nv + model.na, 3))
         expected[:3] = np.eye(3)
-        np.testing.assert_allclose(first.A[:, :3], expected, atol=1e-7)
+        # Differences err in proportion to the largest entries: seed 5135 has entries of 19, and errs by 1.7e-7.
+        np.testing.assert_allclose(first.A[:, :3], expected, atol=1e-7 * max(1.0, np.abs(first.A).max()))
 
 
 def sim_after(sim):

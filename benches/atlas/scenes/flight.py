@@ -200,7 +200,7 @@ SCENES = (
         "10,000 steps of rounding, amplified by its flips",
         fixed_child,
         (1e-4, 1e-3),
-        (1e-3,),
+        (1e-4, 1e-3),
     ),
     Scene(
         "10",

@@ -198,7 +198,7 @@ SCENES = (
         "three contacts a sphere, each overlapping 1e-5 m",
         falling_cube,
         FEW,
-        (2e-2,),
+        (1e-3, 2e-2),
     ),
     Scene(
         "S4",
@@ -210,7 +210,7 @@ SCENES = (
         "2e-8 of the energy, squared",
         elastic_cube,
         FEW,
-        (2e-2,),
+        FEW,
     ),
     Scene(
         "S5",

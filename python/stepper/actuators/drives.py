@@ -101,7 +101,9 @@ class DCMotor:
 
 @dataclass(frozen=True, kw_only=True)
 class Drive:
-    """What lies between the control of an actuator and its force, in the order in which it acts. The default is an ideal actuator.
+    """Delay, filters, servo and motor between the control of an actuator and its force, in the order in which they act.
+
+    The default is an ideal actuator.
 
     Control range, delay, servo, lag, the actuator's own law, limits, torque-speed curve, gear and friction. Every number is one for all
     environments or an array (num_envs,). See docs/reference/actuators.md.
@@ -110,7 +112,7 @@ class Drive:
         delay: s. Between steps the control is what it is on average over the step.
         delay_steps: The same in steps; the two add up.
         lag: Time constant in s of a first-order lag of the control, or of the servo's effort; 0 is none.
-        limits: Lowest and highest effort, N or N m, beside the actuator's own.
+        limits: Lowest and highest effort, N or N m, in addition to those of the actuator.
         motor: A motor with its gear.
         servo: A servo in place of the actuator's own law and control range.
         friction: Dry friction at the actuator's side of its gear, N or N m; the joint has gear times as much.
@@ -132,7 +134,7 @@ class Drive:
         check_numbers(self, "motor", "servo")
 
     def _row(self, num_envs: int, envs: Envs = None) -> dict[str, Any]:
-        """What the Rust crate's `ActuatorSpec` holds."""
+        """Fields of the Rust crate's `ActuatorSpec`."""
         low, high = (-math.inf, math.inf) if self.limits is None else self.limits
         return {
             **{name: numbers(name, getattr(self, name), num_envs, envs) for name in ("delay", "delay_steps", "lag", "friction")},

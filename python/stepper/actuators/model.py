@@ -32,7 +32,7 @@ class ActuatorModel:
     def from_file(cls, path: str | os.PathLike[str]) -> ActuatorModel:
         """Reads a TOML (.toml) or JSON (.json) file.
 
-        A table `actuators` has a table for every name or pattern, a table `default` may be beside it. Their entries are the attributes of
+        A table `actuators` has a table for every name or pattern, and a table `default` is optional. Their entries are the attributes of
         `Drive`, with tables `motor` and `servo` for those of `DCMotor` and `PID`.
 
         Raises:
@@ -53,7 +53,7 @@ class ActuatorModel:
         return out | ({"default": _plain(self.default)} if self.default else {})
 
     def drives(self, model: Model, num_envs: int, envs: Envs = None) -> list[dict[str, Any] | None]:
-        """What the actuators of a model get, one entry for each; None where nothing is said. Of all environments, or of some.
+        """Drives for the actuators of a model, one entry for each; None for those without. Of all environments, or of some.
 
         Raises:
             ValueError: A name that no actuator has, a pattern that fits none, a wrong shape.
@@ -67,7 +67,7 @@ class ActuatorModel:
         return fitting(self.named, self.default, name)
 
     def chosen(self, index: np.ndarray[Any, Any]) -> ActuatorModel:
-        """The same with the numbers of some environments alone: a mask (num_envs,), or indices, which may repeat."""
+        """Copy with the numbers of some environments alone: a mask (num_envs,), or indices, which may repeat."""
         return self._changed(lambda x: x[index])
 
     def spread(self, mask: np.ndarray[Any, Any]) -> ActuatorModel:
@@ -142,7 +142,7 @@ def _changed(part: Any, change: Callable[[np.ndarray[Any, Any]], np.ndarray[Any,
 
 
 def _from_row(row: dict[str, Any], kind: type[Any]) -> Any:
-    """A part of an actuator model from what the Rust crate holds: no numbers, or infinite ones, are what None says."""
+    """A part of an actuator model from what the Rust crate holds: None for missing and for infinite numbers."""
 
     def number(value: Any) -> Any:
         if not isinstance(value, list):

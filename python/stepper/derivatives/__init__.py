@@ -1,6 +1,6 @@
 """Derivatives of the step and of rollouts (docs/how-to/derivatives.md).
 
-`perturbations` says what is moved and by how much, `copies` steps perturbed copies of a batch, `kinks` compares what is active in them,
+`perturbations` lists what is moved and by how much, `copies` steps perturbed copies of a batch, `kinks` compares what is active in them,
 `linearize` makes matrices of their differences, `implicit` those at the modes of the solution, and `rollout` takes gradients backwards
 through time with these, or with the means of `smoothing`; `tangent` is between gradients by quaternions and by rotations.
 """

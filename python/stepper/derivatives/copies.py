@@ -1,7 +1,7 @@
 """Perturbed copies of the environments of a stepper, stepped together in lanes and threads.
 
 The stepper itself is only read. Copies begin with all that its environments have: configuration, velocity, activations, impulses that the
-solver starts from, delay lines and integrals of drives, applied forces, mocap poses, and parameters of their own.
+solver starts from, delay lines and integrals of drives, applied forces, mocap poses, and separate parameters.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from stepper.derivatives.perturbations import STATE, Array, Block, Stencil
 from stepper.shared.fields import APPLIED, RANDOMIZED
 
 ROOM = 1024
-"""Copies that a thread steps in one call at the most, unless one environment alone needs more: so many stay in the caches of its core."""
+"""Copies that a thread steps in one call at the most, unless one environment alone needs more: that many stay in the caches of its core."""
 
 _kept: WeakKeyDictionary[Stepper, dict[tuple[int, float], Stepper]] = WeakKeyDictionary()
 """Steppers of copies, by their number and tolerance, which the next linearization of the same stepper takes up."""
@@ -30,12 +30,12 @@ _kept: WeakKeyDictionary[Stepper, dict[tuple[int, float], Stepper]] = WeakKeyDic
 
 @dataclass(frozen=True)
 class Nominal:
-    """What copies are made of, with the axis of the environments in front, (num_envs, ...).
+    """Contents of copies, with the axis of the environments in front, (num_envs, ...).
 
     Attributes:
         fields: "qpos", "qvel", "act", "ctrl" and, flat, every parameter that is perturbed.
         applied: Applied forces, unless all are 0, mocap poses, and equalities, unless they are the model's.
-        randomized: Parameters that environments have of their own, as `randomize` takes them.
+        randomized: Parameters per environment, in the format of `randomize`.
     """
 
     fields: dict[str, Array]
@@ -49,7 +49,7 @@ class Nominal:
 
 
 def nominal_of(sim: Stepper, ctrl: ArrayLike | None, blocks: Sequence[Block]) -> Nominal:
-    """What a stepper's environments are.
+    """Snapshot of the environments of a stepper.
 
     Raises:
         ValueError: Controls of a wrong shape; a stepper in f32 whose drives have memory.
@@ -121,7 +121,7 @@ def parts_of(
     room = ROOM * (sim.threads or os.cpu_count() or 1)
     most = max(1, room // (1 + levels * points * columns))
     size = -(-(end - begin) // -(-(end - begin) // most))
-    # Nothing of a linearization is left in its copies that the next would not replace, but for what they have beside a state.
+    # Nothing of a linearization is left in its copies that the next would not replace, except for what is no part of a state.
     plain = sim.precision == "f64" and sim.sensors is None and sim.actuators is None and not nominal.applied and not nominal.randomized
     plain = plain and not any(block.field in RANDOMIZED for block in blocks)
     kept = _kept.pop(sim, {}) if plain else {}
@@ -287,7 +287,7 @@ def _randomize(copies: Stepper, nominal: Nominal, blocks: Sequence[Block], flat:
 
 
 def _begin(sim: Stepper, copies: Stepper, nominal: Nominal, flat: dict[str, Array], index: NDArray[np.int64]) -> None:
-    """Gives copies the memory and the applied forces of their environments, and their own states."""
+    """Gives copies the memory and the applied forces of their environments, and separate states."""
     _restore(sim, copies, index)
     for name, value in nominal.applied.items():
         getattr(copies, name)[...] = value[index]

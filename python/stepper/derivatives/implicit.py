@@ -25,7 +25,7 @@ of a column's largest entry, and third derivatives of MuJoCo's cones, the sharpe
 
 
 def check(sim: Stepper, blocks: Sequence[Block], *, extrapolate: bool, sensors: bool) -> None:
-    """Checks what is asked for; settings of the step that implicit derivatives do not know are found by the binary.
+    """Checks the arguments; the binary refuses settings of the step that implicit derivatives do not cover.
 
     Raises:
         ValueError: Something that only differences of whole steps give.
@@ -71,8 +71,8 @@ def derivatives(
     """Derivatives of the state after `nstep` steps in all environments, as `linearize` puts them together.
 
     Returns:
-        Arrays by name. "implicit" says of each environment whether its derivatives are those of the step, (num_envs,) bool: where a step
-        was not solved, or something has a part in it that the theorem does not know, they are of no use.
+        Arrays by name. "implicit" gives for each environment whether its derivatives are those of the step, (num_envs,) bool: where a step
+        was not solved, or depends on something that the theorem does not cover, they must not be used.
     """
     if nstep > 1:
         return _product(sim, nominal, blocks, float(stencil.step.max(initial=0.0)), nstep=nstep, tolerance=tolerance)
@@ -85,7 +85,7 @@ def derivatives(
 def _product(
     sim: Stepper, nominal: Nominal, blocks: Sequence[Block], width: float, *, nstep: int, tolerance: float
 ) -> dict[str, NDArray[Any]]:
-    """The same of several steps, each linearized where the one before it ends: the product of their matrices."""
+    """Derivatives of several steps, each linearized where the one before it ends: the product of their matrices."""
     model, ctrl = sim.model, nominal.fields["ctrl"]
     plant = replicas_of(sim, nominal, 1, tolerance=tolerance)
     whole = blocks_of(model, (*STATE, "ctrl"))

@@ -2,7 +2,7 @@
 
 Two signs are read. What is active, which the binary compares (`Stepper._find_kinks`): contacts that push, whether they stick or slip,
 joints at their limits, joints held by dry friction, saturated actuators. And slopes on both sides that differ by more than curvature
-explains. docs/how-to/derivatives.md says what each proves.
+explains. docs/how-to/derivatives.md explains what each proves.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ class Kink(IntFlag):
 
 @dataclass
 class Report:
-    """What was found in some environments.
+    """Kinks found in some environments.
 
     Attributes:
         causes: Flags of `Kink` by column, (num_envs, nstep, columns) uint32.
@@ -140,14 +140,14 @@ class Watch:
 
 
 def _smooth_at_rest(sim: Stepper) -> bool:
-    """Whether gaps and overlaps have one and the same demand: Baumgarte's method that closes all of an overlap in a step."""
+    """Whether gaps and overlaps have the same position target: Baumgarte's method that closes all of an overlap in a step."""
     options = sim.options
     return options.stabilization == "baumgarte" and options.baumgarte == 1.0 and options.slop == 0.0
 
 
 @dataclass(frozen=True)
 class _Numbers:
-    """What the comparison of copies reads of a model.
+    """Parts of a model that the comparison of copies reads.
 
     Attributes:
         limited: Place in qpos, place in qvel and index of every slide and hinge that has a range.

@@ -17,8 +17,8 @@ from stepper.derivatives.pair_readings import Reader
 from stepper.derivatives.perturbations import ROUNDING, STATE, Array, Block, Stencil, blocks_of, stencil_of, step_of
 
 TOLERANCE = 1e-13
-"""Residual to which perturbed copies are solved unless the stepper or the caller asks for less, m/s. Solvers end fast, so that it costs two
-or three sweeps more than 1e-6, and what is left is no noise of the derivatives."""
+"""Residual to which perturbed copies are solved unless the stepper or the caller sets a smaller one, m/s. It costs two or three
+sweeps more than 1e-6, and keeps noise out of the derivatives."""
 
 
 @dataclass(frozen=True)
@@ -45,7 +45,7 @@ class Linearization:
         residual: Largest residual of any copy in the last step, m/s: (num_envs,).
         status: Flags of all copies together, see `stepper.Status`: (num_envs,) uint32.
         implicit: Whether derivatives are those at the modes of the solution, (num_envs,) bool: false with `method="fd"`, and with
-            `method="implicit"` in environments that the theorem says nothing of, which are taken by differences.
+            `method="implicit"` in environments that the theorem does not cover, which are differentiated by differences.
         qpos, qvel, act: The nominal state after the steps.
     """
 
@@ -97,7 +97,7 @@ class Linearization:
         blocks = self.sensors if sensors else self.blocks
         if name not in blocks:
             remedy = "sensors=True" if name in self.blocks else f"{name!r} in wrt"
-            raise KeyError(f"{name} was not asked for: call linearize with {remedy}")
+            raise KeyError(f"{name} was not computed: call linearize with {remedy}")
         return blocks[name]
 
     @property
@@ -110,7 +110,7 @@ class Linearization:
 
     @property
     def causes(self) -> Kink:
-        """What kinks there are in any column of any environment."""
+        """Kinks in any column of any environment."""
         return Kink(int(np.bitwise_or.reduce([np.bitwise_or.reduce(flags, axis=None) for flags in self.kinks.values()], initial=0)))
 
 
@@ -159,7 +159,7 @@ def linearize(
         stencil = stencil_with(implicit.STEP if step is None else width)
         whole = solved = implicit.derivatives(sim, nominal, blocks, stencil, nstep=int(nstep), tolerance=tolerance)
         for envs in _runs(~whole["implicit"]):
-            # What the theorem says nothing of is differentiated as it is.
+            # What the theorem does not cover is differentiated as it is.
             own = differences(stencil_with(width), envs)
             for name, value in own.items():
                 whole[name][envs] = value

@@ -57,7 +57,7 @@ class Reader:
     def _read(self, pairs: Pairs, options: Options) -> Readings:
         offsets = pairs.offsets.reshape(len(pairs), -1)
         copies, ctrl = copies_of(self.sim, self.nominal, self.blocks, pairs, options)
-        # Every copy is a column of its own here, displaced to one side.
+        # Every copy is a separate column here, displaced to one side.
         to_one_side = np.ones(offsets.shape, np.bool_)
         watch = Watch(copies, Stencil(offsets[:, None, None], np.abs(offsets)[:, None], ~to_one_side, to_one_side), self.nstep)
         for k in range(self.nstep):

@@ -1,7 +1,7 @@
-"""What is perturbed, by how much, and the weights that make a derivative of the results.
+"""Perturbed quantities with their sizes, and the weights that make a derivative of the results.
 
 A column is one number: a degree of freedom of qpos, a velocity, an activation, a control or an entry of a parameter. Each has two stencil
-points beside the nominal one, or one for differences to one side, and twice as many with Richardson's extrapolation.
+points besides the nominal one, or one for differences to one side, and twice as many with Richardson's extrapolation.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ ROUNDING = 2.0**-52
 SIGNED = frozenset({"gravity", "body_ipos", "geom_pos", "jnt_range", "actuator_gainprm", "actuator_biasprm"})
 """Fields whose numbers may be negative; the others are 0 at least."""
 ABSENT = frozenset({"body_mass", "body_inertia", "geom_size", "dof_frictionloss", "jnt_stiffness", "actuator_gainprm", "actuator_biasprm"})
-"""Fields in which 0 says that the model has none of it, and nothing else may be put there. A law of an actuator without a term, as a
+"""Fields in which 0 means that the model has none of it, and nothing else may be put there. A law of an actuator without a term, as a
 motor's, has none of that term."""
 OF_AXES = frozenset({"dof_damping", "dof_armature"})
 """Fields of which the same is true on free and ball joints alone."""
@@ -185,7 +185,7 @@ def _block(model: Model, name: str, argument: str) -> Block:
 
 
 def _absent(model: Model, field: str, places: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """Whether a 0 in these places says that the model has none of it."""
+    """Whether a 0 in these places means that the model has none of it."""
     if field in OF_AXES:
         joints = (model.joint(k) for k in range(model.njnt))
         turning = [joint.dofadr + i for joint in joints if joint.type in ("free", "ball") for i in range(joint.nv)]
@@ -194,7 +194,7 @@ def _absent(model: Model, field: str, places: NDArray[np.int64]) -> NDArray[np.b
 
 
 def stencil_of(model: Model, blocks: Sequence[Block], values: Mapping[str, Array], *, step: float, levels: int, centered: bool) -> Stencil:
-    """Where the points of all columns are.
+    """Points of all columns.
 
     Coordinates of the state and controls are displaced by `step` in their SI unit, parameters by `step` times their size. Points are on
     both sides of the nominal one, but for a control that its range, or a parameter that its meaning, lets go to one side only; there they

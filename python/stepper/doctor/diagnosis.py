@@ -64,7 +64,7 @@ def diagnose(*, self_test: bool = True) -> Diagnosis:
     """Examines this installation.
 
     Args:
-        self_test: Whether to step a short trajectory at every CPU level, each in a process of its own, and compare its bits: a second
+        self_test: Whether to step a short trajectory at every CPU level, each in a separate process, and compare its bits: a second
             or two.
     """
     levels = cpu_levels()
@@ -89,7 +89,7 @@ def _versions() -> dict[str, str]:
 
 
 def _verdict(level: str) -> str:
-    """What is wrong with the self-test at a CPU level; empty if nothing is."""
+    """Fault of the self-test at a CPU level; empty without one."""
     try:
         digest = digest_at(level)
     except (RuntimeError, subprocess.TimeoutExpired) as error:

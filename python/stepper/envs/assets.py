@@ -20,7 +20,7 @@ _KEPT = 64
 
 
 def load_quietly(source: str | ElementTree.Element, *, strict: bool = True) -> Model:
-    """A model of a file, or of an MJCF tree, without warnings of what it asks for: the `contact` of an environment decides that.
+    """A model of a file, or of an MJCF tree, without warnings about its settings: the `contact` of an environment decides that.
 
     Args:
         source: Path, or root of a tree.
@@ -65,7 +65,7 @@ def read_once(read: Callable[P, Model]) -> Callable[P, Model]:
 def once_per_model(function: F) -> F:
     """A function of a model and further arguments that computes each value once.
 
-    It knows a model by its identity. The hash of a model reads all of it, height fields and meshes included, in every call.
+    Its key is the identity of the model. The hash of a model reads all of it, height fields and meshes included, in every call.
     """
     kept: dict[tuple[Any, ...], tuple[Any, Any]] = {}
 

@@ -126,13 +126,13 @@ class Batch:
 
     @property
     def structure(self) -> dict[str, int]:
-        """How many numbers of the observation each row of the task's table has."""
+        """Number of entries of the observation for each row of the task's table."""
         return {row.name: columns.stop - columns.start for row, columns in self._rows}
 
     def seed(self, envs: Array, seeds: Sequence[int]) -> None:
-        """Starts the random numbers of the environments `envs` (n,) anew.
+        """Restarts the random numbers of the environments `envs` (n,).
 
-        Errors of sensors have numbers of their own, which follow from the seed of an environment and from its place.
+        Errors of sensors have separate numbers, which follow from the seed of an environment and from its place.
         """
         self.streams.seed(envs, seeds)
         self._seeded[envs] = True
@@ -221,7 +221,7 @@ class Batch:
         """Makes the steps of an action.
 
         Args:
-            action: (num_envs, n) float64, nu numbers unless the task has bounds of its own.
+            action: (num_envs, n) float64, nu numbers unless the task has `action_bounds`.
             begins: Environments that begin an episode in place of it, (num_envs,) bool, whose actions are not read; None is none.
 
         Returns:

@@ -11,7 +11,7 @@ from stepper.envs.task import Array, Moment, Observation, Terms
 
 @once_per_model
 def _tendon_matrices(model: Model) -> tuple[Array, Array]:
-    """What makes lengths of tendons of qpos, (nq, ntendon), and their velocities of qvel, (nv, ntendon)."""
+    """Matrices from qpos to lengths of tendons, (nq, ntendon), and from qvel to their velocities, (nv, ntendon)."""
     names = model.tendon_names
     lengths, rates = np.zeros((model.nq, len(names))), np.zeros((model.nv, len(names)))
     for k in range(len(names)):
@@ -34,4 +34,4 @@ BODY_TABLES = (
     Observation("qfrc_actuator", columns=slice(6, None)),
     Observation("cfrc_ext", columns=slice(6, None)),
 )
-"""What humanoids observe of their bodies: of all but the world, and forces of all joints but the free one."""
+"""Observations of the bodies of humanoids: of all but the world, and forces of all joints but the free one."""

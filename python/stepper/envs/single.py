@@ -24,7 +24,7 @@ class StepperEnv(gymnasium.Env[Array, Array]):
 
     Args:
         task: A `Task`; or the class of one, or the name of one of `stepper.envs.TASKS`, whose arguments are then given here too.
-        contact: Law of contact: "mujoco", with the integrator that the model's file asks for, or "hard"; None is the task's.
+        contact: Law of contact: "mujoco", with the integrator of the model's file, or "hard"; None is the task's.
         options: Settings of the step in place of those of `contact`.
         precision: "f64" or "f32".
         dtype: Scalar type of observations, float64 or float32; None is that of the precision.
@@ -134,7 +134,7 @@ class StepperEnv(gymnasium.Env[Array, Array]):
         """State of the environment, from which it goes on with the same bits: `set_state` restores it.
 
         It has the state of the stepper, parameters of `Stepper.randomize`, applied forces, mocap poses, and the episode: episode_state of
-        the task, random numbers of starts and sensors, return and length. Wrappers have counts of their own (`TimeLimit`, which
+        the task, random numbers of starts and sensors, return and length. Wrappers have separate counts (`TimeLimit`, which
         `gymnasium.make` puts around an environment), and so have the random numbers of `action_space`.
 
         Raises:
@@ -177,8 +177,8 @@ class StepperEnv(gymnasium.Env[Array, Array]):
         """A picture, (height, width, 3) uint8; None without a render mode.
 
         Raises:
-            stepper.viewer.LooksError: The task's model did not come from MJCF, so that nobody knows what it looks like.
-            RuntimeError: MuJoCo's renderer cannot draw on this machine; the message says what to install.
+            stepper.viewer.LooksError: The task's model did not come from MJCF, so that its looks are unknown.
+            RuntimeError: MuJoCo's renderer cannot draw on this machine; the message lists what to install.
         """
         return None if self.render_mode is None else self._drawing.frames([0])[0]
 

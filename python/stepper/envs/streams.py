@@ -33,7 +33,7 @@ def _mix(words: Words) -> Words:
 
 @lru_cache(maxsize=64)
 def _steps(size: int) -> Words:
-    """What is added to a state for each of the next words: (size,)."""
+    """Increments of a state for each of the next words: (size,)."""
     return np.multiply(np.arange(1, size + 1, dtype=np.uint64), _GAMMA, dtype=np.uint64)
 
 
@@ -63,7 +63,7 @@ class Streams:
         self.seed(np.arange(num_envs), [(seed + k) % 2**64 for k in range(num_envs)])
 
     def seed(self, envs: Array, seeds: Sequence[int]) -> None:
-        """Starts streams anew.
+        """Restarts streams.
 
         Args:
             envs: Indices of the streams, (n,).

@@ -43,10 +43,10 @@ class Moment:
         sim: The stepper.
         task: The task.
         dt: Time between two observations, s.
-        action: Actions of the step that led here, (num_envs, n), where n is nu but for a task with `action_bounds` of its own; zero in
+        action: Actions of the step that led here, (num_envs, n), where n is nu but for a task with `action_bounds`; zero in
             environments that have just begun an episode.
         default_qpos: The model's reference configuration, (nq,).
-        episode_state: Values of the episodes beside the state of the stepper, arrays (num_envs, ...) by name; see `Task.episode_state`.
+        episode_state: Values of the episodes, not of the stepper: arrays (num_envs, ...) by name; see `Task.episode_state`.
         velocity: Rate of change of `Task.position` over that step, per s; zero in environments that have just begun an episode, None for
             tasks without a position.
     """
@@ -73,7 +73,7 @@ class Moment:
         if callable(value):
             return value  # A method reads the present state: whether the moment is over is checked at every use.
         if isinstance(value, np.ndarray):
-            value = np.asarray(value)  # A plain array: `Stepper` gives kinds of its own, with which arithmetic is slower.
+            value = np.asarray(value)  # A plain array: `Stepper` gives subclasses, with which arithmetic is slower.
         self.__dict__[name] = value
         return value
 
@@ -153,7 +153,7 @@ class Moment:
         return made
 
     def finish(self) -> None:
-        """Ends the moment: quantities that nobody read cannot be read any more."""
+        """Ends the moment: quantities that were not read cannot be read any more."""
         self._over = True
 
     def __getstate__(self) -> dict[str, Any]:
@@ -259,7 +259,7 @@ class Task(ABC):
         return None
 
     def actuators(self) -> ActuatorModel | None:
-        """What becomes of controls before they are forces: motors with curves, lags, delays; None is ideal actuators."""
+        """Actuator model between controls and forces: motors with curves, lags, delays; None is ideal actuators."""
         return None
 
     def action_bounds(self, model: Model) -> tuple[Array, Array]:
@@ -276,7 +276,7 @@ class Task(ABC):
 
     @abstractmethod
     def reward(self, now: Moment) -> tuple[Array, Terms]:
-        """Rewards of the step that led to a moment, (num_envs,), and what its info says beyond `info`: terms of the reward."""
+        """Rewards of the step that led to a moment, (num_envs,), and entries of its info in addition to `info`: terms of the reward."""
 
     def sample_state(self, qpos: Array, qvel: Array, rng: Rng) -> None:  # noqa: B027
         """Samples initial states of n episodes.
@@ -295,7 +295,7 @@ class Task(ABC):
         self.sample_state(reset.qpos, reset.qvel, reset.rng)
 
     def episode_state(self, num_envs: int) -> Terms:
-        """Initial values of what episodes have beside the state of the stepper: commands, actions of before.
+        """Initial values of `episode_state`, which the state of the stepper does not have: commands, actions of before.
 
         Returns:
             Arrays (num_envs, ...) by name, which `now.episode_state` has; `place`, `on_reset`, `advance` and `on_end` write to them. Each
@@ -332,7 +332,7 @@ class Task(ABC):
         return None if now.healthy is None else ~now.healthy
 
     def truncated(self, now: Moment) -> Array | None:
-        """Environments whose episode is cut short where nothing failed, as beside a terrain, (num_envs,) bool; None is none."""
+        """Environments whose episode is cut short where nothing failed, as outside a terrain, (num_envs,) bool; None is none."""
         return None
 
     def position(self, now: Moment) -> Array | None:
@@ -343,7 +343,7 @@ class Task(ABC):
         return None
 
     def info(self, now: Moment) -> Terms:
-        """What info says after a reset and after a step."""
+        """Extra fields of the info dict after a reset and after a step."""
         return {}
 
     def advance(self, now: Moment) -> None:
@@ -369,7 +369,7 @@ class MujocoTask(Task):
 
 
 def per_moment(function: Callable[[Moment], Array]) -> Callable[[Moment], Array]:
-    """Makes a quantity of a moment, `function(now)`, one that is computed once, however often it is asked for."""
+    """Makes a quantity of a moment, `function(now)`, one that is computed once, however often it is read."""
 
     @functools.wraps(function)
     def quantity(now: Moment) -> Array:

@@ -282,8 +282,8 @@ class StepperVectorEnv(VectorEnv[Array, Array, Array]):
         """A picture of every environment, (height, width, 3) uint8 each; None without a render mode. `stepper.viewer.Renderer` draws some.
 
         Raises:
-            stepper.viewer.LooksError: The task's model did not come from MJCF, so that nobody knows what it looks like.
-            RuntimeError: MuJoCo's renderer cannot draw on this machine; the message says what to install.
+            stepper.viewer.LooksError: The task's model did not come from MJCF, so that its looks are unknown.
+            RuntimeError: MuJoCo's renderer cannot draw on this machine; the message lists what to install.
         """
         return None if self.render_mode is None or self._drawing is None else self._drawing.frames(range(self.num_envs))
 
@@ -316,7 +316,7 @@ class StepperVectorEnv(VectorEnv[Array, Array, Array]):
 
 
 def _shown(terms: Terms, mask: Array) -> dict[str, Any]:
-    """Terms as infos of the environments of a mask: zero in the others, and a mask beside each."""
+    """Terms as infos of the environments of a mask: zero in the others, and a mask for each."""
     if mask.all():
         return {key: value for name, term in terms.items() for key, value in ((name, np.array(term)), (f"_{name}", mask))}
     if not mask.any():

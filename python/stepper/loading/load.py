@@ -64,7 +64,7 @@ def load(
         ModelError: The model is invalid or damaged, uses unsupported elements, or lacks a mesh file. The message has the element and a
             remedy.
         ValueError: An unknown value of `overlaps` or `actuators`; actuators for a source that is not a URDF.
-        ImportError: MJCF or URDF without MuJoCo's compiler installed, or with one of another version; the message says how to install it.
+        ImportError: MJCF or URDF without MuJoCo's compiler installed, or with one of another version; the message has the remedy.
         OSError: The file cannot be read.
     """
     _check_words(overlaps, actuators)

@@ -1,4 +1,4 @@
-"""Where models came from: what a model does not hold, such as colours and meshes that nothing touches, is still in its source."""
+"""Sources of models: what a model does not hold, such as colours and meshes that nothing touches, is still in its source."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ from typing import Any
 from stepper._stepper import Model
 
 KEPT = 8
-"""Texts and compiled models that are remembered beside those of models that exist: of the last ones that do not, whose variants
+"""Texts and compiled models that are kept in addition to those of existing models: of the last ones that do not, whose variants
 (`Model.replace`) may. Few, because one may be a compiled model with all its meshes."""
 KEPT_FILES = 256
-"""The same of files: of each only its path."""
+"""Files that are kept in this way; of each only its path."""
 
 
 @dataclass(frozen=True)
 class Origin:
-    """What `stepper.load` was given.
+    """Arguments of `stepper.load`.
 
     Attributes:
         source: Path, text or compiled `mujoco.MjModel`.
@@ -37,7 +37,7 @@ class Origin:
 
 @dataclass(frozen=True)
 class _Entry:
-    """What a model looked like when it was loaded, where from, and the model while it exists."""
+    """Looks of a model when it was loaded, its source, and the model while it exists."""
 
     structure: tuple[Any, ...]
     places: tuple[Any, ...]
@@ -69,7 +69,7 @@ def remember(model: Model, source: Any, package_dirs: Sequence[str | os.PathLike
 
 
 def origin_of(model: Model) -> Origin | None:
-    """Where a model came from, or one that it is a variant of (`Model.replace`); None where this process did not load it from a source."""
+    """Origin of a model, or of the one that it is a variant of (`Model.replace`); None where this process did not load it from a source."""
     structure, places = _structure(model), _places(model)
     alike = [entry for entry in reversed(_remembered) if entry.structure == structure]
     same = [entry for entry in alike if entry.places == places]
@@ -77,10 +77,10 @@ def origin_of(model: Model) -> Origin | None:
 
 
 def _structure(model: Model) -> tuple[Any, ...]:
-    """What variants of a model have in common."""
+    """Fields that variants of a model share."""
     return (model.name, model.nq, model.nv, model.ngeom, *model.body_names, *model.joint_names, *model.geom_names)
 
 
 def _places(model: Model) -> tuple[Any, ...]:
-    """What tells variants of a model apart for the eye."""
+    """Fields in which variants of a model look different."""
     return tuple(values.tobytes() for values in (model.geom_size, model.geom_pos, model.geom_quat, model.body_pos, model.body_quat))

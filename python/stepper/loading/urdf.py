@@ -37,11 +37,11 @@ def resolve_meshes(text: str, place: str, file: Path | None, package_dirs: Seque
     """
     robot = parse(text)
     if robot is None:
-        return text  # MuJoCo's compiler says what is wrong.
+        return text  # MuJoCo's compiler reports the fault.
     compiler = robot.find("mujoco/compiler")
     said = {} if compiler is None else compiler.attrib
     if said.get("strippath") == "true":
-        return text  # Without folders names are found beside the file.
+        return text  # Without folders names are found in the folder of the file.
     kinds = ["collision", "visual"] if said.get("discardvisual") == "false" else ["collision"]
     meshes = [(link, mesh) for link in robot.iter("link") for kind in kinds for mesh in link.findall(f"{kind}/geometry/mesh")]
     if file is None and all("/" not in mesh.get("filename", "") for _, mesh in meshes):
@@ -103,7 +103,7 @@ def _without(prefixes: tuple[str, ...], name: str) -> str:
 
 
 def _candidates(name: str, places: _Places) -> Iterator[Path]:
-    """Where a mesh may be, the likeliest first: in the file's own folders, in those that have packages, in those that were given."""
+    """Possible paths of a mesh, the likeliest first: in the folders of the file, in those that have packages, in those that were given."""
     if name.startswith(_PACKAGE):
         package, _, rest = _without(_PACKAGE, name).partition("/")
         for folder in places.packages:

@@ -1,4 +1,4 @@
-"""Actuators for the joints of a URDF, which has none of its own."""
+"""Actuators for the joints of a URDF, since that format has none."""
 
 from __future__ import annotations
 

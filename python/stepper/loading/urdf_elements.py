@@ -1,7 +1,7 @@
 """Elements of a URDF: which are simulated, which are not, and why.
 
 MuJoCo's parser reads some elements and drops the others without a word. `READ` lists the elements and attributes that it reads, `LEFT_OUT`
-has a reason for those that robots of many packages have and that are not simulated; any other gets a line of its own.
+has a reason for those that robots of many packages have and that are not simulated; any other gets a separate line.
 """
 
 from __future__ import annotations
@@ -122,7 +122,7 @@ class Urdf:
         return value
 
     def speed_limit(self, joint: str) -> float | None:
-        """Highest speed of a joint, rad/s or m/s, None where there is none: 0, which exporters write for want of a number, is none."""
+        """Highest speed of a joint, rad/s or m/s, None where there is none: 0, which exporters write without a number, is none."""
         return _bound(self.number(joint, "limit", "velocity"))
 
     def effort_limit(self, joint: str) -> float | None:

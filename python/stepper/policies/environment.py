@@ -1,4 +1,4 @@
-"""What was in force in an environment, as data that can be kept beside a policy and compared."""
+"""Settings of an environment, as data that can be stored with a policy and compared."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _SHOWN = 60
 
 
 def describe(env: Any) -> Description:
-    """What is in force in an environment, single or vector.
+    """Settings of an environment, single or vector.
 
     Args:
         env: An environment of `stepper.envs` or one of Gymnasium's on MuJoCo; of others, only spaces and versions are said.
@@ -44,7 +44,7 @@ def describe(env: Any) -> Description:
 
 
 def _plain(value: Any) -> Any:
-    """What JSON does not have: numbers of arrays; of an argument that is something else, how it shows itself."""
+    """JSON for other values: numbers of arrays, and the `repr` of anything else."""
     return value.tolist() if isinstance(value, np.ndarray | np.generic) else repr(value)
 
 
@@ -74,7 +74,7 @@ def _of_stepper(base: Any) -> Description:
 
 
 def _of_mujoco(base: Any) -> Description:
-    """Of an environment of Gymnasium's on MuJoCo. Its model has no digest that stepper's could be compared with."""
+    """Settings of an environment of Gymnasium on MuJoCo. Its model has no digest that stepper's could be compared with."""
     option = base.model.opt
     integrators = ("euler", "rk4", "implicit", "implicitfast", "discrete")
     return {
@@ -100,10 +100,10 @@ def _of_other(base: Any) -> Description:
 
 
 def differences(one: Description, other: Description) -> list[str]:
-    """What differs between two environments, a line for each: "options.contact: 'mujoco' there, 'hard' here".
+    """Differences between two environments, a line for each: "options.contact: 'mujoco' there, 'hard' here".
 
-    What only one of them says is a difference, too; but where the engines differ, what only one engine has (the digest of a model, settings
-    of its solver) is covered by the line that says so.
+    A setting that only one of them has is a difference, too. But where the engines differ, their line also covers what only one engine
+    has (the digest of a model, settings of its solver).
 
     Args:
         one: The environment there, as `describe` gives it.

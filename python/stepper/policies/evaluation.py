@@ -17,7 +17,7 @@ from stepper.shared.progress import Tick, silent
 
 Array = NDArray[Any]
 Act = Callable[[Array], Array]
-"""What gives actions (num_envs, nu) for observations (num_envs, n): a `Policy`, or any function."""
+"""Controller with actions (num_envs, nu) for observations (num_envs, n): a `Policy`, or any function."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -29,7 +29,7 @@ class Evaluation:
         returns: Sums of rewards, (episodes,).
         lengths: Actions, (episodes,).
         non_finite: Episodes that ended because their state would not have been finite.
-        infos: Means over each episode of the infos that were asked for, (episodes,), by name.
+        infos: Means over each episode of the requested infos, (episodes,), by name.
     """
 
     env: str
@@ -61,7 +61,7 @@ class Evaluation:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Comparison:
-    """The same policy in two environments, from the same starts.
+    """Comparison of a policy in two environments, from the same starts.
 
     Two one-sided tests (Schuirmann's): the mean returns are equivalent if the confidence interval of their paired difference at 1 - 2 alpha
     lies within the margin, which has both tests at the level alpha.
@@ -85,7 +85,7 @@ class Comparison:
 
     @property
     def interval(self) -> tuple[float, float]:
-        """Its confidence interval at 1 - 2 alpha: 90 % by default."""
+        """Confidence interval of the difference at 1 - 2 alpha: 90 % by default."""
         return _interval(self.other.returns - self.one.returns, 1.0 - 2.0 * self.alpha)
 
     @property
@@ -148,7 +148,7 @@ def evaluate(
 
     Args:
         policy: What acts.
-        env: Name of an environment that Gymnasium knows. Those of `stepper.envs`, and those of which there are only vector environments,
+        env: Name of an environment in Gymnasium. Those of `stepper.envs`, and those of which there are only vector environments,
             run all episodes at once, others one after the other.
         episodes: How many.
         seed: Episode k has the seed `seed + k`.
@@ -177,7 +177,7 @@ def is_native(env: str) -> bool:
 
 
 def _is_vector_alone(env: str) -> bool:
-    """Whether Gymnasium knows vector environments of a name, and no single ones."""
+    """Whether a name in Gymnasium has vector environments and no single ones."""
     spec = require("gymnasium", "to evaluate policies").registry.get(known(env))
     return spec is not None and spec.entry_point is None and spec.vector_entry_point is not None
 
@@ -222,14 +222,14 @@ def compare(
 
 
 def _starts(env: str, episodes: int, seed: int, settings: dict[str, Any]) -> tuple[Array, Array]:
-    """What the episodes of some seeds begin from."""
+    """Initial states of the episodes of some seeds."""
     envs = make(env, episodes, **settings)
     envs.reset(seed=seed)
     return envs.unwrapped.sim.qpos.astype(np.float64), envs.unwrapped.sim.qvel.astype(np.float64)
 
 
 def _together(envs: Any, policy: Act, seed: int, starts: tuple[Array, Array] | None, infos: Sequence[str], *, tick: Tick) -> Evaluation:
-    """Every episode in an environment of its own. Those that are over go on with another, which is not counted."""
+    """Every episode in a separate environment. Those that are over go on with another, which is not counted."""
     observation, _ = envs.reset(seed=seed)
     if starts is not None:
         observation = envs.unwrapped.set_state(*starts)

@@ -51,7 +51,7 @@ def film(
 
     Args:
         policy: What acts.
-        env: Name of an environment that Gymnasium knows.
+        env: Name of an environment in Gymnasium.
         file: An mp4; what is there is replaced.
         actions: Actions of the film, if the episode is not over before.
         seed: Of the episode.

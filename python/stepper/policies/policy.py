@@ -25,7 +25,7 @@ _DAMAGED = (
     *(ValueError, KeyError, IndexError, AttributeError, TypeError, EOFError, MemoryError, OverflowError),
     *(RuntimeError, zipfile.BadZipFile, zlib.error),  # zipfile's of what it cannot read: a method of compression, a password.
 )
-"""What NumPy, its archives and JSON raise where a file is another one, or is damaged."""
+"""Exceptions of NumPy, its archives and JSON for a file of another kind or a damaged one."""
 
 ACTIVATIONS: dict[str, Callable[[Array], Array]] = {
     "tanh": np.tanh,
@@ -59,7 +59,7 @@ class Policy:
         low: Least actions, (nu,).
         high: Largest actions, (nu,).
         environment: What it was trained in, as `stepper.policies.describe` gives it.
-        training: How it was trained: whatever the one who trained it wants to say, as JSON has it.
+        training: Notes on the training, as JSON.
     """
 
     mean: Array
@@ -114,7 +114,7 @@ class Policy:
         return action.astype(np.float32)
 
     def differences(self, env: Any) -> list[str]:
-        """What differs between an environment and the one that this was trained in, a line for each; see `stepper.policies.differences`."""
+        """Differences between an environment and the one of the training, a line for each; see `stepper.policies.differences`."""
         return differences(self.environment, describe(env))
 
     def check(self, env: Any) -> None:

@@ -1,4 +1,4 @@
-"""Why an episode failed: what a step says of itself, laid to physics, sensing or action."""
+"""Causes of failed episodes: the status of the steps, attributed to physics, sensing or action."""
 
 from __future__ import annotations
 
@@ -102,7 +102,7 @@ class Failures:
             self._first[cause] += [(row, int(env)) for env in environments[:room]]
 
     def summary(self) -> list[dict[str, Any]]:
-        """What happened at all: whose fault, what, in how many calls of `step` of an environment, and the first (row, environment) pairs.
+        """All failures: cause, flag, in how many calls of `step` of an environment, and the first (row, environment) pairs.
 
         Of sensing also "readings", how many of each sensor; of saturated actions "steps", how many of each actuator.
         """

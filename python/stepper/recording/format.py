@@ -7,10 +7,10 @@ A recording is a folder:
     model.stepper    the model, as `Model.save` writes it
     00000.npz ...    rows, each file complete in itself
 
-run.json is written anew, in one piece, after every file: what a crash loses is the last file alone.
+run.json is written again, in one piece, after every file: what a crash loses is the last file alone.
 
-Arrays of a file: `kind` (n,) says what each row was (`KINDS`). The rows of steps have the fields of `FIELDS`, stacked in their order; the
-others their arguments, as "row/name".
+Arrays of a file: `kind` (n,) gives the kind of each row (`KINDS`). The rows of steps have the fields of `FIELDS`, stacked in
+their order; the others their arguments, as "row/name".
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ FORMAT = 6
 """6: names are those of the attributes and arguments of `Stepper`."""
 HEADER, MODEL = "run.json", "model.stepper"
 KINDS = ("start", "step", "reset", "set_state", "applied", "randomize")
-"""What a row can be. "applied" stands before a step whose forces, mocap poses or equalities are other than those of the step before."""
+"""Kinds of rows. "applied" stands before a step whose forces, mocap poses or equalities are other than those of the step before."""
 FIELDS = {
     "ctrl": "as given, N, N m or what the actuator takes",
     "nstep": "steps of the call",
@@ -70,7 +70,7 @@ def reading(place: str | Path) -> Iterator[None]:
         raise
     except Exception as error:
         what = f"{error.args[0]} is missing" if isinstance(error, KeyError) and error.args else str(error) or type(error).__name__
-        raise RecordingError(f"{place}: {what}; copy the recording again, or record anew") from error
+        raise RecordingError(f"{place}: {what}; copy the recording again, or record it again") from error
 
 
 def digest_of(file: BinaryIO) -> str:

@@ -97,7 +97,7 @@ class Recorder:
         self._add("randomize", envs=chosen, shared=np.array(shared, "U"), **_parameters(rows, chosen))
 
     def close(self) -> None:
-        """Writes what is left and says in run.json that the recording is complete. The stepper goes on unrecorded."""
+        """Writes the rest and marks the recording in run.json as complete. The stepper goes on unrecorded."""
         if self._sim.recorder is self:
             self._sim.recorder = None
             self._flush(closed=True)
@@ -109,7 +109,7 @@ class Recorder:
         self.close()
 
     def _add(self, kind: str, **arguments: Any) -> None:
-        # Copies: whoever calls may write the next numbers into the same arrays.
+        # Copies: the caller may write the next numbers into the same arrays.
         arrays = {name: np.array(value) for name, value in arguments.items()}
         self._others |= {f"{len(self._kinds)}/{name}": value for name, value in arrays.items()}
         self._count(kind, sum(value.nbytes for value in arrays.values()))
@@ -144,7 +144,7 @@ class Recorder:
         self._clear()
 
     def _so_far(self) -> dict[str, Any]:
-        """What run.json says of the files that were written."""
+        """Entries of run.json for the files that were written."""
         rows = sum(int(file["rows"]) for file in self._files)
         return {"rows": rows, "files": self._files, "failures": self.failures.summary()}
 

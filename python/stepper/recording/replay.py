@@ -47,7 +47,7 @@ class Difference:
 
 @dataclass(frozen=True)
 class Replay:
-    """How a replay went.
+    """Outcome of a replay.
 
     Attributes:
         rows: Rows that were repeated.
@@ -137,7 +137,7 @@ def recorded_stepper(folder: Path, head: Header, model: Model | None, threads: i
 
 
 def repeat(sim: Stepper, kind: str, arrays: Arrays, row: int, step: int) -> Difference | None:
-    """Does again what a row of a recording says; of a step, what came out otherwise."""
+    """Repeats a row of a recording; for a step, returns the differences of the result."""
     if (kind == "start") != (row == 0):
         raise ValueError(f"it is a {kind}: a recording begins with a start, and has no other")
     if kind == "step":

@@ -21,7 +21,7 @@ _TAU = 100.0
 
 
 def encoder(bits: int, *, turn: float = 2 * math.pi) -> Transfer:
-    """An absolute encoder of so many bits per turn (rad, or m of travel)."""
+    """An absolute encoder with that many bits per turn (rad, or m of travel)."""
     if not 1 <= bits <= 40:
         raise ValueError(f"bits is {bits}, must be from 1 to 40")
     return Transfer(quantum=turn / 2**bits)

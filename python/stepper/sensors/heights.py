@@ -58,7 +58,7 @@ class HeightField:
         if origin is None:
             raise ValueError(f"the elevations of {place} are not known, as this process did not load the model from MJCF: give source=")
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore", UserWarning)  # Whoever loaded the model has seen them.
+            warnings.simplefilter("ignore", UserWarning)  # They were given when the model was loaded.
             m = copy.copy(compile_source(origin.source, origin.package_dirs))
         field = int(m.geom_dataid[found.id]) if found.id < m.ngeom else -1
         if field < 0 or m.ngeom != model.ngeom or int(m.geom_type[found.id]) != 1:
@@ -108,7 +108,7 @@ class HeightField:
         """Heights of the ground in the world.
 
         Args:
-            sim: The stepper, whose environments may have places of their own for the geom (`sim.randomize(geom_pos=)`). None is the place
+            sim: The stepper, whose environments may have separate places for the geom (`sim.randomize(geom_pos=)`). None is the place
                 of the model, without a simulation.
             places: World x and y, (num_envs, n, 2) or (n, 2) for all, m; without a stepper (..., 2).
             beyond: Height of places beyond the field's border, m.
@@ -145,7 +145,7 @@ class HeightField:
             out: Array to write to; None is a new one.
 
         Returns:
-            (num_envs, n) float64, m: heights in the world. Less `sim.xpos` of the body they are those beside it.
+            (num_envs, n) float64, m: heights in the world. Less `sim.xpos` of the body they are relative to it.
 
         Raises:
             ValueError: Offsets or an `out` of another shape or scalar type.

@@ -31,7 +31,7 @@ class SensorModel:
 
     @classmethod
     def from_mjcf(cls, model: Model) -> SensorModel:
-        """What the model's source declares of each sensor: noise, cutoff, delay and interval."""
+        """Declarations of each sensor in the model's source: noise, cutoff, delay and interval."""
         transfers = {}
         for index, sensor in enumerate(model.sensors):
             cutoff = sensor["cutoff"] if sensor["datatype"] in ("real", "positive") else 0.0
@@ -49,7 +49,7 @@ class SensorModel:
     def from_file(cls, path: str | os.PathLike[str]) -> SensorModel:
         """Reads a TOML (.toml) or JSON (.json) file.
 
-        A table `sensors` has a table for every name or pattern, a table `default` may be beside it. Their entries are the attributes of
+        A table `sensors` has a table for every name or pattern, and a table `default` is optional. Their entries are the attributes of
         `Transfer`; an entry `device` begins with one of `stepper.sensors.devices`, e.g. device = "mpu6050_gyro".
 
         Raises:
@@ -74,7 +74,7 @@ class SensorModel:
         return out | ({"default": plain(self.default)} if self.default else {})
 
     def transfers(self, model: Model, num_envs: int) -> list[dict[str, Any] | None]:
-        """What the sensors of a model get, one entry for each; None for ideal ones.
+        """Transfer functions for the sensors of a model, one entry for each; None for ideal ones.
 
         Raises:
             ValueError: A name that no sensor has, a pattern that fits none, a wrong shape.
@@ -84,7 +84,7 @@ class SensorModel:
         return [self._row(name, num_envs) for name in names]
 
     def chosen(self, index: np.ndarray[Any, Any]) -> SensorModel:
-        """The same with the numbers of some environments alone: a mask (num_envs,), or indices, which may repeat."""
+        """Copy with the numbers of some environments alone: a mask (num_envs,), or indices, which may repeat."""
         default = None if self.default is None else _chosen(self.default, index)
         return SensorModel({name: _chosen(transfer, index) for name, transfer in self.named.items()}, default=default)
 

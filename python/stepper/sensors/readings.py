@@ -67,7 +67,7 @@ class SensorSpec:
         tendon: Name of the fixed tendon.
         actuator: Name of the actuator.
         site: Name of the site.
-        body: Name of the body; of a frame sensor its own frame, MJCF's "xbody".
+        body: Name of the body; of a frame sensor the frame of the body, MJCF's "xbody".
         inertial: Name of the body, of whose centre of mass and principal axes a frame sensor is: MJCF's "body".
         geom: Name of the geom.
         reference_body: Name of the body in whose frame a frame sensor reads, and against which it moves; without a reference, the world.
@@ -102,11 +102,11 @@ _WORDS: dict[str, tuple[tuple[str, ...], dict[str, str]]] = {
     "frame": (tuple(_OBJECTS), FRAMES),
     "scene": ((), SCENE),
 }
-"""What a sensor of each family is of, and its types."""
+"""Kind of element that a sensor of each family measures, and its types."""
 
 
 def describe(model: Model, sensors: Mapping[str, RayFan | Combination | SensorSpec]) -> list[dict[str, Any]]:
-    """What the Rust crate's `Sensor` holds, for every sensor.
+    """Fields of the Rust crate's `Sensor`, for every sensor.
 
     Raises:
         TypeError: Something that is neither.
@@ -168,7 +168,7 @@ def _terms(names: Sequence[str], combination: Combination, place: str) -> list[t
 
 
 def _kind(model: Model, reading: SensorSpec, place: str) -> str | dict[str, Any]:
-    """What the Rust crate calls what a reading is of."""
+    """Name in the Rust crate of the element that a reading measures."""
     family = next((family for family, (_, words) in _WORDS.items() if reading.type in words), None)
     if family is None:
         known = ", ".join(word for _, words in _WORDS.values() for word in words)

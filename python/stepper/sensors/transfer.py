@@ -20,14 +20,14 @@ class Transfer:
 
     Truth, scale and misalignment, bias, drift, noise, quantisation, limits, sample and hold, delay, dropout. Every number is one for all
     environments or an array (num_envs,), in the unit of the sensor's readings. Readings that are unit vectors or quaternions are turned by
-    bias, drift and noise as a rotation vector in rad; readings that say nothing at 0 and below (touch, rangefinder) are left alone there.
+    bias, drift and noise as a rotation vector in rad; readings that mean nothing at 0 and below (touch, rangefinder) are left alone there.
 
     Attributes:
         scale: Factor of every channel; or a matrix (dim, dim) that mixes them.
         scale_std: Standard deviation of the relative error of each channel's factor, drawn at each reset.
         misalignment_std: Standard deviation of what each channel reads of every other, in rad, drawn at each reset.
         bias: Bias of every channel, the same in every episode.
-        bias_std: Standard deviation of what each channel's bias has beside it, drawn at each reset.
+        bias_std: Standard deviation of the part that is added to each channel's bias, drawn at each reset.
         drift_std: Growth of each channel's drift, per sqrt(s); it is 0 at each reset.
         drift_time: Correlation time of the drift in s, which makes it a first-order Gauss-Markov process of standard deviation
             drift_std sqrt(drift_time / 2) in the long run; None is a random walk.
@@ -70,7 +70,7 @@ class Transfer:
         check_numbers(self, "noise")
 
     def _row(self, num_envs: int) -> dict[str, Any]:
-        """What the Rust crate's `Transfer` holds."""
+        """Fields of the Rust crate's `Transfer`."""
         mixes = np.ndim(self.scale) == 2
         low, high = (-math.inf, math.inf) if self.limits is None else self.limits
         plain = ("scale_std", "misalignment_std", "bias", "bias_std", "drift_std", "quantum", "delay", "jitter", "dropout")

@@ -1,4 +1,4 @@
-"""What a camera, or a detector behind it, has in view."""
+"""Field of view of a camera, or of its detector."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ class FieldOfView:
         """Readings of what is in view, and the last ones of what is not, as a tracker holds them.
 
         Args:
-            reading: The position in the camera's frame and what else the detector says, (num_envs, 3 and more).
+            reading: The position in the camera's frame and the further outputs of the detector, (num_envs, 3 and more).
             last: What it said before, of the same shape; NaN where it has seen nothing yet.
 
         Raises:

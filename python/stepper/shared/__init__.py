@@ -1,1 +1,1 @@
-"""What several folders use."""
+"""Code that several folders use."""

@@ -9,7 +9,7 @@ import sys
 def known(env: str) -> str:
     """The name of an environment, whose module is imported where it is given before a colon: "push_task:me/Push-v0" is "me/Push-v0" then.
 
-    Modules beside where the command was called are found too.
+    Modules in the folder where the command was called are found too.
 
     Raises:
         ValueError: There is no such module.

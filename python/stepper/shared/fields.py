@@ -1,6 +1,6 @@
 """Table of fields: arrays of a model that can vary, parameters made of several fields, and arrays that users write to a stepper.
 
-`FIELDS` has every field of `Model.replace`; `Field.own` says which of them `Stepper.randomize` takes. Selectors
+`FIELDS` has every field of `Model.replace`; `Field.own` marks those that `Stepper.randomize` takes. Selectors
 (`stepper.shared.selectors`) name parts of a field. docs/reference/what_can_vary.md is this table.
 """
 
@@ -47,7 +47,7 @@ class Field:
         shape: Shape in words: "(ngeom, 3)"; "" of a single number.
         what: Quantity in words.
         unit: Unit.
-        own: Whether environments may have their own values (`Stepper.randomize`).
+        own: Whether values may differ between environments (`Stepper.randomize`).
         derived: Quantities that follow from it.
     """
 

@@ -33,7 +33,7 @@ def in_one_piece(path: Path) -> Iterator[BinaryIO]:
     """A file that takes its name when it is whole. After an exception, as that of Ctrl-C, what was there before is still there.
 
     Yields:
-        A stream for writing and reading, which is another file beside it.
+        A stream for writing and reading, which is another file in the same folder.
     """
     partial = path.with_name(f"{path.name}.part")
     try:
@@ -46,7 +46,7 @@ def in_one_piece(path: Path) -> Iterator[BinaryIO]:
 
 
 def in_words(error: OSError) -> str:
-    """What an error of the system says to a user: the file, what is wrong, and what to do, without its number."""
+    """Message of a system error for a user: the file, what is wrong, and what to do, without its number."""
     if error.errno is None or error.filename is None:
         return str(error)
     name = os.fsdecode(error.filename)

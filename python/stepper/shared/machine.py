@@ -1,4 +1,4 @@
-"""What a measurement ran on, and how it was kept on one core."""
+"""Machine of a measurement, and the limit to one core."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ INSTALL = {
 
 
 class MissingPackageError(ImportError):
-    """An optional package is not installed; the message says how to install it."""
+    """An optional package is not installed; the message explains how to install it."""
 
 
 def require(module: str, purpose: str, extra: str = "") -> ModuleType:
@@ -99,7 +99,7 @@ def _missing(module: str, purpose: str, extra: str = "") -> MissingPackageError:
 
 
 def allowed_cores() -> set[int]:
-    """Cores that this process may use; all of them where the system does not say."""
+    """Cores that this process may use; all of them where the system has no such list."""
     if sys.platform == "linux":
         return os.sched_getaffinity(0)
     return set(range(os.cpu_count() or 1))
@@ -145,7 +145,7 @@ def package_version(name: str) -> str | None:
 
 
 def provenance() -> dict[str, object]:
-    """What a figure needs beside it: command, machine, versions, load."""
+    """Provenance of a figure: command, machine, versions, load."""
     packages = ("mujoco-core", "dm_control", "numpy", "scipy", "matplotlib")
     load = round(os.getloadavg()[0], 1) if hasattr(os, "getloadavg") else None
     return {

@@ -9,4 +9,4 @@ Tick = Callable[[str, float], None]
 
 
 def silent(what: str, done: float) -> None:
-    """A `Tick` that tells nobody."""
+    """A `Tick` without output."""

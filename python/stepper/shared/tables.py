@@ -1,4 +1,4 @@
-"""What sensors and actuators have in common: tables by name or pattern, from TOML or JSON."""
+"""Tables of sensors and actuators: by name or pattern, from TOML or JSON."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def by_name(given: Any, default: Any, kind: type[T], what: str) -> dict[str, T]:
 
 
 def fitting(named: Mapping[str, T], default: T | None, name: str) -> T | None:
-    """What is said of a name: by itself, by the first pattern that fits, or by default."""
+    """Entry of a name: by itself, by the first pattern that fits, or by default."""
     patterns = [value for pattern, value in named.items() if fnmatch.fnmatchcase(name, pattern)]
     return named.get(name) or (patterns[0] if patterns else default)
 

@@ -1,4 +1,4 @@
-"""What was measured: episodes with controls and readings, from recordings, CSV and npz files, and from arrays.
+"""Measurements: episodes with controls and readings, from recordings, CSV and npz files, and from arrays.
 
 A log (CSV or npz) has a row for every sample, at equal times: `time` in s; `ctrl`, which is in force from that row's time to the next
 one's; and channels, what was read at that time. A channel is named after a sensor of the model, or is "qpos", "qvel" or "act" as a whole,
@@ -59,7 +59,7 @@ class Episode:
     notes: tuple[str, ...] = ()
 
     def checked(self, model: Model) -> Episode:
-        """The same with arrays of the shapes above.
+        """Copy with arrays of the shapes above.
 
         Raises:
             ValueError: A wrong shape, a control that is not finite, no readings; the message has the episode's name.
@@ -112,7 +112,7 @@ def _rows(name: str, given: ArrayLike, count: int) -> Array:
 
 
 def vector(name: str, given: ArrayLike, size: int) -> Array:
-    """Of a state at the start, (size,)."""
+    """Standard deviations of a state at the start, (size,)."""
     array = np.asarray(given, np.float64)
     if array.shape != (size,):
         raise ValueError(f"{name} at the start has shape {array.shape}, must be ({size},)")
@@ -140,7 +140,7 @@ def episodes_of(
         model: The model that they are of.
         channels: Channels of files to use; None is all that are readings of sensors (and of logs also qpos, qvel and act).
         columns: What columns of a CSV file, or arrays of an npz file, are called here: {"Fx [N]": "wrist_force[0]"}.
-        start: Keyframe, or (qpos, qvel), where logs begin that do not say it in their first row.
+        start: Keyframe, or (qpos, qvel), where logs begin without a state in their first row.
 
     Raises:
         ValueError: A file that has no such thing; the message has the file and the place.

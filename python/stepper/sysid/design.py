@@ -1,8 +1,8 @@
-"""Design of experiments: which of several motions would say most of what is not known yet.
+"""Design of experiments: which of several motions would determine the unknowns best.
 
 An experiment of Jacobian J over noise adds J^T J to the inverse of the covariance. D-optimal is the one with the smallest determinant of
 what is left. The slopes are those at the estimate, and at draws of what was identified, whose logarithms of determinants are averaged
-(Chaloner and Verdinelli 1995): at a friction that holds an experiment says nothing, and at others that are as likely it slides.
+(Chaloner and Verdinelli 1995): at a friction that holds an experiment determines nothing, and at others that are as likely it slides.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from stepper.sysid.simulate import Simulator, find_channels, noise_of, solved
 
 @dataclass(frozen=True)
 class Prospect:
-    """What an experiment would say.
+    """Expected information of an experiment.
 
     Attributes:
         name: Of the episode.
@@ -58,15 +58,15 @@ def design(
     threads: int = 0,
     seed: int = 0,
 ) -> list[Prospect]:
-    """Ranks experiments by what they would say, the best first.
+    """Ranks experiments by their expected information, the best first.
 
     Args:
         found: What is known.
-        experiments: Controls and starts, as `Episode(ctrl, {}, period, name="fast push")`; readings are not looked at.
+        experiments: Controls and starts, as `Episode(ctrl, {}, period, name="fast push")`; readings are ignored.
         noise: Standard deviations of the channels that would be read, each a number or one for every column, None those of `found`.
         options: As of `identify`.
         actuators: As of `identify`.
-        draws: Draws of what is known beside the estimate.
+        draws: Draws of the prior in addition to the estimate.
         step: As of `identify`.
         threads: As of `identify`.
         seed: Of the draws.

@@ -1,4 +1,4 @@
-"""What a user must know of an estimate before using it: what data do not say, and what the model does not explain."""
+"""Warnings about an estimate: what the data do not determine, and what the model does not explain."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ ROUGH = 0.3
 
 
 def undetermined(blocks: Sequence[Block], std: Array, reach: Array) -> np.ndarray[Any, np.dtype[np.bool_]]:
-    """Which numbers data do not determine; `std` and `reach` are those of x."""
+    """Mask of the numbers that data do not determine; `std` and `reach` are those of x."""
     logarithmic = np.concatenate([np.full(block.size, block.kind.log) for block in blocks])
     found: np.ndarray[Any, np.dtype[np.bool_]] = (std > UNKNOWN * reach) | (logarithmic & (std > VAGUE))
     return found
@@ -91,14 +91,14 @@ def _fit_warnings(
     known: np.ndarray[Any, Any],
     weights: Array,
 ) -> list[str]:
-    """What the residuals and the other searches say."""
+    """Findings from the residuals and the other searches."""
     out = []
     std = np.sqrt(np.diag(sure.covariance))
     best = min(s.cost for s in searches)
     count = residuals.count
     for search in searches:
         apart = np.abs(search.x[known] - x[known]) / np.maximum(std[known], 1e-12) if len(known) else np.zeros(0)
-        # As good as the best: the sum of squares differs by less than noise makes it, in units in which the best leaves one per reading.
+        # Equivalent to the best: the sum of squares differs by less than noise makes it, in units in which the best leaves one per reading.
         excess = 2 * (search.cost - best) * count / max(2 * best, 1e-300)
         if len(apart) and apart.max() > 5 and excess < 4:
             j = int(known[int(apart.argmax())])

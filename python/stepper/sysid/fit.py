@@ -64,7 +64,7 @@ def identify(
     """Finds the parameters with which a model moves and reads as it was measured, and how sure that is.
 
     SciPy's `least_squares` (trust-region reflective) minimises residuals over their noise within bounds, from several starts side by side.
-    All that it asks for - every episode, start, and parameter a little above and below, for central differences - is one batch.
+    All that it simulates - every episode, start, and parameter a little above and below, for central differences - is one batch.
 
     Args:
         model: The model, with everything that is known.
@@ -84,7 +84,7 @@ def identify(
         seed: Of the sequence of starts.
         channels: Channels of files to use; None is the sensors of recordings and all of logs.
         columns: What columns of files are called here.
-        start: Keyframe, or (qpos, qvel), where logs begin that do not say so themselves.
+        start: Keyframe, or (qpos, qvel), where logs begin without a state.
         tick: Called with the name of a search and the fraction of its evaluations, of which most searches need a part.
 
     Returns:
@@ -107,7 +107,7 @@ def identify(
     simulator = Simulator(_begun(model, blocks), episodes, blocks, solved(options or Options()), threads=threads, actuators=actuators)
     residuals = Residuals(simulator, step)
     if residuals.count <= residuals.n:
-        raise ValueError(f"{residuals.count} readings can't say {residuals.n} numbers; give more data or fewer parameters")
+        raise ValueError(f"{residuals.count} readings cannot determine {residuals.n} numbers; give more data or fewer parameters")
     known = _given_noise(simulator, noise or {})
     first = _first_noise(simulator)
     residuals.sigma = np.where(np.isnan(known), first, known)
@@ -256,7 +256,7 @@ def _noise_left(residuals: Residuals, at: Linearized, loss: str) -> Array:
 
 
 def _starts(qmc: Any, residuals: Residuals, count: int, seed: int) -> list[Array]:
-    """Where the model is, and the best of eight times as many points around it."""
+    """Minimum of the model, and the best of eight times as many points around it."""
     points = [residuals.start]
     if count > 1:
         n = residuals.n

@@ -50,7 +50,7 @@ def factor(theta: Array) -> Array:
 
 
 def bodies(theta: Array, mass: float, inertia: Array) -> tuple[Array, Array, Array, Array]:
-    """Bodies beside one of a given mass (kg) and principal moments (3,) (kg m^2), which is where theta is 0.
+    """Bodies relative to one of a given mass (kg) and principal moments (3,) (kg m^2), which is where theta is 0.
 
     Args:
         theta: Log-Cholesky parameters, (..., 10).

@@ -1,9 +1,9 @@
 """Derivatives over what is not known: differences as wide as a normal distribution, by which a kink counts as much as it is likely.
 
 Where a contact begins, readings have kinks that are nearer to one another than what is known of the state. The slope at one point is then
-that of one piece, and says more of the parameters than the readings do. So the differences are those of the second-order divided-difference
+that of one piece, and overstates what the readings determine. So the differences are those of the second-order divided-difference
 filter (Norgaard, Poulsen and Ravn 2000): above and below the estimate along the columns of a root of the covariance, sqrt(3) standard
-deviations long. Half their difference is the slope, and what curvature leaves beside it counts as noise.
+deviations long. Half their difference is the slope, and what curvature adds to it counts as noise.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ class Directions:
         covariance: Of x, (n, n).
         local: Half widths of differences that are the narrowest, (n,).
         room: Distances from x to its bounds, of those that have some, the smaller one; infinite elsewhere, (n,).
-        apart: Indices of x that have local differences along their own axes, and the others theirs with these held.
+        apart: Indices of x that have local differences along their axes, and the others theirs with these held.
 
     Attributes:
         columns: A direction in each column, (n, n).
@@ -55,7 +55,7 @@ class Directions:
         return out
 
     def derivative(self, y: Array, spans: Array) -> tuple[Array, Array]:
-        """Slopes after x, (n, T, width), and what curvature leaves beside them along each direction, (n, T, width).
+        """Slopes after x, (n, T, width), and what curvature adds to them along each direction, (n, T, width).
 
         Args:
             y: Values at x, and at all of `points`, (1 + 2 n, T, width).

@@ -42,7 +42,7 @@ WIDE = 0.3
 STEPS = 6
 """Gauss-Newton steps for a sample, at the most,"""
 HALVINGS = 4
-"""each shortened so many times until the window costs no more than before,"""
+"""each shortened that many times until the window costs no more than before,"""
 SAME = 0.01
 """but for this much: a hundredth of what a standard deviation costs."""
 LITTLE = 0.1
@@ -54,16 +54,16 @@ FLAT = 0.01
 KINKED = (*(f"{field}_friction[{column}]" for field in ("geom", "pair") for column in range(3)), "dof_frictionloss")
 """Kinds that have no slope where nothing slides."""
 OTHERS = (-0.5, -0.15, 0.15, 0.5)
-"""Logarithms of the ratios by which other values of these are tried at every sample, beside some standard deviations more and less,"""
+"""Logarithms of the ratios by which other values of these are tried at every sample, with some standard deviations more and less,"""
 NEAR = 2.5
-"""which are so many, of at least"""
+"""which are that many, of at least"""
 NEAREST = 0.005
 """as a logarithm,"""
 TRIED = len(OTHERS) + 3
 ABOVE_BOUND = 0.02
 """And the one that is this far above the lower bound, so that the bound rises by it with every sample."""
 BETTER = 1.0
-"""A larger value is taken if the costs are smaller by this. One that costs at most this much more says that friction holds."""
+"""A larger value is taken if the costs are smaller by this. One that costs at most this much more means that friction holds."""
 EXCLUDED = 12.0
 """A smaller value is taken, and a value is excluded, where the costs differ by this: 3.5 standard deviations. What slides steadily and what
 holds have the same forces, so that noise alone would soon find something that slides."""
@@ -124,7 +124,7 @@ class _Linear:
         made: What was predicted of all points.
         residual: Residuals of all points, (count, T, width).
         J: Derivatives at the estimate, (T, width, n + states).
-        noise: Standard deviations of the residuals, with what curvature leaves beside the derivatives, (T, width).
+        noise: Standard deviations of the residuals, with what curvature adds to the derivatives, (T, width).
         cost: Sum of squares of the window's residuals and of the distance from what was known, at the estimate.
     """
 
@@ -143,8 +143,8 @@ class Tracker:
 
     Args:
         model: The model, with everything that is known.
-        parameters: What is followed, as of `identify`; `FitParameter.prior` says what is known of them. Without one, a positive quantity is
-            known to a factor of e, and other numbers as their bounds say.
+        parameters: What is followed, as of `identify`; `FitParameter.prior` has their prior. Without one, a positive quantity is
+            known to a factor of e, and other numbers within their bounds.
         noise: Standard deviation of each channel by name (a number, or one for every column): sensors, "qpos", "qvel", "qpos:elbow" ...
             These channels are read.
         period: Time between samples, s: a whole number of time steps.
@@ -162,7 +162,7 @@ class Tracker:
 
     Raises:
         KeyError: No sensor or coordinate of a name.
-        ValueError: No element of a name, what environments of one stepper cannot have of their own, a window that is too short, shapes
+        ValueError: No element of a name, what environments of one stepper must share, a window that is too short, shapes
             that do not fit, or numbers that are not finite.
 
     Example:
@@ -318,7 +318,7 @@ class Tracker:
         return {name: out.get(name, np.full(len(channel.columns), np.nan)) for name, channel in known.items()}
 
     def _seen(self, readings: dict[str, Array]) -> np.ndarray[Any, np.dtype[np.bool_]]:
-        """Which columns of the residuals were measured; those of infinite noise are not looked at."""
+        """Mask of the measured columns of the residuals; those of infinite noise are ignored."""
         parts = []
         for channel in self._channels:
             finite = np.isfinite(readings[channel.name])
@@ -373,12 +373,12 @@ class Tracker:
             out[..., channel.lines] = value.transpose(1, 0, 2) / self._sigma[channel.lines]
         if not np.isfinite(out).all():
             raise FloatingPointError(
-                f"the prediction of the window that ends at {self._now:g} s is not finite; begin anew with a new Tracker"
+                f"the prediction of the window that ends at {self._now:g} s is not finite; begin again with a new Tracker"
             )
         return made, out
 
     def _profiles(self, points: Array, residual: Array, J: Array) -> list[tuple[Array, Array, Array]]:
-        """Of each friction the costs of the values that were tried, the estimate first, once all other numbers have made the best of them.
+        """Costs of the values that were tried for each friction, the estimate first, once all other numbers have made the best of them.
 
         Returns:
             Indices of the points; costs by the window, with what is known of the other numbers; costs with what is known of friction too.
@@ -402,8 +402,8 @@ class Tracker:
     def _other(self, points: Array, residual: Array, J: Array) -> tuple[Array | None, list[int]]:
         """A point with another friction that explains the window better; and frictions that hold.
 
-        Of a friction that holds the window says that it is large enough, and nothing else. Where the estimate slips a little and
-        the readings do not, the slope there says that friction is what just holds; all larger values explain the window as well. What would
+        For a friction that holds, the window only determines that it is large enough. Where the estimate slips a little and
+        the readings do not, the slope there gives the friction that just holds; all larger values explain the window as well. What would
         have slipped raises the lower bound.
         """
         best, gain, holding = 0, 0.0, []
@@ -422,7 +422,7 @@ class Tracker:
 
     @staticmethod
     def _flat(residual: Array, tried: Array) -> bool:
-        """Whether the two largest frictions predict the same: what slides in both says that friction and mass are known together only."""
+        """Whether the two largest frictions predict the same: what slides in both determines friction and mass together only."""
         one, other = residual[np.argsort(tried)[-2:]]
         return float(((one - other) ** 2).sum()) < FLAT
 

@@ -1,6 +1,6 @@
 """Parameters to identify, as numbers theta that an optimiser may move freely within bounds.
 
-A kind says how a parameter is written as theta: positive quantities as logarithms, an inertia as log-Cholesky parameters, others as they
+A kind defines how a parameter is written as theta: positive quantities as logarithms, an inertia as log-Cholesky parameters, others as they
 are. `bind` looks the elements up in a model and gives a block of theta for each parameter.
 """
 
@@ -35,7 +35,7 @@ class Kind:
         says: Quantity in words.
         excite: Motion that data need to determine it.
         log: Whether theta is the logarithm, so that values stay positive.
-        bounds: Bounds of the value, if not what `REACH` says.
+        bounds: Bounds of the value, if not those of `REACH`.
     """
 
     element: str
@@ -166,7 +166,7 @@ class Variants:
         return self.fields[field]
 
     def actuators(self, known: ActuatorModel | None, index: Array | None = None) -> ActuatorModel | None:
-        """Drives with these delays beside what is known of them; `index` picks a variant for every environment."""
+        """Drives with these delays in addition to the known attributes; `index` picks a variant for every environment."""
         if not self.delays:
             return None
         drives = {}
@@ -378,7 +378,7 @@ class _Reading(Block):
             self._scale = 0.01 if self.parameter.kind == "sensor.delay" else 1.0
             return
         if len(self.index) != 1:
-            raise ValueError(f"{self.parameter}: every sensor has a bias of its own; give a parameter for each")
+            raise ValueError(f"{self.parameter}: every sensor has a separate bias; give a parameter for each")
         dim = model.sensor(self.index[0]).dim
         self._interval(0.0)
         if dim > 1:
@@ -434,7 +434,7 @@ def bind(parameters: Sequence[FitParameter | str], model: Model) -> list[Block]:
 
 
 def write(blocks: Sequence[Block], theta: Array, model: Model) -> Variants:
-    """What theta (count, n) of all blocks means."""
+    """Values of theta (count, n) of all blocks."""
     variants = Variants(model, len(theta))
     # Moments are absolute, and a mass scales those it finds.
     for block, piece in sorted(zip(blocks, split(blocks, theta), strict=True), key=lambda part: part[0].parameter.kind == "body_inertia"):

@@ -63,7 +63,7 @@ class Residuals:
         self.count = sum(int(mask.sum()) for mask in self.masks)
 
     def shifted(self, shift: int) -> Residuals:
-        """Those of the same episodes whose readings stand one row earlier or later, with the same noise."""
+        """Residuals of the same episodes whose readings stand one row earlier or later, with the same noise."""
         out = Residuals(self.simulator.with_episodes([shifted(episode, shift) for episode in self.simulator.episodes]), self.step)
         out.sigma = self.sigma
         return out
@@ -110,7 +110,7 @@ class Residuals:
         return out
 
     def times(self) -> np.ndarray[Any, np.dtype[np.int64]]:
-        """Of every reading the episode, row and column, (count, 3)."""
+        """Episode, row and column of every reading, (count, 3)."""
         return np.concatenate([np.insert(np.argwhere(mask), 0, e, axis=1) for e, mask in enumerate(self.masks)])
 
     def _wide(self) -> int:
@@ -127,7 +127,7 @@ class Residuals:
                 up, down = min(up, self.high[j]), max(down, self.low[j])
                 spans[j] = up - x[j], x[j] - down
             rows[1 + 2 * j, j], rows[2 + 2 * j, j] = up, down
-        # Starts of episodes differ, so a point's own are kept beside the displacement that is common to them.
+        # Starts of episodes differ, so those of a point are kept with the displacement that is common to them.
         return np.concatenate([rows, np.tile(x[self.n :], (len(rows), 1))], axis=1), spans
 
     def _predict(self, rows: Array, points: Array | None = None) -> list[Array]:
@@ -186,7 +186,7 @@ def slopes(y: Array, spans: Array) -> Array:
 
 
 def _unknown_starts(episodes: Sequence[Episode], n: int) -> tuple[list[Array | None], list[slice]]:
-    """Of each episode (coordinate, standard deviation) of what is not known of its start, (k, 2), and where that is in x."""
+    """Unknown coordinates of the start of each episode with their standard deviations, (k, 2), and where that is in x."""
     starts: list[Array | None] = []
     places = []
     at = n
@@ -212,7 +212,7 @@ def _priors(blocks: Sequence[object], scale: Array) -> list[tuple[int, float, fl
 
 
 class Together:
-    """Lets searches that run side by side have their points evaluated in one batch: the last of them to ask evaluates for all.
+    """Lets searches that run side by side have their points evaluated in one batch: the last request evaluates for all.
 
     Args:
         residuals: What evaluates.

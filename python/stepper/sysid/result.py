@@ -1,4 +1,4 @@
-"""What was identified: a distribution of parameters, which `Stepper.randomize` takes."""
+"""Result of an identification: a distribution of parameters, which `Stepper.randomize` takes."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ FORMAT = 2
 
 @dataclass(frozen=True)
 class Search:
-    """Where a search from one start ended.
+    """End of a search from one start.
 
     Attributes:
         theta: Parameters.
@@ -46,7 +46,7 @@ class Identification:
         model: The model that was given.
         parameters: What was sought.
         theta: Estimate, (n,).
-        covariance: Of theta, (n, n). Where data say nothing it is that of the bounds.
+        covariance: Covariance of theta, (n, n). Where data determine nothing it is that of the bounds.
         information: Inverse covariance by the data and priors alone, with white noise, (n, n).
         scale: Size of a change of theta that matters, (n,).
         freedom: Readings minus parameters.
@@ -56,7 +56,7 @@ class Identification:
         evaluations: Points that were tried, each with its Jacobian.
         steps: Environments times steps.
         seconds: Time that it took.
-        warnings: What data do not say, and what the model does not explain.
+        warnings: What data do not determine, and what the model does not explain.
     """
 
     model: Model
@@ -75,7 +75,7 @@ class Identification:
     warnings: tuple[str, ...]
 
     def warned(self, warnings: tuple[str, ...]) -> Identification:
-        """The same with warnings."""
+        """Copy with warnings."""
         return replace(self, warnings=warnings)
 
     @cached_property
@@ -146,7 +146,7 @@ class Identification:
         return self.model.replace(**{name: array[0] for name, array in fields.items()}) if fields else self.model
 
     def drives(self, known: ActuatorModel | None = None) -> ActuatorModel | None:
-        """What is known of drives, with the delays that were identified; None where no delay was sought."""
+        """Known attributes of drives, with the delays that were identified; None where no delay was sought."""
         made = write(self.blocks, self.theta[None], self.model).actuators(known, np.zeros(1, int))
         if made is None or known is None:
             return made
@@ -179,7 +179,7 @@ class Identification:
         return {**variants.fields, **({} if delays is None else {"actuators": delays})}
 
     def models(self, count: int, *, seed: int = 0) -> list[Model]:
-        """Models with the draws of `sample`, for what environments cannot have of their own."""
+        """Models with the draws of `sample`, for parameters that environments must share."""
         fields = write(self.blocks, self.draw(count, seed), self.model).fields
         return [self.model.replace(**{name: array[k] for name, array in fields.items()}) for k in range(count)]
 
@@ -240,7 +240,7 @@ class Identification:
         """Reads what `save` wrote.
 
         Raises:
-            ValueError: Another format, or another model; the message says which.
+            ValueError: Another format, or another model; the message names it.
         """
         try:
             kept = json.loads(Path(path).read_text(encoding="utf-8"))

@@ -28,7 +28,7 @@ RECENT = 15
 STRANGE = 3.0
 """Mean surprise above which the tracker's model does not explain the readings."""
 STRETCH = 100
-"""Number of samples after which the copy from which shifted trackers start is renewed."""
+"""Number of samples after which the copy from which shifted trackers start is replaced."""
 CAUGHT_UP = 2
 """Number of past samples that each shifted tracker processes per update, until it has caught up."""
 FREED_STD = (0.1, 1.0)

@@ -1,4 +1,4 @@
-"""Predictions: what a model would have read in the episodes, for many parameters at once, each environment its own.
+"""Predictions: what a model would have read in the episodes, for many parameters at once, one set per environment.
 
 Environments are variants times episodes. What `Stepper.randomize` takes goes into lanes; fields that all environments of a stepper share
 (principal axes of an inertia) get a stepper for each of their values.
@@ -26,7 +26,7 @@ from stepper.sysid.parameters import READING, Block, Variants, split, write
 ROOM = 64 << 20
 """Bytes of predictions that one call of `rollout` may make; more are made in several calls."""
 TOLERANCE = 1e-9
-"""m/s: residual at which steps are solved unless options say otherwise; differences divide what is left of it by their step."""
+"""m/s: residual at which steps are solved unless options set another; differences divide what is left of it by their step."""
 UNTRUSTED = Status.NOT_CONVERGED | Status.NON_FINITE | Status.CONTACTS_FULL | Status.TUNNELLED
 """Flags of steps that predictions should not rest on."""
 
@@ -108,7 +108,7 @@ def find_channels(model: Model, names: Iterable[str]) -> list[Channel]:
 
 
 def noise_of(channel: Channel, given: ArrayLike) -> Array:
-    """Standard deviation of each column of a channel; `inf` is a column that is not looked at.
+    """Standard deviation of each column of a channel; `inf` is a column that is ignored.
 
     Raises:
         ValueError: One that is not above 0, or another number of them.
@@ -192,7 +192,7 @@ class Simulator:
         self.untrusted, self.steps = 0.0, 0
 
     def with_episodes(self, episodes: Sequence[Episode]) -> Simulator:
-        """The same simulator of other episodes."""
+        """Copy of the simulator for other episodes."""
         return Simulator(self.model, episodes, self.blocks, self.options, threads=self.threads, actuators=self._known)
 
     def _nstep(self, episode: Episode) -> int:
@@ -225,7 +225,7 @@ class Simulator:
             theta: Parameters, (count, n).
             starts: Of each episode displacements of qpos (count, nv) and of qvel (count, nv) at its start; None is as given.
         """
-        # What a sensor makes of a motion needs no motion of its own.
+        # The response of a sensor to a motion needs no separate motion.
         moving = np.array([block.parameter.kind not in READING for block in self.blocks for _ in range(block.size)])
         key = theta * moving
         if starts is not None:
@@ -331,7 +331,7 @@ class Simulator:
         return self._steppers[key]
 
     def _read(self, y: Array, theta: Array, nstep: int) -> Array:
-        """What sensors of unknown bias, scale and delay make of their readings; one row for every sample."""
+        """Readings after unknown bias, scale and delay of their sensors; one row for every sample."""
         for block, piece in zip(self.blocks, split(self.blocks, theta), strict=True):
             for channel in self.channels:
                 if block not in self._readers or channel.name not in block.names:
@@ -378,7 +378,7 @@ def _turn(a: Array, b: Array) -> Array:
 
 
 def _room_for_delays(known: ActuatorModel | None, blocks: Sequence[Block]) -> ActuatorModel | None:
-    """Drives with delay lines as long as a search may ask for."""
+    """Drives with delay lines as long as a search may need."""
     longest = {name: float(block.high[0]) for block in blocks if block.parameter.kind == "actuator.delay" for name in block.names}
     if not longest:
         return known

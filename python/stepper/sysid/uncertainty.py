@@ -1,4 +1,4 @@
-"""How sure an estimate is: its covariance with noise that may be correlated in time, and what the data do not say.
+"""Uncertainty of an estimate: its covariance with noise that may be correlated in time, and what the data do not determine.
 
 The estimate solves sum_t s_t = 0 of the scores s_t = J_t^T psi(r_t), so its covariance is the sandwich H^-1 S H^-1 with H = J^T W J and
 S the covariance of the scores' sum: of white noise S = H, of correlated noise (coloured sensors, what the model leaves out) it is larger.
@@ -26,15 +26,15 @@ LARGEST_AUTOCORRELATION = 0.97
 LONGEST_MEMORY = 10
 """Highest order of an autoregression of residuals,"""
 ROWS_PER_ORDER = 10
-"""of which each needs so many rows."""
+"""of which each needs that many rows."""
 
 
 @dataclass(frozen=True)
 class Uncertainty:
-    """What data say of parameters x.
+    """Information of the data on parameters x.
 
     Attributes:
-        covariance: Of x, (n, n), finite also where data say nothing: there it is the bounds'.
+        covariance: Covariance of x, (n, n), finite also where data determine nothing: there it is that of the bounds.
         information: H of the data and what was known before, (n, n), without bounds.
         inflation: Standard deviations over those of white noise, (n,).
         effect: Root of the sum of squares of how the readings change with each parameter, in standard deviations of their noise, (n,).
@@ -73,7 +73,7 @@ def uncertainty(J: Array, r: Array, times: np.ndarray[Any, np.dtype[np.int64]], 
         J: Jacobian of the residuals, (m, n + others). Columns beyond n (starts of episodes) are eliminated.
         r: Residuals, (m,): readings first, then what was known before.
         times: Episode, row and column of each reading, (k, 3).
-        reach: Half of the width of the bounds, (n,): a priori standard deviation where data say nothing.
+        reach: Half of the width of the bounds, (n,): a priori standard deviation where data determine nothing.
         loss: As of `least_squares`.
         f_scale: Residual beyond which a robust loss begins.
     """
@@ -168,7 +168,7 @@ def _autocovariance(series: list[Array], count: int) -> Array:
         # Its expectation is too small by (1 + 3 rho) / count.
         larger = a * min(rho + (1 + 3 * rho) / count, max(rho, LARGEST_AUTOCORRELATION)) / rho
         a = larger if np.abs(np.roots([1.0, *-larger])).max() < 1 else a
-    # Of the spectrum, at so many frequencies that what is remembered does not come round.
+    # Of the spectrum, at that many frequencies that what is remembered does not come round.
     size = 1 << int(np.ceil(np.log2(8 * longest + 1024)))
     gamma = np.fft.irfft(left / np.abs(np.fft.rfft([1.0, *-a], size)) ** 2, size)
     return np.asarray(gamma[:longest])

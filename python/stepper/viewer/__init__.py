@@ -1,4 +1,4 @@
-"""To look at environments: pictures by MuJoCo's renderer, a view in the browser, logs for Rerun.
+"""Visualization of environments: pictures by MuJoCo's renderer, a view in the browser, logs for Rerun.
 
     sim = stepper.Stepper(stepper.load("robot.xml"), 16)
     with stepper.viewer.view(sim) as view:

@@ -43,7 +43,7 @@ class Drag:
         return cls(env, body, rotation.T @ (place - origin), np.array(place), mass)
 
     def at(self, sim: Stepper) -> Array:
-        """Where the point is now in the world, (3,) m."""
+        """Position of the point in the world, (3,) m."""
         rotation = matrices(_row(sim, "xquat", self.env)[self.body])
         place: Array = _row(sim, "xpos", self.env)[self.body] + rotation @ self.point
         return place

@@ -1,4 +1,4 @@
-"""What a view shows of a moment: of some environments of a `Stepper`, or of a recording."""
+"""Data that a view shows at one time: of some environments of a `Stepper`, or of a recording."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def shown_envs(sim: Stepper, envs: Envs, most: int) -> Array:
     """Indices of the environments that are shown: a number of them from the first on, or those of a list; None is all up to `most`.
 
     Raises:
-        ValueError: There are not so many.
+        ValueError: There are fewer environments.
     """
     count = sim.num_envs or 1
     if envs is None:
@@ -65,7 +65,7 @@ def shown_envs(sim: Stepper, envs: Envs, most: int) -> Array:
 
 
 def frame_of(sim: Stepper, envs: Array, *, energy: bool = False) -> Frame:
-    """A moment of some environments of a stepper; energies are zero unless they are asked for."""
+    """A moment of some environments of a stepper; energies are zero unless requested."""
     listed = sim.contacts()
     row = np.full((sim.num_envs or 1), -1)
     row[envs] = np.arange(len(envs))

@@ -19,7 +19,7 @@ from stepper.viewer.shapes import Scene, scene_of
 from stepper.viewer.window import Window
 
 SHOWN = 16
-"""Environments that are shown unless others are asked for."""
+"""Environments that are shown by default."""
 SPEEDS = ("0.1", "0.25", "0.5", "1", "2", "4", "as fast as it can")
 SLIDERS = 12
 """Most controls whose sliders are unfolded at first."""
@@ -37,7 +37,7 @@ class _Applied(NamedTuple):
 
 
 def scene_for(model: Model, source: Any) -> Scene:
-    """What is drawn of a model, with a warning where some of it is not known."""
+    """Drawing of a model, with a warning where some of its looks are missing."""
     scene = scene_of(model, looks_of(model, source))
     if scene.missing:
         names = ", ".join(model.geom(g).name or f"#{g}" for g in scene.missing[:5])
@@ -51,7 +51,7 @@ def scene_for(model: Model, source: Any) -> Scene:
 
 
 class View:
-    """A view of a `Stepper` in the browser, with its own web server. A context manager.
+    """A view of a `Stepper` in the browser, with a web server. A context manager.
 
         with stepper.viewer.view(sim) as view:
             while view.open:
@@ -106,7 +106,7 @@ class View:
 
     @property
     def url(self) -> str:
-        """Where the view is."""
+        """Address of the view."""
         return self.window.url
 
     @property
@@ -266,10 +266,10 @@ class View:
         self._apply(None)
 
     def _apply(self, wrench: tuple[int, int, Array] | None) -> None:
-        """Puts a wrench in the place of the one before, beside what the user applies."""
+        """Puts a wrench in the place of the one before, in addition to what the user applies."""
         forces = self.sim.xfrc_applied if self.sim.num_envs is not None else self.sim.xfrc_applied[None]
         if self._applied is not None:
-            # Other numbers are of somebody who wrote since: a reset, or the user. They have nothing of this wrench to take away.
+            # Other numbers were written since, by a reset or by the user. They have nothing of this wrench to take away.
             there = forces[self._applied.env, self._applied.body]
             there[:] = np.where(there == self._applied.with_it, self._applied.without, there)
         self._applied = None
@@ -281,7 +281,7 @@ class View:
 
 
 def view(sim: Stepper, **settings: Any) -> View:
-    """Opens a view of a stepper in the browser and says where it is; see `View`."""
+    """Opens a view of a stepper in the browser and prints its address; see `View`."""
     opened = View(sim, **settings)
     print(f"{opened.url} shows {len(opened.envs)} of {sim.num_envs or 1} environments")
     return opened

@@ -16,7 +16,7 @@ from stepper.shared.machine import require
 Array = NDArray[Any]
 
 _KINDS = ("plane", "hfield", "sphere", "capsule", "ellipsoid", "cylinder", "box", "mesh", "mesh")
-"""What `Geom.type` says of MuJoCo's kinds of geoms (mjtGeom), whose last is a signed distance field."""
+"""Values of `Geom.type` for MuJoCo's kinds of geoms (mjtGeom), whose last is a signed distance field."""
 _SIZED = ("sphere", "capsule", "ellipsoid", "cylinder", "box")
 _JOINTS = ("free", "ball", "slide", "hinge")
 _POSES = ("geom_pos", "geom_quat", "body_pos", "body_quat")
@@ -43,7 +43,7 @@ def looks_of(model: Model, source: Any = None) -> Any | None:
     if origin is None:
         return None
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", UserWarning)  # Whoever loaded the model has seen them.
+        warnings.simplefilter("ignore", UserWarning)  # They were given when the model was loaded.
         m = copy.deepcopy(compile_source(origin.source, origin.package_dirs))
     _check_same(model, m)
     for name in _POSES:
@@ -54,7 +54,7 @@ def looks_of(model: Model, source: Any = None) -> Any | None:
 
 
 def sized_geoms(model: Model) -> list[int]:
-    """Geoms whose size is all that says how large they are."""
+    """Geoms whose extent follows from their size alone."""
     return [g for g in range(model.ngeom) if model.geom(g).type in _SIZED]
 
 

@@ -24,7 +24,7 @@ SPEEDS = ("0.1", "0.25", "0.5", "1", "2", "4")
 
 
 class Player:
-    """A view of a recording in the browser, with its own web server. A context manager.
+    """A view of a recording in the browser, with a web server. A context manager.
 
     Args:
         path: A folder that `Stepper.record` wrote.
@@ -74,7 +74,7 @@ class Player:
 
     @property
     def url(self) -> str:
-        """Where the view is."""
+        """Address of the view."""
         return self.window.url
 
     @property
@@ -140,7 +140,7 @@ class Player:
 
 
 def recorded_scene(run: RecordedRun, source: Any = None) -> Scene:
-    """What is drawn of a recording: by the source given, or by the file that it names, or without either."""
+    """Drawing of a recording: by the source given, or by the file that it names, or without either."""
     if source is None and run.source is not None:
         try:
             return scene_for(run.sim.model, run.source)

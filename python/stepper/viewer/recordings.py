@@ -19,7 +19,7 @@ _SAID = ("status", "residual", "max_penetration")
 
 
 class RecordedRun:
-    """What a recording has of some environments: a moment after each call of `step`.
+    """Frames of some environments of a recording: a moment after each call of `step`.
 
     States are those that were recorded. Contacts are not in a recording: those of a moment are of the step that follows it, which is made
     again, with the controls, applied forces and parameters that were in force.
@@ -71,7 +71,7 @@ class RecordedRun:
         self.time = self._columns["time"][:, 0]
 
     def __len__(self) -> int:
-        """How many moments there are."""
+        """Number of moments."""
         return len(self._applied)
 
     def __getitem__(self, index: int) -> Frame:

@@ -16,7 +16,7 @@ from stepper.shared.machine import require
 from stepper.viewer.looks import Array, LooksError, looks_of, row, sized_geoms
 
 TRACK = "track"
-"""Camera that is taken where no other is asked for, if the file has it: in Gymnasium's files it follows the robot."""
+"""Default camera, if the file has it: in Gymnasium's files it follows the robot."""
 SHADOWS = 1024
 """Most pixels of a map of shadows on a side. MuJoCo's 4,096 take most of a picture's time where no graphics card draws it, and pictures of
 this size look the same."""
@@ -40,14 +40,14 @@ class Renderer:
             without that a free camera by `default_config`.
         camera_config: Numbers of a free camera: distance (m), azimuth and elevation (degrees), lookat (3,) in m, and trackbodyid, the body
             whose centre of mass (with all that hangs from it) the camera follows in x and y; -1 is none.
-        default_config: What a task has for `camera_config` where nothing is asked for.
+        default_config: What a task has for `camera_config` by default.
         source: What the model was loaded from, as `stepper.load` takes it; None is what this process loaded it from.
         lamp: Whether a scene without a light gets one. Without it MuJoCo's headlight is all there is, in which a picture is nearly black.
 
     Raises:
-        LooksError: Nobody knows the MJCF of the model, or it is of another one.
+        LooksError: The MJCF of the model is missing, or it is of another one.
         MissingPackageError: MuJoCo or its renderer is not installed.
-        RuntimeError: There is no platform for OpenGL; the message says what to install.
+        RuntimeError: There is no platform for OpenGL; the message lists what to install.
         ValueError: No such camera; a number that a camera does not have.
     """
 

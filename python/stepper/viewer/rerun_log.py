@@ -1,4 +1,4 @@
-"""Logs for Rerun: what moves, what touches, and what a step says of itself, over time."""
+"""Logs for Rerun: what moves, what touches, and the status of steps, over time."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from stepper.viewer.window import FORCE
 TIMELINE = "simulated"
 """Name of the timeline: seconds of the first environment, whose episodes follow one another."""
 LOGGED = 4
-"""Environments that are logged unless others are asked for."""
+"""Environments that are logged by default."""
 
 
 class RerunLog:
@@ -59,7 +59,7 @@ class RerunLog:
         """Adds the present moment."""
         frame = frame_of(self._sim, self.envs, energy=True)
         now = float(frame.time[0])
-        # An episode that begins anew goes on in time.
+        # The time goes on when an episode begins again.
         self._passed += now - self._before if now >= self._before else now
         self._before = now
         self._writer.write(self._passed, frame)
@@ -110,7 +110,7 @@ def log_rerun(
 
 
 class _Writer:
-    """What both have in common: a file, with what does not change at its beginning."""
+    """Base of both logs: a file, with what does not change at its beginning."""
 
     def __init__(self, path: str | os.PathLike[str], scene: Scene, sim: Stepper, envs: Array):
         self._rr = rr = require("rerun", "to write logs for Rerun")
@@ -206,7 +206,7 @@ class _Writer:
 
 
 def _entity(model: Model, env: int) -> list[str]:
-    """Names of the bodies of an environment in the log. The world does not move, and its own frame is the environment's."""
+    """Names of the bodies of an environment in the log. The world does not move, and its frame is that of the environment."""
     return [f"env_{env}/world"] + [f"env_{env}/{_safe(model.body(b).name or f'body_{b}')}" for b in range(1, model.nbody)]
 
 

@@ -1,4 +1,4 @@
-"""What is drawn of a model: instances of a few meshes, each in the frame of a geom.
+"""Drawing of a model: instances of a few meshes, each in the frame of a geom.
 
 A sphere, ellipsoid, cylinder or box is one mesh of unit size, scaled; a capsule is a cylinder and two spheres. So a batch of robots is
 drawn as a handful of meshes with many instances, whatever the sizes of their geoms.
@@ -17,7 +17,7 @@ from stepper.viewer.looks import Array
 RINGS, SEGMENTS = 12, 24
 """Faces of round meshes from pole to pole, and around."""
 PLAIN = (0.62, 0.66, 0.72, 1.0)
-"""Colour of geoms of which nobody knows the colour."""
+"""Colour of geoms without a known colour."""
 VISIBLE_GROUPS = 3
 """Geoms of this group and above are hidden at first, as MuJoCo's viewer hides them: collision geometry of robots that have meshes."""
 UNSEEN = 1e-3
@@ -90,7 +90,7 @@ class Scene:
 
 
 def scene_of(model: Model, looks: Any | None) -> Scene:
-    """What is drawn of a model.
+    """Drawing of a model.
 
     Args:
         model: The model.
@@ -160,7 +160,7 @@ def _height_field(looks: Any, asset: int) -> Mesh:
 
 
 def _colours(looks: Any) -> Array:
-    """Colours of all geoms, (ngeom, 4): of their materials, whose textures count by the mean of their pixels, or their own."""
+    """Colours of all geoms, (ngeom, 4): of their materials, whose textures count by the mean of their pixels, or that of the geom."""
     rgba = np.array(looks.geom_rgba, np.float64)
     texture = _texture_colours(looks)
     for g in range(looks.ngeom):
@@ -188,7 +188,7 @@ def _texture_colours(looks: Any) -> list[Array]:
 
 
 def instances(part: Part, sizes: Array, xpos: Array, xquat: Array) -> tuple[Array, Array, Array]:
-    """Where the instances of a part are, environment by environment.
+    """Poses of the instances of a part, environment by environment.
 
     Args:
         part: The part, of k instances.

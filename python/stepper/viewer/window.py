@@ -67,7 +67,7 @@ class Window:
 
     @property
     def url(self) -> str:
-        """Where the window is."""
+        """Address of the window."""
         host = self.server.get_host()
         return f"http://{'localhost' if host in ('0.0.0.0', '127.0.0.1') else host}:{self.server.get_port()}"
 
@@ -83,7 +83,7 @@ class Window:
 
     @property
     def offsets(self) -> Array:
-        """Where the environments are shown, (n, 3) m: in rows of a square."""
+        """Offsets at which the environments are shown, (n, 3) m: in rows of a square."""
         columns = int(np.ceil(np.sqrt(self.count)))
         k = np.arange(self.count)
         across = (k % columns - (columns - 1) / 2) * self._spacing
@@ -251,7 +251,7 @@ class Window:
         self._forces.visible = bool(len(place)) and self._show_forces.value
 
     def _shift(self, frame: Frame) -> tuple[float, float, float]:
-        """Where the scene is moved to, so that the environment that the view follows stays in place."""
+        """Displacement of the scene, so that the environment that the view follows stays in place."""
         chosen = "none" if self._follow is None else self._follow.value
         if chosen == "none" or self._start is None:
             return (0.0, 0.0, 0.0)

@@ -39,12 +39,12 @@ OPTIONS = Options(integrator="euler", restitution_threshold=0.0)
 
 @dataclass(frozen=True, kw_only=True)
 class FallingBlock(Task):
-    """Stay up by pushing, up or down, with at most half the weight. Every episode has a restitution of its own.
+    """Stay up by pushing, up or down, with at most half the weight. Every episode draws a restitution.
 
     Attributes:
         frame_skip: Steps for each action, of 20 ms.
         restitution: Least and largest restitution.
-        noise: Standard deviation of what the sensors of height (m) and velocity (m/s) read beside the truth; rewards count true heights.
+        noise: Standard deviation of what the sensors of height (m) and velocity (m/s) add to the truth; rewards count true heights.
     """
 
     camera: ClassVar[Camera] = {"distance": 1.5, "elevation": -15.0, "lookat": (0.0, 0.0, 0.2)}

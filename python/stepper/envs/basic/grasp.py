@@ -41,7 +41,7 @@ SCENE = f"""
   </actuator>
 </mujoco>
 """
-"""Two fingers and a hand in a plane, moved by forces, beside a box that lies somewhere between them."""
+"""Two fingers and a hand in a plane, moved by forces, and a box that lies somewhere between them."""
 OPTIONS = Options(integrator="euler", stabilization="baumgarte", baumgarte=1.0, slop=0.0)
 """Hard contact without the kink of a box at rest (docs/how-to/derivatives.md)."""
 
@@ -50,14 +50,14 @@ OPTIONS = Options(integrator="euler", stabilization="baumgarte", baumgarte=1.0, 
 class Grasp(Task):
     """Lift the box, with little force of the fingers.
 
-    Friction holds the box if each finger presses with m g / (2 mu) at least: 6.5 N with its own numbers.
+    Friction holds the box if each finger presses with m g / (2 mu) at least: 6.5 N with the default numbers.
 
     Attributes:
         frame_skip: Steps for each action, of 4 ms.
         rise: Height that is wanted, m.
         weight: Weight of the squares of the fingers' forces, in parts of the largest ones.
         friction: Least and largest friction of fingers and box, drawn for each episode where they differ.
-        mass_scale: Least and largest mass of the box, times its own, drawn where they differ.
+        mass_scale: Least and largest factor of the mass of the box, drawn where they differ.
     """
 
     camera: ClassVar[Camera] = {"distance": 0.6, "azimuth": 90.0, "elevation": -10.0, "lookat": (0.0, 0.0, 0.1)}

@@ -24,7 +24,7 @@ def in_base(now: Moment, vectors: Array) -> Array:
 
 @per_moment
 def linear_velocity(now: Moment) -> Array:
-    """Velocity of the base in its own frame: (num_envs, 3) m/s."""
+    """Velocity of the base in the frame of the base: (num_envs, 3) m/s."""
     return in_base(now, now.qvel[:, :3])
 
 

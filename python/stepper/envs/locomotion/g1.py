@@ -17,7 +17,7 @@ from stepper.envs.task import Camera
 
 _FILE = "asset_zoo/robots/unitree_g1/xmls/g1.xml"
 _HEIGHT = 0.77
-"""Of the pelvis at the beginning, m: a centimetre above that at which the feet stand, which angles with noise need."""
+"""Height of the pelvis at the beginning, m: a centimetre above that at which the feet stand, which angles with noise need."""
 _STANCE = {
     "hip_pitch": -0.312, "knee": 0.669, "ankle_pitch": -0.363, "elbow": 0.6, "shoulder_pitch": 0.2,
     "left_shoulder_roll": 0.2, "right_shoulder_roll": -0.2,
@@ -43,7 +43,7 @@ class _Motor:
 
     @property
     def inertia(self) -> float:
-        """Of the rotors as the joint feels it, kg m^2."""
+        """Inertia of the rotors about the joint, kg m^2."""
         first, second = self.gears
         return self.count * (self.rotors[0] * (first * second) ** 2 + self.rotors[1] * second**2 + self.rotors[2])
 

@@ -19,7 +19,7 @@ from stepper.envs.task import Array, Camera, Moment, Terms, square_sum
 
 _FILE = "asset_zoo/robots/unitree_go1/xmls/go1.xml"
 _HEIGHT = 0.278
-"""Of the trunk at the beginning, m."""
+"""Height of the trunk at the beginning, m."""
 _STANDING = 0.2945
 """Likewise on rough terrain, with the feet on the ground. It is 0.0165 m higher than in mjlab, whose feet begin in the ground."""
 _STANCE = {"hip": 0.1, "thigh": 0.9, "calf": -1.8}
@@ -43,8 +43,8 @@ _STANDS = 0.1
 class Go1Velocity(VelocityTask):
     """A quadruped of 12 joints, mjlab's, whose package has to be installed (`pip install --no-deps mjlab`): only the file is read.
 
-    Feet, trunk and head touch the ground, and no other part. Beside the terms of all such tasks, a foot that lands gains by its time in the
-    air.
+    Feet, trunk and head touch the ground, and no other part. In addition to the terms of all such tasks, a foot that lands
+    gains by its time in the air.
     """
 
     WEIGHTS: ClassVar[Mapping[str, float]] = {**VelocityTask.WEIGHTS, "torque": 1e-4, "change": 0.05, "stride": 3.0}

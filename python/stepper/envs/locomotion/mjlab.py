@@ -18,7 +18,7 @@ from stepper.envs.terrain import Terrain
 from stepper.shared.machine import package_file
 
 _FREQUENCY, _DAMPING_RATIO = 2.0 * np.pi * 10.0, 2.0
-"""Of the servos with the inertia of the rotors alone, rad/s: from these mjlab takes their gains."""
+"""Natural frequency of the servos with the inertia of the rotors alone, rad/s: from these mjlab takes their gains."""
 _REACH = 0.5
 """A servo's set point is at most this many times what gives its largest torque away from the stance."""
 
@@ -29,7 +29,7 @@ Ground: TypeAlias = Callable[[dict[str, str]], tuple[list[Element], list[Element
 
 @dataclass(frozen=True)
 class Servo:
-    """What turns a joint.
+    """Motor and gear of a joint.
 
     Attributes:
         inertia: Of the motor's rotors as the joint feels it, kg m^2.
@@ -44,7 +44,7 @@ class Servo:
 
 @dataclass(frozen=True)
 class Looks:
-    """What renderers draw, and nothing else reads.
+    """Elements that only renderers read.
 
     Attributes:
         ground: Attributes of the ground's geoms.

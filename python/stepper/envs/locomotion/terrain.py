@@ -33,7 +33,7 @@ def _heights() -> Array:
 
 
 def height(xy: Array) -> Array:
-    """Height of the ground as a share of its greatest, at places (..., 2) in m; 0 beside the field. Between points it is bilinear."""
+    """Height of the ground as a share of its greatest, at places (..., 2) in m; 0 outside the field. Between points it is bilinear."""
     heights = _heights()
     last = len(heights) - 1
     at = (np.asarray(xy, dtype=np.float64) + HALF) * (last / (2.0 * HALF))

@@ -37,7 +37,7 @@ class VelocityTask(Task):
     """Follow a velocity in x and y and about z, commanded in the frame of the base, which is the model's first body, on a free joint.
 
     The model has a servo for each other joint, in their order, and a keyframe "stance" that episodes begin about. Actions are set points of
-    the servos. Each episode has its own parameters (friction of the feet, mass and centre of mass of the base, gains of the servos), a
+    the servos. Each episode draws parameters (friction of the feet, mass and centre of mass of the base, gains of the servos), a
     latency of the actions, two commands, one of ten of which is to stand, and three pushes, which change the base's velocity at once.
 
     Attributes:
@@ -47,15 +47,15 @@ class VelocityTask(Task):
         max_push: Largest change of the velocities in x and y, m/s.
         episode_steps: Actions of an episode, in which commands and pushes are spread.
         friction: Least and largest friction of the feet, geoms whose names have "foot".
-        mass_scale: Least and largest mass of the base, times its own.
-        gain_scale: Least and largest gains of the servos, times their own.
+        mass_scale: Least and largest factor of the mass of the base.
+        gain_scale: Least and largest factor of the gains of the servos.
         center_shift: Largest shift of the base's centre of mass in each direction, m.
         noise: Errors of what it is told of itself, times those of `ERRORS`; 0 is the truth. With errors there are sensors: velocity and
             rates of turn of the IMU, the vertical, encoders.
         motors: Whether servos have the torque-speed curves and the dry friction of motors (`MOTORS`) instead of torques at any speed.
         roughness: Greatest height of the ground's bumps, m, which are about a metre wide; 0 is flat ground.
-        sight: Farthest place ahead and aside whose ground it sees, m: heights of 25 places around the base, which turn with it, beside the
-            base's own height. 0 is nowhere.
+        sight: Farthest place ahead and aside whose ground it sees, m: heights of 25 places around the base, which turn with it, and
+            the height of the base. 0 is nowhere.
         weights: Weights of the terms of the reward, of some or all; the others are those of `WEIGHTS`.
 
     Raises:
@@ -83,11 +83,11 @@ class VelocityTask(Task):
     }
     """Half widths of uniform errors of rows of the observation, with which mjlab trains: m/s, rad/s, rad, rad, rad/s."""
     MOTORS: ClassVar[Mapping[str, tuple[float, float, float]]] = {}
-    """Of joints with a key in their names: torque at rest (N m) and speed without load (rad/s) of the curve, dry friction (N m)."""
+    """Curve of the joints with a key in their names: torque at rest (N m) and speed without load (rad/s), dry friction (N m)."""
     imu: ClassVar[str] = "imu"
     """Site of the IMU."""
     lowest: ClassVar[float]
-    """Height of the base above the ground at which an episode ends, m: each robot says its own."""
+    """Height of the base above the ground at which an episode ends, m: abstract."""
     steepest: ClassVar[float] = 0.5
     """Cosine of the inclination of the base at which it ends."""
 
@@ -122,7 +122,7 @@ class VelocityTask(Task):
             raise ValueError(f"weights has {unknown}, terms of the reward are {', '.join(self.WEIGHTS)}")
 
     def robot(self) -> Model:
-        """The robot on its ground, with a servo for each joint and a keyframe "stance": each robot says its own."""
+        """The robot on its ground, with a servo for each joint and a keyframe "stance": abstract."""
         raise NotImplementedError(f"{type(self).__name__} has no `robot`: give it the model")
 
     def model(self) -> Model:
@@ -173,7 +173,7 @@ class VelocityTask(Task):
             raise ValueError(f'roughness is {self.roughness}, and the model has no geom "terrain": add `terrain.elements` to it')
 
     def observations(self) -> tuple[Observation, ...]:
-        """Velocities and vertical of the base in its frame, command, angles and last action beside the stance, rates: (12 + 3 nu,).
+        """Velocities and vertical of the base in its frame, command, angles and last action relative to the stance, rates: (12 + 3 nu,).
 
         With `sight`, 25 heights of the ground.
         """
@@ -303,7 +303,7 @@ def _sensed(robot: Model, imu: str) -> Model:
 
 
 def _told(row: str) -> Callable[[Moment], Array]:
-    """What the sensors of a row of the observation read."""
+    """Readings of the sensors of a row of the observation."""
 
     def read(now: Moment) -> Array:
         first, count = _columns(now.sim.model, row)
@@ -326,7 +326,7 @@ def stance_of(now: Moment) -> Array:
 
 
 def _ground_around(now: Moment) -> Array:
-    """Heights of the ground at places around the base, which turn with its heading, less its own height, m: (num_envs, 25)."""
+    """Heights of the ground at places around the base, which turn with its heading, less the height of the base, m: (num_envs, 25)."""
     ahead = frame(now)[:, :2, 0]
     ahead = ahead / np.maximum(np.sqrt(square_sum(ahead)), 1e-9)[:, None]
     left = np.stack([-ahead[:, 1], ahead[:, 0]], axis=1)

@@ -1,4 +1,4 @@
-"""What tasks of dm_control's suite have in common: their models, rewards that fall off beside a range, and random poses."""
+"""Base of the tasks of dm_control's suite: their models, rewards that fall off outside a range, and random poses."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class SuiteTask(Task):
 
     contact = "mujoco"
     file: ClassVar[str]
-    """Its model, a file of dm_control's."""
+    """Model of the task, a file of dm_control's."""
     episode_steps: ClassVar[int | None] = 1000
     """Actions of an episode: dm_control's time limit over its time step of control. None is no limit."""
 
@@ -97,7 +97,7 @@ def rotation(now: Moment, body: str) -> Array:
 
 
 def reading(now: Moment, *sensors: str) -> Array:
-    """What sensors read, one after the other: (num_envs, n)."""
+    """Readings of sensors, one after the other: (num_envs, n)."""
     found = [now.sim.model.sensor(name) for name in sensors]
     return np.concatenate([now.sensordata_ideal[:, sensor.adr : sensor.adr + sensor.dim] for sensor in found], axis=1)
 
@@ -127,13 +127,13 @@ def tolerance(
     fall: str = "gaussian",
     value: float = 0.1,
 ) -> Array:
-    """dm_control's `rewards.tolerance`: 1 where a number lies within bounds, and less beside them.
+    """dm_control's `rewards.tolerance`: 1 where a number lies within bounds, and less outside.
 
     Args:
         x: Numbers.
         low: Lower bound.
         high: Upper bound.
-        margin: Distance from the bounds at which it is `value`; with 0 it is 0 everywhere beside the bounds.
+        margin: Distance from the bounds at which it is `value`; with 0 it is 0 everywhere outside the bounds.
         fall: How it falls: "gaussian", "linear", "quadratic", "reciprocal" or "long_tail".
         value: At the margin.
     """
@@ -224,7 +224,7 @@ def place(sim: Stepper, mask: Array, qpos: Array, qvel: Array) -> None:
 
 
 def move_geom(sim: Stepper, mask: Array, geom: str, pos: Array, columns: Any = slice(None)) -> None:
-    """Gives the environments of a mask a place of their own for a geom: coordinates (n, ...) of its body's frame, m."""
+    """Gives the environments of a mask a separate place for a geom: coordinates (n, ...) of its body's frame, m."""
     places = np.array(sim.randomized.get("geom_pos", np.tile(sim.model.geom_pos, (sim.num_envs or 1, 1, 1))))
     chosen = places[mask]
     chosen[:, sim.model.geom(geom).id, columns] = pos

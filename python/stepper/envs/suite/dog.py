@@ -25,7 +25,7 @@ _STANDING = 0.9
 _BITE = 0.005
 """Distance of the ball from the jaws at which it is in the mouth, m."""
 _BALL = {("body", "ball"), ("geom", "target"), ("camera", "ball"), ("camera", "head")}
-"""Elements of the file that are there for the ball, beside the walls, by tag and name."""
+"""Elements of the file that are there for the ball, in addition to the walls, by tag and name."""
 _FEET = ("foot_L", "foot_R", "hand_L", "hand_R")
 _SOLES = ("palm_L", "palm_R", "sole_L", "sole_R")
 
@@ -124,7 +124,7 @@ def _standing(model: Model) -> tuple[Array, float]:
 
 
 def _heights(now: Moment) -> Array:
-    """Of torso and pelvis, m: (num_envs, 2)."""
+    """Heights of torso and pelvis, m: (num_envs, 2)."""
     heights: Array = now.xpos[:, [now.sim.model.body(name).id for name in ("torso", "pelvis")], 2]
     return heights
 
@@ -137,13 +137,13 @@ def _verticals(now: Moment) -> Array:
 
 @per_moment
 def _velocity(now: Moment) -> Array:
-    """Of the centre of mass, in the frame of the torso, m/s: (num_envs, 3)."""
+    """Velocity of the centre of mass, in the frame of the torso, m/s: (num_envs, 3)."""
     velocity: Array = np.einsum("nk,nkj->nj", reading(now, "torso_linvel"), rotation(now, "torso"))
     return velocity
 
 
 def _ball(now: Moment) -> Array:
-    """Position and velocity of the ball beside the head, in the frame of the head: (num_envs, 2, 3)."""
+    """Position and velocity of the ball relative to the head, in the frame of the head: (num_envs, 2, 3)."""
     model = now.sim.model
     head, ball = model.site("head"), model.joint("ball_root").dofadr
     arm = now.site_xpos[:, head.id] - now.xpos[:, head.bodyid]

@@ -15,7 +15,7 @@ from stepper.envs.task import Array, Moment, Observation, Terms
 _SPEED = 15.0
 """From which on it spins, rad/s."""
 _DAMPING = 0.03
-"""Of the hinge that is spun, N m s/rad."""
+"""Damping of the hinge that is spun, N m s/rad."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -33,7 +33,7 @@ class Finger(SuiteTask):
         return model.replace(dof_damping=damping)
 
     def observations(self) -> tuple[Observation, ...]:
-        """Angles of the finger, the tip beside the hinge, velocities, logarithms of the forces at its two pads: (9,)."""
+        """Angles of the finger, the tip relative to the hinge, velocities, logarithms of the forces at its two pads: (9,)."""
         return (
             Observation("angles", func=lambda now: reading(now, "proximal", "distal"), unit="rad"),
             Observation("tip", func=lambda now: _beside_the_hinge(now, "tip"), unit="m"),
@@ -66,7 +66,7 @@ class FingerTurn(Finger):
         return _scene_with_target()
 
     def observations(self) -> tuple[Observation, ...]:
-        """What spinning observes, the target beside the hinge, and how far from the target the tip is: (12,)."""
+        """Observation of spinning, the target relative to the hinge, and the distance of the tip from the target: (12,)."""
         return (
             *super().observations(),
             Observation("target_position", func=lambda now: _beside_the_hinge(now, "target"), unit="m"),
@@ -90,7 +90,7 @@ class FingerTurn(Finger):
 
 
 def _beside_the_hinge(now: Moment, sensor: str) -> Array:
-    """What a sensor of places reads less the place of the hinge, in x and z, m: (num_envs, 2)."""
+    """Reading of a sensor of places less the place of the hinge, in x and z, m: (num_envs, 2)."""
     offset: Array = (reading(now, sensor) - reading(now, "spinner"))[:, ::2]
     return offset
 

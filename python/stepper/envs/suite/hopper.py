@@ -11,7 +11,7 @@ from stepper.envs.suite.base import SuiteTask, randomize_joints, reading, small_
 from stepper.envs.task import Array, Moment, Observation
 
 _HEIGHT = 0.6
-"""Of the torso above the foot, m, above which it stands."""
+"""Height of the torso above the foot, m, above which it stands."""
 _SPEED = 2.0
 """From which on hopping is rewarded in full, m/s."""
 

@@ -12,7 +12,7 @@ from stepper.envs.suite.base import SuiteTask, norm, randomize_without_overlap, 
 from stepper.envs.task import Array, Moment, Observation
 
 _HEIGHT = 1.4
-"""Of the head, m, above which it stands."""
+"""Height of the head, m, above which it stands."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -28,7 +28,7 @@ class Humanoid(SuiteTask):
     torso: ClassVar[str] = "torso"
     """Body that should be upright."""
     upwards: ClassVar[int] = 2
-    """Which of its axes points upwards then."""
+    """Axis of the torso that points upwards then."""
     extremities: ClassVar[tuple[str, ...]] = ("left_hand", "left_foot", "right_hand", "right_foot")
     """Bodies that the torso sees."""
     frame_skip: int = 5
@@ -83,7 +83,7 @@ def _extremities(now: Moment) -> Array:
 
 @dataclass(frozen=True, kw_only=True)
 class HumanoidCMU(Humanoid):
-    """The same for the humanoid of the CMU's motion capture, whose torso is its thorax, with y upwards."""
+    """Posture of the humanoid of the CMU's motion capture, whose torso is its thorax, with y upwards."""
 
     file = "humanoid_CMU.xml"
     torso = "thorax"

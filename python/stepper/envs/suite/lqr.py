@@ -55,7 +55,7 @@ class LQR(SuiteTask):
         return reward
 
     def terminated(self, now: Moment) -> Array:
-        """Where everything is at rest."""
+        """State in which everything is at rest."""
         over: Array = norm(np.hstack([now.qpos, now.qvel])) < _AT_REST
         return over
 

@@ -97,13 +97,13 @@ class Manipulator(SuiteTask):
 
 
 def _near(now: Moment, one: str, other: str) -> Array:
-    """1 where two sites are close, and less beside that."""
+    """1 where two sites are close, and less elsewhere."""
     places = [now.site_xpos[:, now.sim.model.site(name).id] for name in (one, other)]
     return tolerance(norm(places[0] - places[1]), 0.0, _CLOSE, margin=2.0 * _CLOSE)
 
 
 def _grasp(model: Model, qpos: Array) -> Array:
-    """Where the hand of configurations (n, nq) would hold an object: x, z and angle, (n, 3)."""
+    """Grasp pose of the hand of configurations (n, nq): x, z and angle, (n, 3)."""
     probe, site = Stepper(model, len(qpos)), model.site("grasp").id
     probe.reset(qpos=qpos)
     across = matrices(np.asarray(probe.site_xquat)[:, site])[:, :, 0]

@@ -21,7 +21,7 @@ class PointMass(SuiteTask):
     """Bring the mass to the middle.
 
     Attributes:
-        turned: Whether each control pulls in a direction of its own, which is drawn for each episode and which nothing observes.
+        turned: Whether each control pulls in a separate direction, which is drawn for each episode and which nothing observes.
     """
 
     file = "point_mass.xml"
@@ -29,7 +29,7 @@ class PointMass(SuiteTask):
     turned: bool = False
 
     def model(self) -> Model:
-        """The scene; with directions of their own, without bounds of the controls, which are mixed of actions within theirs."""
+        """The scene; with turned directions, without bounds of the controls, which are mixed of actions within theirs."""
         return _without_bounds() if self.turned else super().model()
 
     def action_bounds(self, model: Model) -> tuple[Array, Array]:

@@ -29,7 +29,7 @@ _EPISODE = 20.0
 _ARENA = 15.0
 """Half the side of the arena in which the ball is fetched, m."""
 _BALL = {("body", "ball"), ("site", "target")}
-"""Elements of the file that are there for the ball, beside the walls, by tag and name."""
+"""Elements of the file that are there for the ball, in addition to the walls, by tag and name."""
 _WORKSPACE, _TARGET = 0.3, 0.4
 """Radii of the place before the robot where the ball is near, and of that where it is brought, m."""
 
@@ -118,7 +118,7 @@ def _at_the_toes(now: Moment) -> Array:
 
 
 def _ball(now: Moment) -> Array:
-    """Position, velocity and turning of the ball beside the torso, in the torso's frame: (num_envs, 3, 3)."""
+    """Position, velocity and turning of the ball relative to the torso, in the torso's frame: (num_envs, 3, 3)."""
     ball, root = now.sim.model.joint("ball_root").dofadr, now.sim.model.joint("root").dofadr
     rows = [
         _place(now, "ball") - _place(now, "torso"),

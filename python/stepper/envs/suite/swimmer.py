@@ -33,7 +33,7 @@ class Swimmer(SuiteTask):
         return _scene(self.links)
 
     def observations(self) -> tuple[Observation, ...]:
-        """Angles, the target as the head sees it, velocities of the links in their own frames: (4 links + 1,)."""
+        """Angles, the target as the head sees it, velocities of the links in their frames: (4 links + 1,)."""
         return (
             Observation("joints", func=lambda now: now.qpos[:, 3:], unit="rad"),
             Observation("to_target", func=_to_target, unit="m"),

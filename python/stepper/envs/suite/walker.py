@@ -9,7 +9,7 @@ from stepper.envs.suite.base import SuiteTask, randomize_joints, reading, rotati
 from stepper.envs.task import Array, Moment, Observation
 
 _HEIGHT = 1.2
-"""Of the torso, m, above which it stands."""
+"""Height of the torso, m, above which it stands."""
 
 
 @dataclass(frozen=True, kw_only=True)

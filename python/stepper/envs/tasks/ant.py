@@ -61,7 +61,7 @@ class Ant(MujocoTask):
         return healthy
 
     def terminated(self, now: Moment) -> Array | None:
-        """Those that are not healthy, unless they may go on."""
+        """Unhealthy environments, unless they may go on."""
         return ~now.healthy if self.terminate_when_unhealthy else None
 
     def reward(self, now: Moment) -> tuple[Array, Terms]:
@@ -75,7 +75,7 @@ class Ant(MujocoTask):
         return forward + survive - (control + contact), terms
 
     def info(self, now: Moment) -> Terms:
-        """Where the torso is."""
+        """Place of the torso."""
         x, y = now.qpos[:, :2].T
         return {"x_position": x, "y_position": y, "distance_from_origin": np.hypot(x, y)}
 

@@ -41,7 +41,7 @@ class HalfCheetah(MujocoTask):
         return forward - control, {"x_velocity": now.velocity, "reward_forward": forward, "reward_ctrl": -control}
 
     def info(self, now: Moment) -> Terms:
-        """Where it is."""
+        """Place of the robot."""
         return {"x_position": now.qpos[:, 0]}
 
     def sample_state(self, qpos: Array, qvel: Array, rng: Rng) -> None:

@@ -57,7 +57,7 @@ class Humanoid(MujocoTask):
         return within(now.qpos[:, 2], self.healthy_z_range)
 
     def terminated(self, now: Moment) -> Array | None:
-        """Those that are not healthy, unless they may go on."""
+        """Unhealthy environments, unless they may go on."""
         return ~now.healthy if self.terminate_when_unhealthy else None
 
     def reward(self, now: Moment) -> tuple[Array, Terms]:
@@ -71,7 +71,7 @@ class Humanoid(MujocoTask):
         return forward + survive - (control + contact), terms
 
     def info(self, now: Moment) -> Terms:
-        """Where the torso is, and the tendons."""
+        """Place of the torso, and the tendons."""
         x, y = now.qpos[:, :2].T
         return {"x_position": x, "y_position": y, **tendons(now), "distance_from_origin": np.hypot(x, y)}
 

@@ -53,7 +53,7 @@ class HumanoidStandup(MujocoTask):
         return up - control - impact + 1.0, {"reward_linup": up, "reward_quadctrl": -control, "reward_impact": -impact}
 
     def info(self, now: Moment) -> Terms:
-        """Where the torso is, and the tendons."""
+        """Place of the torso, and the tendons."""
         x, y, z = now.qpos[:, :3].T
         return {"x_position": x, "y_position": y, "z_distance_from_origin": z - now.default_qpos[2], **tendons(now)}
 

@@ -42,7 +42,7 @@ class Swimmer(MujocoTask):
         return forward - control, terms
 
     def info(self, now: Moment) -> Terms:
-        """Where it is."""
+        """Place of the robot."""
         x, y = now.qpos[:, :2].T
         return {"x_position": x, "y_position": y, "distance_from_origin": np.hypot(x, y)}
 

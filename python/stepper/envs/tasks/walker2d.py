@@ -44,7 +44,7 @@ class Walker2d(MujocoTask):
         return healthy
 
     def terminated(self, now: Moment) -> Array | None:
-        """Those that are not healthy, unless they may go on."""
+        """Unhealthy environments, unless they may go on."""
         return ~now.healthy if self.terminate_when_unhealthy else None
 
     def reward(self, now: Moment) -> tuple[Array, Terms]:
@@ -55,7 +55,7 @@ class Walker2d(MujocoTask):
         return forward + survive - control, terms
 
     def info(self, now: Moment) -> Terms:
-        """Where it is; the height is that above the model's reference."""
+        """Place of the robot; the height is that above the model's reference."""
         return {"x_position": now.qpos[:, 0], "z_distance_from_origin": now.qpos[:, 1] - now.default_qpos[1]}
 
     def sample_state(self, qpos: Array, qvel: Array, rng: Rng) -> None:

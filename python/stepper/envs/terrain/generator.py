@@ -114,11 +114,11 @@ class Terrain:
         return np.concatenate([places, self.height(places)[..., None]], axis=-1)
 
     def height(self, xy: Array) -> Array:
-        """Heights of the surface at places (..., 2), m; 0 beside the terrain."""
+        """Heights of the surface at places (..., 2), m; 0 outside the terrain."""
         return self.ground.heights(None, xy, beyond=0.0)
 
     def leaves(self, xy: Array, margin: float = 0.3) -> Array:
-        """Whether places (..., 2) are beside the terrain or nearer to its border than a margin, m: for `Task.truncated`."""
+        """Whether places (..., 2) are outside the terrain or nearer to its border than a margin, m: for `Task.truncated`."""
         return np.asarray(np.any(np.abs(xy) > self.half - margin, axis=-1))
 
     def boxes(self) -> Array:

@@ -21,11 +21,11 @@ GAIN_TYPES = {GAIN_FIXED: "Fixed", GAIN_AFFINE: "Affine"}
 BIAS_TYPES = {BIAS_NONE: "None", BIAS_AFFINE: "Affine"}
 INPUT_POS, INPUT_VEL, INPUT_VOLTAGE = 1, 2, 8
 OLDER, BETWEEN, CUBIC = range(3)
-"""What acts between two samples of a delayed control or reading (`interp`)."""
+"""Interpolation between two samples of a delayed control or reading (`interp`)."""
 
 
 def why_dropped(source: Source, a: int) -> list[str]:
-    """What an actuator has that cannot be described at all."""
+    """Attributes of an actuator that no description can have."""
     m, mj = source.m, source.mujoco
     target, transmission = int(m.actuator_trnid[a, 0]), int(m.actuator_trntype[a])
     on_joint = transmission in (TRN_JOINT, TRN_JOINT_IN_PARENT)

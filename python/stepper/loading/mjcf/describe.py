@@ -102,7 +102,7 @@ def _joint(source: Source, i: int) -> Description:
     m = source.m
     dof = source.dofs(i).start
     # Rotor inertia and damping of actuators act through their gear (MuJoCo adds gear^2 times both to the joint's).
-    # Of a gear whose square is none, the model says so itself.
+    # A gear whose square is not finite is an error of the model itself.
     gears = [(a, min(source.gear(a) * source.gear(a), sys.float_info.max)) for a in source.joint_actuators[i]]
     damping = float(m.dof_damping[dof]) + sum(g * float(m.actuator_damping[a]) for a, g in gears)
     return {
@@ -157,7 +157,7 @@ def _geom(source: Source, i: int) -> Description:
 
 
 def _ellipsoid(source: Source, i: int) -> Description | None:
-    """How the medium acts on a geom that asks for the model of ellipsoids (the order of mjNFLUID, engine_passive.c)."""
+    """Coefficients of the medium for a geom with the model of ellipsoids (the order of mjNFLUID, engine_passive.c)."""
     x, kind, (a, b, c) = source.m.geom_fluid[i].tolist(), int(source.m.geom_type[i]), source.m.geom_size[i].tolist()
     if x[0] <= 0:
         return None

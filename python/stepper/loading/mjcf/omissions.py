@@ -1,4 +1,4 @@
-"""What a compiled `mujoco.MjModel` has and the description of it does not.
+"""Elements of a compiled `mujoco.MjModel` that its description leaves out.
 
 `FIELDS` decides for every field of MjModel 4; a test holds it against the installed version. Elements that would change the motion are
 errors unless `stepper.load(..., strict=False)`; what the description has but the step does not simulate yet is listed by the Rust crate.

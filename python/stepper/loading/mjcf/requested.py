@@ -1,4 +1,4 @@
-"""What a compiled `mujoco.MjModel` asks of a simulator that stepper does in its own way: method and softness."""
+"""Method and softness that a compiled `mujoco.MjModel` sets and stepper replaces."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 
 from stepper.loading.mjcf.source import Source
 
-# What MuJoCo takes where a source says nothing; a test holds both against the installed version.
+# MuJoCo's defaults; a test holds both against the installed version.
 SOLREF = (0.02, 1.0)
 SOLIMP = (0.9, 0.95, 0.001, 0.5, 2.0)
 
@@ -39,7 +39,7 @@ def _word(source: Source, enum: str, value: int) -> str:
 
 
 def _soft(source: Source) -> list[str]:
-    """What has a softness other than MuJoCo's default, of what can push at all."""
+    """Constraints with a softness other than MuJoCo's default, of those that can push."""
     m = source.m
     solid = ((m.geom_contype != 0) | (m.geom_conaffinity != 0)) & source.collides
     lossy = np.array([bool(np.any(m.dof_frictionloss[source.dofs(j)])) for j in range(m.njnt)], bool)
@@ -64,6 +64,6 @@ def _soft(source: Source) -> list[str]:
 
 
 def _differs(solref: np.ndarray[Any, Any], solimp: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
-    """Which rows are not MuJoCo's default."""
+    """Whether each row differs from MuJoCo's default."""
     differs: np.ndarray[Any, Any] = np.any(solref != SOLREF, axis=1) | np.any(solimp != SOLIMP, axis=1)
     return differs

@@ -1,7 +1,7 @@
 """Sites and sensors of a compiled `mujoco.MjModel`, as the Rust crate describes them (crates/model/src/sensor.rs).
 
-`docs/reference/sensors.md` says of every sensor type of MuJoCo whether it is simulated and how its readings differ; a test holds it and the
-tables here against the installed version.
+`docs/reference/sensors.md` lists which sensor types of MuJoCo are simulated and how their readings differ; a test compares it and
+the tables here against the installed version.
 """
 
 from __future__ import annotations
@@ -86,7 +86,7 @@ def sensors(source: Source) -> Iterator[Description]:
 
 
 def _history(source: Source, i: int, word: str, name: str) -> Description:
-    """Delay and interval in s. Of a delay that is no whole number of steps, an interval of a step says that the older reading is taken."""
+    """Delay and interval in s. For a delay that is no whole number of steps, an interval of a step selects the older reading."""
     m, step = source.m, float(source.m.opt.timestep)
     samples, between = (int(x) for x in m.sensor_history[i])
     interval, phase = (float(x) for x in m.sensor_interval[i])

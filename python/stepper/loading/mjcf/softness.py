@@ -1,4 +1,4 @@
-"""How soft a compiled `mujoco.MjModel` is: what its contact law reads of it (`stepper.Options(contact="mujoco")`)."""
+"""Softness of a compiled `mujoco.MjModel`: the parameters of its contact law (`stepper.Options(contact="mujoco")`)."""
 
 from __future__ import annotations
 

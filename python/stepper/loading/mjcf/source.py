@@ -108,7 +108,7 @@ class Source:
         return {tendon: index for index, tendon in enumerate(kept)}
 
     def why_free(self, equality: int) -> str:
-        """What keeps an equality from being described at all; empty when nothing does."""
+        """Reason why no description can have an equality; empty without one."""
         m, kind = self.m, int(self.m.eq_type[equality])
         if kind not in (CONNECT, WELD, JOINT, TENDON):
             return "constraints of deformable bodies are not simulated"

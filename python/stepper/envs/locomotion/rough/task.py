@@ -59,13 +59,13 @@ class RoughTask(Task):
     """Follow velocity commands over rough terrain: observations, rewards, events and curricula of mjlab's rough velocity tasks.
 
     Actions change the set points of the servos from the stance; 1 is a quarter of the largest torque. A command holds for 3 to 8 s.
-    Each episode has its own friction of the feet, centre of mass of the base and encoder errors, and pushes every 1 to 3 s.
+    Each episode draws friction of the feet, centre of mass of the base and encoder errors, and pushes every 1 to 3 s.
     An environment goes to a harder row of the terrain when it leaves its tile, to an easier one when it makes less than half of the
     commanded way. Commands become faster after 120,000 and 240,000 actions of an environment.
 
     Attributes:
         frame_skip: Steps for each action.
-        episode_steps: Actions of an episode, for the way that a command asks for.
+        episode_steps: Actions of an episode, for the way that a command prescribes.
         noise: Errors of the observation, times mjlab's; 0 is the truth.
         push: Pushes, times mjlab's; 0 is none.
         friction: Least and largest friction of the feet.
@@ -210,7 +210,7 @@ class RoughTask(Task):
         sim.randomize(mask, **rows)
 
     def advance(self, now: Moment) -> None:
-        """Renews commands, pushes, and makes the steps."""
+        """Draws due commands, pushes, and makes the steps."""
         state, model = now.episode_state, now.sim.model
         state["steps"] += 1
         renew_commands(now, self.stages)

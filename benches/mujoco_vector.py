@@ -104,7 +104,10 @@ class MujocoSim(MujocoCrowd):
             self._batch.forward()
         return np.array(values)
 
-    def reset(self, envs: Array | None = None, *, qpos: Array | None = None, qvel: Array | None = None, seed: Any = None) -> None:
+    # The reset of a `Stepper`, as tasks call it.
+    def reset(  # type: ignore[override]
+        self, envs: Array | None = None, *, qpos: Array | None = None, qvel: Array | None = None, seed: Any = None
+    ) -> None:
         """Begins episodes in the environments of a mask; there is nothing that a seed is for."""
         ids = np.arange(self.num_envs) if envs is None else np.flatnonzero(envs)
         self._batch.reset(ids)

@@ -92,7 +92,7 @@ def by_derivatives(rollouts: int, seed: int = 1, **given: Any) -> Iterator[Score
 def by_ppo(rollouts: int, seed: int = 1, **given: Any) -> Iterator[Score]:
     """Learns with PPO; yields a score after every update."""
     own = {"num_envs": 64, "horizon": ACTIONS, "minibatch": 640, "epochs": 8, "initial_std": Plan.std, "threads": 1}
-    run, spent = ppo.Run(ppo.Settings(env=NAME, seed=seed, **{**own, **given})), 0.0
+    run, spent = ppo.Run(Settings(env=NAME, seed=seed, **{**own, **given})), 0.0
     grip(run.net)
     while run.episodes < rollouts:
         spent -= time.process_time()

@@ -32,7 +32,8 @@ import torch
 from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 from stepper.policies import Policy, describe, evaluate
-from stepper.policies.ppo import FRESH, ActorCritic, Moments, Settings
+from stepper.policies.ppo import FRESH, ActorCritic, Moments
+from stepper.policies.ppo_settings import Settings
 from torch import Tensor, nn
 
 Array = NDArray[Any]

@@ -57,7 +57,7 @@ impl Actuator {
         row(&self.bias[..self.force_model.bias.width()])
     }
 
-    /// Property that says which columns of a field the actuator reads, and the number of them.
+    /// Property that determines which columns of a field the actuator reads, and their number.
     fn reads(&self, field: &str) -> (String, usize) {
         match (field, self.transmission) {
             ("actuator_gainprm", _) => (format!("its gaintype is {:?}", self.force_model.gain.word()), self.force_model.gain.width()),
@@ -109,7 +109,7 @@ fn visit(read: &mut [f64], f: &mut dyn FnMut(&mut f64)) {
     (0..others).for_each(|_| f(&mut 0.0));
 }
 
-/// Error for a number of `field` that an actuator does not read: the `k`-th, which is to be `value`.
+/// Error for a number of `field` that an actuator does not read: the `k`-th, whose new value is `value`.
 pub(crate) fn unread(model: &Description, field: &str, k: usize, value: f64) -> Option<ModelError> {
     let width = match field {
         "actuator_gear" => GEAR,

@@ -8,10 +8,10 @@ from stepper.shared.machine import package_version
 
 PACKAGES = {
     "mjcf": ("mujoco-core",),
-    "cli": ("matplotlib", "rich", "scipy", "typer"),
+    "cli": ("jinja2", "matplotlib", "rich", "scipy", "typer"),
     "envs": ("gymnasium", "mujoco-core"),
     "viewer": ("moviepy", "mujoco-core", "rerun-sdk", "viser"),
-    "train": ("gymnasium", "matplotlib", "moviepy", "mujoco-core", "scipy", "torch"),
+    "train": ("gymnasium", "matplotlib", "moviepy", "mujoco-core", "rich", "scipy", "torch", "typer"),
     "identify": ("scipy",),
     "onnx": ("onnxruntime",),
 }

@@ -76,7 +76,7 @@ def _in_words(value: Any) -> str:
 
 
 def _remedy(value: Any) -> str:
-    """What to do about something else than a task, as the end of a message."""
+    """Remedy for a value that is no task, as the end of a message."""
     if isinstance(value, gymnasium.Env | VectorEnv):
         name = value.spec.id if value.spec is not None else None
         return f": give the name of the environment{f', {name!r}' if name else ''} and num_envs, which make a batch of it"

@@ -94,7 +94,7 @@ class Streams:
 
 
 class Rng:
-    """Random numbers for the n environments that are reset: a row for each of them, from its own stream.
+    """Random numbers for the n environments that are reset: a row for each of them, from the stream of that environment.
 
     Draws have the shape (n, size): `size` numbers for each environment. `array[mask] = rng.uniform(low, high, size)` fits an array
     (num_envs, size) of all environments.

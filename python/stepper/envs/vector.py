@@ -33,8 +33,8 @@ class StepperVectorEnv(VectorEnv[Array, Array, Array]):
         num_envs: Number of environments.
         autoreset_mode: When an environment whose episode is over begins another: `AutoresetMode.NEXT_STEP`, with the next call of `step`,
             whose action it ignores; `SAME_STEP`, within the step that ends it, whose last observation and info are the infos "final_obs"
-            and "final_info"; `DISABLED`, when `reset(options={"reset_mask": mask})` asks for it. Names do too: "SAME_STEP".
-        contact: Law of contact: "mujoco", with the integrator that the model's file asks for, or "hard"; None is the task's.
+            and "final_info"; `DISABLED`, with `reset(options={"reset_mask": mask})` alone. Names work too: "SAME_STEP".
+        contact: Law of contact: "mujoco", with the integrator of the model's file, or "hard"; None is the task's.
         options: Settings of the step in place of those of `contact`.
         precision: "f64" or "f32".
         threads: Threads that step; 0 is all that this process may use. The bits are the same for any number.

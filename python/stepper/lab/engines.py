@@ -50,7 +50,7 @@ class Crowd(Protocol):
 
 @dataclass
 class Certificate:
-    """What stepper said of its steps, over a phase of a run.
+    """Status flags and residuals of steps over a phase of a run.
 
     Attributes:
         env_steps: Steps times environments.
@@ -232,7 +232,7 @@ class Engine(Protocol):
 
     @property
     def setting(self) -> str:
-        """Its settings in a few words, one line on the chart."""
+        """Settings in a few words, as a line of the chart."""
 
     def start(self, mjcf: str, dt: float) -> Crowd:
         """Loads a scene, with time step `dt` in s."""

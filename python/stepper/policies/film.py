@@ -21,7 +21,7 @@ def check_film(env: str, **settings: Any) -> None:
     """Checks that an environment can be filmed here, by one picture: before a training whose end is a film.
 
     Args:
-        env: Name of an environment that Gymnasium knows.
+        env: Name of an environment in Gymnasium's registry.
         **settings: Arguments of the environment.
 
     Raises:

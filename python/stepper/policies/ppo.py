@@ -2,15 +2,15 @@
 
     stepper train stepper/HalfCheetah-v5 --seed 1 --film half_cheetah.mp4
 
-Rows of the learning curve are written as they are made, and a checkpoint beside them every half a minute: the same command continues a
-stopped run, to the same curve. With `HalfCheetah-v5` in place of the name the same learner trains in Gymnasium's own environment, whose
-state is in no checkpoint: there it continues with new episodes, and the curve is another one from there.
+Each update adds a row to the learning curve, and a checkpoint is written every half a minute. The same command continues a stopped run,
+to the same curve. With `HalfCheetah-v5` as the name, the learner trains in Gymnasium's environment. No checkpoint has the state of that
+environment. A stopped run then continues with new episodes, and its curve is another.
 
 To change the learner, write a copy of this file with `stepper train --copy my_ppo.py`, and train with `python my_ppo.py`.
 
 The method is that of Schulman et al. (2017, https://arxiv.org/abs/1707.06347), with generalised advantages (2016,
-https://arxiv.org/abs/1506.02438), observations and rewards normalised by running moments, and a learning rate that holds the
-Kullback-Leibler divergence of an update near a target.
+https://arxiv.org/abs/1506.02438). Running moments normalise observations and rewards. The learning rate holds the Kullback-Leibler
+divergence of an update near a target.
 """
 
 from __future__ import annotations
@@ -203,7 +203,7 @@ class Run:
         }
 
     def policy(self) -> Policy:
-        """What was learned, in NumPy."""
+        """Trained policy, in NumPy."""
         linear = [layer for layer in self.net.actor if isinstance(layer, nn.Linear)]
         layers = tuple((layer.weight.detach().numpy().T.copy(), layer.bias.detach().numpy().copy()) for layer in linear)
         space = self.envs.single_action_space

@@ -22,10 +22,10 @@ A stopped run continues with the same command. Settings of a task are those in s
 
 @dataclass(frozen=True, kw_only=True)
 class Settings:
-    """What a run is: the same settings make the same curve.
+    """Settings of a run. The same settings make the same curve.
 
     Attributes:
-        env: Name of an environment that Gymnasium knows.
+        env: Name of an environment in Gymnasium's registry.
         seed: Of everything that is random.
         steps: Environment steps.
         contact: Law of contact of stepper's environments, "mujoco" or "hard"; empty is the task's own.
@@ -81,7 +81,7 @@ class Settings:
 
     @classmethod
     def of_task(cls, env: str, **given: Any) -> Settings:
-        """Those of a task in `TASKS`, but for what is given."""
+        """Settings of a task in `TASKS`; those of `given` replace them."""
         return cls(env=env, **{**TASKS.get(env.rpartition("/")[2], {}), **given})
 
     def environment(self) -> dict[str, Any]:
@@ -112,7 +112,7 @@ ROUGH: Mapping[str, Any] = {
     "entropy": 0.005,
     "initial_std": 0.5,
 }
-"""Those of mjlab's rough velocity tasks, with smaller networks."""
+"""Settings of mjlab's rough velocity tasks, with smaller networks."""
 
 
 TASKS: Mapping[str, Mapping[str, Any]] = {
@@ -136,10 +136,10 @@ TASKS: Mapping[str, Mapping[str, Any]] = {
 
 
 def arguments(prog: str | None = None) -> argparse.ArgumentParser:
-    """Reader of the command line: every setting is an option, and its help is what `Settings` says of it."""
+    """Reader of the command line: every setting is an option, with its description in `Settings` as help."""
     parser = argparse.ArgumentParser(prog=prog, description=ABOUT, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument(
-        "env", nargs="?", default=Settings.env, help=f"a name that Gymnasium knows, or module:name; {Settings.env} by default"
+        "env", nargs="?", default=Settings.env, help=f"a name in Gymnasium's registry, or module:name; {Settings.env} by default"
     )
     parser.add_argument("--out", type=Path, help="folder of the run; one in out/train by default")
     parser.add_argument("--evaluate", type=int, default=20, metavar="EPISODES", help="fresh episodes after the training")

@@ -12,7 +12,7 @@ from stepper.shared.machine import require
 
 @dataclass(frozen=True)
 class Measured:
-    """What the referee found in some environments at one moment.
+    """Measurements of the referee in some environments, at one moment.
 
     Attributes:
         contacts: Touching pairs of geoms per environment, mean.

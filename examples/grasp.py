@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 from shac import Differentiable, Learner, Plan  # type: ignore[import-not-found]
 from stepper.envs.basic.grasp import FORCE, STEPS, Grasp
 from stepper.policies import Policy, ppo
+from stepper.policies.ppo_settings import Settings
 
 Array = NDArray[Any]
 

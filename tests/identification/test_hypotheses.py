@@ -113,15 +113,16 @@ def test_less_information_on_a_friction_never_narrows_an_interval(seed, share):
     assert gained == pytest.approx(share, rel=1e-6)
 
 
-@given(st.floats(1e-4, 1.0), st.floats(1e-4, 0.5), st.floats(0.006, 0.075))
-def test_a_cost_that_rises_as_the_slopes_say_confirms_them_all(before, ratio, apart):
-    """And one that rises half as much, or not at all, to one side confirms less."""
+@given(st.floats(1e-4, 1.0), st.floats(1e-4, 0.5), st.floats(1.5, 2.9), st.floats(-0.3, 0.3))
+def test_a_cost_that_rises_as_the_slopes_say_confirms_them_all(before, ratio, distance, step):
+    """Wherever the estimate is beside the least cost; and one that rises less to one side confirms less."""
     after = before * ratio
-    rise = apart**2 / after
+    std = math.sqrt(after)
 
-    def share(upper):
-        return share_of(np.array([[-apart, rise], [apart, upper]]), before, after)
+    def share(slack):
+        rises = [[z * std, z**2 - 2 * z * step - (slack if z > 0 else 0.0)] for z in (-distance, distance)]
+        return share_of(np.array(rises), step * std, before=before, after=after)
 
-    assert share(rise) == pytest.approx(1.0)
-    assert LEAST <= share(rise / 2) < 0.51
-    assert share(0.0) == LEAST
+    assert share(0.0) == pytest.approx(1.0)
+    assert LEAST <= share(1.0) < 1 - 0.9 / distance**2
+    assert share(distance**2) == LEAST

@@ -35,6 +35,7 @@ LITTLE = 0.1
 """Standard deviations by which the last step may move a parameter."""
 NEARBY = 0.5
 """And that a step may lead away where no part of it lowers the cost."""
+
 FARTHEST = 0.5
 """Largest change of a parameter that one sample makes, in scales."""
 
@@ -50,6 +51,7 @@ class Linear:
         made: Prediction of all points.
         residual: Residuals of all points, (count, T, width).
         J: Derivatives at the estimate, (T, width, n + states).
+        expected: Mean of the residuals over what is not known, (T, width).
         noise: Standard deviations of the residuals, with what curvature leaves beside the derivatives, (T, width).
         cost: Sum of squares of the window's residuals and of the distance from what was known, at the estimate.
     """
@@ -60,6 +62,7 @@ class Linear:
     made: dict[str, Array]
     residual: Array
     J: Array
+    expected: Array
     noise: Array
     cost: float
 
@@ -230,7 +233,7 @@ class Horizon:
     def _expect(self, at: Linear) -> None:
         """Compares the newest sample with its prediction."""
         seen = self._problem.seen(self._samples[-1][1])
-        self.newest, J = at.residual[0, -1][seen], at.J[-1][seen]
+        self.newest, J = at.expected[-1][seen], at.J[-1][seen]
         self.strange = 0.0
         if len(self.newest):
             expected = J @ self.posterior @ J.T + np.diag(at.noise[-1][seen] ** 2)
@@ -243,21 +246,22 @@ class Horizon:
         J, curved = directions.derivative(residual[: 1 + 2 * len(self.x)], spans)
         noise = np.sqrt(1 + (curved**2).sum(axis=0))
         apart = np.linalg.solve(np.linalg.cholesky(self._cov), self.x - self._mean)
-        cost = float((residual[0] ** 2).sum() + (apart**2).sum())
-        return Linear(points, directions, spans, made, residual, J.transpose(1, 2, 0).copy(), noise, cost)
+        expected = residual[0] + curved.sum(axis=0) / math.sqrt(2)
+        cost = float((expected**2).sum() + (apart**2).sum())
+        return Linear(points, directions, spans, made, residual, J.transpose(1, 2, 0).copy(), expected, noise, cost)
 
     def _gauss_newton(self, at: Linear) -> tuple[Array, Array]:
         """A step on the window and the arrival cost, and the covariance of what is known then. It sets the evidence."""
         N = len(self.x)
         root = np.linalg.cholesky(self._cov)
         rows = np.concatenate([(at.J / at.noise[..., None]).reshape(-1, N), np.linalg.solve(root, np.eye(N))])
-        left = np.concatenate([(at.residual[0] / at.noise).ravel(), np.linalg.solve(root, at.points[0] - self._mean)])
+        left = np.concatenate([(at.expected / at.noise).ravel(), np.linalg.solve(root, at.points[0] - self._mean)])
         # Columns are of very different sizes.
         size = np.linalg.norm(rows, axis=0)
         step = -np.linalg.lstsq(rows / size, left, rcond=None)[0]
         remaining = float(((left + (rows / size) @ step) ** 2).sum())
-        step /= size
-        step *= min(1.0, FARTHEST / max(float((np.abs(step[: self._problem.n]) / self._problem.scale).max()), 1e-300))
+        least = step / size
+        step = least * min(1.0, FARTHEST / max(float((np.abs(least[: self._problem.n]) / self._problem.scale).max()), 1e-300))
         information = (rows / size).T @ (rows / size)
         inverse = np.linalg.inv(information) / np.outer(size, size)
         # Laplace's approximation: the cost, and how much of what was possible before is possible still.
@@ -265,7 +269,7 @@ class Horizon:
         self._shares = {}
         for j, rises in self._rises.items():
             before, after = float(self._cov[j, j]), float(inverse[j, j])
-            self._shares[j] = share_of(rises, before, after)
+            self._shares[j] = share_of(rises, float(least[j]), before=before, after=after)
             inverse = widened(inverse, j, before, self._shares[j])
             narrowed -= np.log(inverse[j, j] / after) / 2
         self.evidence = self._past - remaining / 2 - float(np.log(at.noise).sum() + narrowed)
@@ -280,7 +284,7 @@ class Horizon:
     def _advance(self, at: Linear) -> None:
         """The oldest sample leaves the window: the arrival cost takes it in, and goes on to where the window begins next."""
         problem, N, m, n = self._problem, len(self.x), len(self._problem.dofs), self._problem.n
-        linearized, J, residual = at.points[0], at.J[0] / at.noise[0][:, None], at.residual[0, 0] / at.noise[0]
+        linearized, J, residual = at.points[0], at.J[0] / at.noise[0][:, None], at.expected[0] / at.noise[0]
         expected = J @ self._cov @ J.T + np.eye(len(J))
         gain = np.linalg.solve(expected, J @ self._cov).T
         innovation = residual + J @ (self._mean - linearized)
@@ -300,6 +304,7 @@ class Horizon:
         F[n:] = slope[:, 0].T
         F[n:, self._holding] = 0.0
         self._mean = np.concatenate([mean[:n], F[n:] @ (mean - linearized)])
+        self._mean[n:] += curved[:, 0].sum(axis=0) / math.sqrt(2)
         self.x = np.concatenate([self.x[:n], F[n:] @ (self.x - linearized)])
         # What contacts hold exactly has no variance; without any, it could not be inverted.
         gained = np.diag(problem.gained**2 + np.concatenate([np.zeros(n), np.full(2 * m, (1e-3 * NUDGE) ** 2)]))

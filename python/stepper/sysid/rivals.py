@@ -29,7 +29,7 @@ ABOVE_BOUND = 0.02
 """And the one that is this far above the lower bound, so that the bound rises by it with every sample."""
 BETTER = 1.0
 """A larger value is a rival if it lowers the cost by this. One that costs at most this much more says that friction holds."""
-LOWER = 2.0
+LOWER = 0.0
 """A smaller value is a rival of one that is unknown if it lowers the cost by this. Its weight is a tenth then, as frictions that slip so
 little are a thirtieth of what is not known."""
 EXCLUDED = 12.0
@@ -37,6 +37,10 @@ EXCLUDED = 12.0
 
 NOTHING = 0.01
 """Share of what was known before that slopes add, below which they are not compared with costs farther away."""
+TELLING = 2.0
+"""Squares of distances over the variance by the slopes from which on costs are compared with it,"""
+POSSIBLE = 9.0
+"""if they are not higher by more than this: three standard deviations."""
 LEAST = 0.04
 """Smallest share: intervals grow five times at the most."""
 
@@ -49,7 +53,7 @@ class Verdict:
         rival: Index of a point whose friction explains the window better, or None.
         holding: Indices of frictions that hold: the window has no slope in them.
         excluded: Largest value that is excluded, by the index of the friction.
-        rises: Of frictions that do not hold, distances of the nearest values, and by how much they raise the cost, (2, 2).
+        rises: Of frictions that do not hold, distances of the other values, and by how much they raise the cost, (k, 2).
     """
 
     rival: int | None
@@ -93,8 +97,7 @@ def judged(
         if _holds(residual[index], values, window, unknown=unknown[k]):
             holding.append(j)
         else:
-            near = slice(1 + len(OTHERS), 3 + len(OTHERS))
-            rises[j] = np.stack([values[near] - values[0], known[near] - known[0]], axis=1)
+            rises[j] = np.stack([values - values[0], known - known[0]], axis=1)
         needed = np.where(values < values[0], LOWER if unknown[k] else EXCLUDED, BETTER)
         excess = known[0] - known - needed
         if excess.max() > gain:
@@ -102,20 +105,25 @@ def judged(
     return Verdict(rival, holding, excluded, rises)
 
 
-def share_of(rises: Array, before: float, after: float) -> float:
+def share_of(rises: Array, step: float, *, before: float, after: float) -> float:
     """Share of what the slopes at the estimate say of a friction that the costs farther away confirm, 1 where they do.
 
     Where friction begins to slip, the cost rises less towards what holds than the slope at the estimate says.
 
     Args:
         rises: Distances of other values from the estimate, and by how much they raise the cost, (k, 2).
+        step: Distance of the least cost from the estimate, by the slopes.
         before: Variance of the friction before the window.
         after: Variance by the slopes.
     """
     gained = 1 / after - 1 / before
     if gained * before < NOTHING:
         return 1.0
-    shares = [(rise / apart**2 - 1 / before) / gained for apart, rise in rises if abs(apart) >= NEAREST / 2]
+    shares = [
+        ((rise + 2 * apart * step / after) / apart**2 - 1 / before) / gained
+        for apart, rise in rises
+        if apart**2 >= TELLING * after and rise <= POSSIBLE
+    ]
     return float(np.clip(min(shares, default=1.0), LEAST, 1.0))
 
 

@@ -60,14 +60,37 @@ def followed(seed: int, count: int) -> tuple[stepper.sysid.Tracked, dict[str, Ar
 
 
 def test_intervals_are_as_wide_as_those_of_a_grid_of_simulations():
-    """Friction that slips a little is known to one side only; the slope at the estimate alone makes its interval less than half as wide."""
+    """Friction that slips a little is known to one side only: by the slope at the estimate, its interval is less than half as wide."""
     now, made, truth = followed(25, STILL_HELD)
     mean, std = exact(made, truth, STILL_HELD)
-    found = np.log(now.values / truth)
-    # The tracker gives positions and velocities a little noise, and its distribution is symmetric: half of a standard deviation each.
-    assert np.abs(found - mean).max() < 1.5 * std.max()
-    assert (np.sqrt(np.diag(now.covariance)) > 0.7 * std).all()
-    assert (np.sqrt(np.diag(now.covariance)) < 2.5 * std).all()
+    found, own = np.log(now.values / truth), np.sqrt(np.diag(now.covariance))
+    # The tracker's distribution is nearly symmetric, the exact one is not: their means differ by up to a standard deviation.
+    assert (np.abs(found - mean) < 1.5 * std).all()
+    assert (own > 0.7 * std).all()
+    assert (own < 2.5 * std).all()
+
+
+@pytest.mark.parametrize(
+    ("seed", "count"),
+    [(31, 32), (34, 54)],
+    ids=["slips a little when it is lifted, so that the mass depends on friction", "holds, so that friction above the bound is unknown"],
+)
+def test_intervals_contain_the_truth_where_friction_just_holds(seed, count):
+    """Of these runs, decisions between holding and slipping made intervals that missed the truth by 3.6 and 8 standard deviations."""
+    now, _, truth = followed(seed, count)
+    low, high = now.interval.T
+    assert (low <= truth).all()
+    assert (truth <= high).all()
+
+
+def test_a_weight_that_was_not_known_is_no_surprise():
+    """Lifting a box of unknown mass changes the force by what its mass leaves open, so the mass is determined at once."""
+    now, _, _ = followed(13, 27)
+    assert (
+        now.surprise > 15 * 3 - 14
+    )  # beside 14 samples of noise, of about 1 each, the mean of 15 is above 3, which noise does not explain
+    assert now.determined.tolist() == [True, False]
+    assert now.warnings == ()
 
 
 @st.composite

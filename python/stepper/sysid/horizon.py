@@ -1,10 +1,10 @@
-"""Moving-horizon estimate under one hypothesis: a window that moves with the readings, and the normal distribution of what lies before it.
+"""Moving-horizon estimate under one hypothesis: a window that moves with the readings, and a normal distribution of what lies before it.
 
-Unknown are parameters and the state where the window begins (Rao, Rawlings and Mayne 2003). With every sample Gauss-Newton steps are made
-on the window's residuals and on the arrival cost, which is a normal distribution of both, until the estimate settles: one where motion is
-smooth (a real-time iteration, Diehl 2001), some where a contact begins. The oldest sample then leaves: a Kalman update takes it into the
-arrival cost, and the motion's own derivatives take that to where the window begins next. Derivatives are differences over what is not
-known yet (linear.py), from one batch of environments that also makes the prediction.
+Unknown are the parameters and the state where the window begins (Rao, Rawlings and Mayne 2003). Each sample takes Gauss-Newton steps on the
+window's residuals and on the arrival cost, a normal distribution of both, until the estimate settles: one step where motion is smooth (a
+real-time iteration, Diehl 2001), several where a contact begins. Then a Kalman update adds the oldest sample to the arrival cost, and the
+derivatives of the motion carry that to where the window begins next. Readings and states are linearised over what is not known yet
+(linear.py; posterior linearisation, Garcia-Fernandez, Svensson, Morelande and Sarkka 2015), from one batch of environments.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from stepper.sysid.inertia import Array
-from stepper.sysid.linear import Directions
+from stepper.sysid.linear import Directions, mean_shift
 from stepper.sysid.problem import Problem, Sample
 from stepper.sysid.rivals import TRIED, WIDE, Verdict, judged, share_of, tried, widened
 
@@ -80,9 +80,9 @@ class Horizon:
         posterior: Covariance of x.
         evidence: Logarithm of the probability density of all readings, but for a constant.
         settled: Whether the last sample's steps have converged.
-        rival: An estimate with another friction that explains the window better, or None.
-        newest: Residuals of the newest sample as it was predicted, of what was measured.
-        strange: Mean square of these over what was expected of them: 1 for a model that is right.
+        rival: Estimate with another friction that explains the window as well or better, or None.
+        newest: Prediction errors of the newest sample over their noise, of what was measured.
+        strange: Mean square of these over their predicted covariance: about 1 for a right model.
         at: The window about the estimate.
     """
 
@@ -246,7 +246,7 @@ class Horizon:
         J, curved = directions.derivative(residual[: 1 + 2 * len(self.x)], spans)
         noise = np.sqrt(1 + (curved**2).sum(axis=0))
         apart = np.linalg.solve(np.linalg.cholesky(self._cov), self.x - self._mean)
-        expected = residual[0] + curved.sum(axis=0) / math.sqrt(2)
+        expected = residual[0] + mean_shift(curved)
         cost = float((expected**2).sum() + (apart**2).sum())
         return Linear(points, directions, spans, made, residual, J.transpose(1, 2, 0).copy(), expected, noise, cost)
 
@@ -304,7 +304,7 @@ class Horizon:
         F[n:] = slope[:, 0].T
         F[n:, self._holding] = 0.0
         self._mean = np.concatenate([mean[:n], F[n:] @ (mean - linearized)])
-        self._mean[n:] += curved[:, 0].sum(axis=0) / math.sqrt(2)
+        self._mean[n:] += mean_shift(curved)[0]
         self.x = np.concatenate([self.x[:n], F[n:] @ (self.x - linearized)])
         # What contacts hold exactly has no variance; without any, it could not be inverted.
         gained = np.diag(problem.gained**2 + np.concatenate([np.zeros(n), np.full(2 * m, (1e-3 * NUDGE) ** 2)]))

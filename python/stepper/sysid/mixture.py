@@ -1,8 +1,8 @@
-"""Hypotheses of a tracker: whether friction held or slipped, each with its own estimate, weighed by the readings.
+"""Hypotheses of a tracker about friction, that it held or slipped, each with its own estimate and a weight.
 
-While friction only just holds, the readings leave open whether it has slipped, and the two answers have different masses. Deciding at once
-makes all later intervals too narrow. So a rival starts a hypothesis of its own (a Gaussian sum, Alspach and Sorenson 1972), with Laplace's
-approximation of its probability as its weight. Hypotheses that the readings contradict are dropped.
+While friction only just holds, readings often leave open whether it has slipped, and both answers give different masses. An immediate
+decision would make all later intervals too narrow. So a rival starts a hypothesis of its own (a Gaussian sum, Alspach and Sorenson 1972),
+weighed by Laplace's approximation of its evidence. Hypotheses of little weight are dropped.
 """
 
 from __future__ import annotations
@@ -20,20 +20,20 @@ from stepper.sysid.problem import Problem, Sample
 MOST = 4
 """Largest number of hypotheses."""
 UNLIKELY = 0.01
-"""Weight below which a hypothesis is dropped: less than what an interval of 95 % leaves out at one end."""
+"""Weight below which a hypothesis is dropped: less than the 2.5 % beyond each end of an interval."""
 CLOSE = 0.05
-"""Distance of frictions, as a logarithm, within which a rival belongs to a hypothesis that exists,"""
+"""Distance from the friction of an existing hypothesis, as a logarithm, within which a rival starts none."""
 CLOSE_STD = 3.0
-"""or in its standard deviations."""
+"""The same distance in standard deviations of that hypothesis; the larger of both counts."""
 ALIKE = 0.3
-"""Standard deviations by which two hypotheses may differ to count as one."""
+"""Largest distance of two hypotheses that are merged, in the smaller standard deviation."""
 ALIKE_RATIO = 1.5
-"""And the ratio of their standard deviations."""
+"""Largest ratio of the standard deviations of two hypotheses that are merged."""
 
 
 @dataclass(frozen=True)
 class Mixture:
-    """Distribution of the parameters, a weighted sum of normal distributions.
+    """Weighted sum of normal distributions of the parameters.
 
     Attributes:
         weights: Probability of each hypothesis, (k,).
@@ -59,7 +59,7 @@ class Mixture:
         return np.asarray(np.einsum("k,kij->ij", self.weights, self.covariances + apart[:, :, None] * apart[:, None, :]))
 
     def quantile(self, sigmas: float) -> Array:
-        """Values that are exceeded as a normal distribution exceeds these standard deviations, within bounds, (n,)."""
+        """Quantiles of the probability that a normal distribution has up to these standard deviations, within bounds, (n,)."""
         stds = np.sqrt(np.diagonal(self.covariances, axis1=1, axis2=2))
         ends = np.clip(self.means + sigmas * stds, self.lows, self.high)
         if len(ends) == 1:
@@ -67,7 +67,7 @@ class Mixture:
         return np.array([self._quantile(j, sigmas, ends[:, j], stds[:, j]) for j in range(len(self.high))])
 
     def _quantile(self, j: int, sigmas: float, ends: Array, std: Array) -> float:
-        """It lies between those of the hypotheses."""
+        """Quantile of one parameter, by bisection between those of the hypotheses."""
         low, high, share = float(ends.min()), float(ends.max()), _normal(sigmas)
         for _ in range(50):
             middle = (low + high) / 2
@@ -126,7 +126,7 @@ def taken(hypotheses: Sequence[Horizon], sample: Sample, problem: Problem) -> li
 
 
 def _likely(hypotheses: list[Horizon], problem: Problem) -> list[Horizon]:
-    """The most probable ones, those that are alike as one."""
+    """Most probable hypotheses, with similar ones merged."""
     kept: list[Horizon] = []
     for hypothesis in sorted(hypotheses, key=lambda h: -h.evidence):
         for other in kept:
@@ -146,7 +146,7 @@ def _near(hypothesis: Horizon, x: Array, problem: Problem) -> bool:
 
 
 def _alike(one: Horizon, other: Horizon, problem: Problem) -> bool:
-    """Whether two hypotheses say the same of the parameters."""
+    """Whether two hypotheses have the same distribution of the parameters, nearly."""
     n = problem.n
     stds = np.sqrt([np.diag(one.posterior)[:n], np.diag(other.posterior)[:n]])
     least, most = stds.min(axis=0), stds.max(axis=0)

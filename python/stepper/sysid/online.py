@@ -1,7 +1,4 @@
-"""Online identification: parameters sample by sample.
-
-`Horizon` follows one hypothesis, and `mixture` weighs hypotheses about friction.
-"""
+"""Online identification: estimates and intervals of parameters after every sample, from a mixture of hypotheses about friction."""
 
 from __future__ import annotations
 
@@ -29,11 +26,11 @@ from stepper.sysid.shift import Watch, finding
 from stepper.sysid.simulate import UNTRUSTED, find_channels, noise_of, solved
 
 WANDERS = 0.02
-"""Drift of these kinds, unless another is given."""
+"""Default drift of friction, 1/sqrt(s) of a logarithm."""
 PRIOR = 1.0
 """Standard deviation of the logarithm of a positive quantity of which nothing is said."""
 COUNTS = 0.05
-"""Weight of hypotheses that have to be settled."""
+"""Weight from which a hypothesis that has not converged makes the result undetermined."""
 
 
 @dataclass(frozen=True)
@@ -43,7 +40,7 @@ class Tracked:
     Attributes:
         time: Time of the sample since the first, s.
         labels: Names of the parameters.
-        values: Estimates in their units, (n,).
+        values: Estimates in their units, (n,): means over the hypotheses that the readings leave possible.
         interval: 95 % intervals, (n, 2).
         determined: Whether the readings so far determine each parameter, (n,). It is also False while the estimate has not converged, if
             recent readings differ from their prediction by far more than their noise, and if readings are shifted (see `warnings`). For an

@@ -1,6 +1,6 @@
-"""Other frictions beside an estimate: the values that are tried, which of them hold, which are excluded, and which is a rival.
+"""Other frictions beside an estimate: which of them hold, which are excluded, which is a rival, and how far slopes can be trusted.
 
-Friction that holds has no slope: less of it would slip, more changes nothing. So every window is also predicted with other frictions.
+Friction that holds has no slope: less of it would slip, more changes nothing. So each window is also predicted with other frictions.
 """
 
 from __future__ import annotations
@@ -13,44 +13,44 @@ import numpy as np
 from stepper.sysid.inertia import Array
 
 WIDE = 0.3
-"""Parameters of which less is known than this, in scales, count as unknown: what lies farther away is another motion."""
+"""Standard deviation, in scales, above which a parameter counts as unknown."""
 FLAT = 0.01
-"""Sum of squares of residuals below which two frictions predict the same."""
+"""Sum of squared differences of residuals below which two frictions predict the same."""
 KINKED = (*(f"{field}_friction[{column}]" for field in ("geom", "pair") for column in range(3)), "dof_frictionloss")
-"""Kinds that have no slope where nothing slides."""
+"""Kinds of parameters that have no slope where nothing slides."""
 OTHERS = (-0.5, -0.15, 0.15, 0.5)
-"""Logarithms of the ratios by which other values of these are tried at every sample, beside some standard deviations more and less,"""
+"""Logarithms of the ratios of other frictions to the estimate."""
 NEAR = 2.5
-"""which are so many, of at least"""
+"""Distance of the two nearest other frictions, in standard deviations."""
 NEAREST = 0.005
-"""as a logarithm,"""
-TRIED = len(OTHERS) + 3
+"""Smallest such distance, as a logarithm."""
 ABOVE_BOUND = 0.02
-"""And the one that is this far above the lower bound, so that the bound rises by it with every sample."""
+"""Distance of another friction from the lower bound, as a logarithm: the bound can rise by it with every sample."""
+TRIED = len(OTHERS) + 3
+"""Number of other frictions."""
 BETTER = 1.0
-"""A larger value is a rival if it lowers the cost by this. One that costs at most this much more says that friction holds."""
+"""Decrease of the cost from which a larger friction is a rival, and increase up to which a larger friction holds as well."""
 LOWER = 0.0
-"""A smaller value is a rival of one that is unknown if it lowers the cost by this. Its weight is a tenth then, as frictions that slip so
-little are a thirtieth of what is not known."""
+"""Decrease of the cost from which a smaller friction is a rival of an unknown one. Equal costs give it a weight of about 3 %, the share of
+the prior in which friction slips a little."""
 EXCLUDED = 12.0
-"""A smaller value is a rival of one that is known, and a value is excluded, where the costs differ by this: 3.5 standard deviations."""
-
+"""Difference of costs from which a smaller friction is a rival of a known one, and a value is excluded: 3.5 standard deviations."""
 NOTHING = 0.01
-"""Share of what was known before that slopes add, below which they are not compared with costs farther away."""
+"""Information from slopes over information before, below which slopes are not checked."""
 TELLING = 2.0
-"""Squares of distances over the variance by the slopes from which on costs are compared with it,"""
+"""Squared distance over the variance by the slopes from which the cost there tells whether the slopes are right."""
 POSSIBLE = 9.0
-"""if they are not higher by more than this: three standard deviations."""
+"""Increase of the cost up to which a friction counts in this check: three standard deviations."""
 LEAST = 0.04
-"""Smallest share: intervals grow five times at the most."""
+"""Smallest share of the slopes' information that counts: intervals grow five times at the most."""
 
 
 @dataclass(frozen=True)
 class Verdict:
-    """What other frictions say of an estimate.
+    """Comparison of an estimate with other frictions.
 
     Attributes:
-        rival: Index of a point whose friction explains the window better, or None.
+        rival: Index of the point whose friction explains the window best, as a rival; None if there is none.
         holding: Indices of frictions that hold: the window has no slope in them.
         excluded: Largest value that is excluded, by the index of the friction.
         rises: Of frictions that do not hold, distances of the other values, and by how much they raise the cost, (k, 2).
@@ -63,7 +63,7 @@ class Verdict:
 
 
 def tried(x: float, std: float, bound: float) -> Array:
-    """Values beside x that are tried, (TRIED,)."""
+    """Other frictions to compare with x, (TRIED,)."""
     last = bound + ABOVE_BOUND if math.isfinite(bound) else x + 2 * OTHERS[0]
     near = float(np.clip(NEAR * std, NEAREST, -OTHERS[1] / 2))
     return np.array([*(x + step for step in (*OTHERS, -near, near)), last])
@@ -72,7 +72,7 @@ def tried(x: float, std: float, bound: float) -> Array:
 def judged(
     kinked: list[int], unknown: list[bool], *, points: Array, residual: Array, J: Array, mean: Array, cov: Array, first: int
 ) -> Verdict:
-    """Verdict on an estimate.
+    """Verdict of other frictions on an estimate.
 
     Args:
         kinked: Indices of frictions.
@@ -106,9 +106,9 @@ def judged(
 
 
 def share_of(rises: Array, step: float, *, before: float, after: float) -> float:
-    """Share of what the slopes at the estimate say of a friction that the costs farther away confirm, 1 where they do.
+    """Share of the slopes' information on a friction that costs farther away confirm, from `LEAST` to 1.
 
-    Where friction begins to slip, the cost rises less towards what holds than the slope at the estimate says.
+    Where friction begins to slip, the cost rises less towards larger values than the slope at the estimate predicts.
 
     Args:
         rises: Distances of other values from the estimate, and by how much they raise the cost, (k, 2).
@@ -128,7 +128,7 @@ def share_of(rises: Array, step: float, *, before: float, after: float) -> float
 
 
 def widened(covariance: Array, j: int, before: float, share: float) -> Array:
-    """Covariance in which a friction is known by a share of the information that a variance before has gained; others follow it."""
+    """Covariance with only a share of the information on a friction that was gained since a variance; other numbers widen along with it."""
     after = float(covariance[j, j])
     gained = 1 / after - 1 / before
     if share >= 1 or gained <= 0:
@@ -139,7 +139,7 @@ def widened(covariance: Array, j: int, before: float, share: float) -> Array:
 
 
 def _profiles(j: int, points: Array, residual: Array, *, J: Array, mean: Array, cov: Array) -> tuple[Array, Array]:
-    """Costs of points with values of the friction j, once all other numbers have made the best of them.
+    """Costs of points with other values of the friction j, minimised over all other numbers by the slopes.
 
     Returns:
         Costs by the window, with what is known of the other numbers; costs with what is known of friction too.
@@ -159,8 +159,8 @@ def _profiles(j: int, points: Array, residual: Array, *, J: Array, mean: Array, 
 def _holds(residual: Array, values: Array, window: Array, *, unknown: bool) -> bool:
     """Whether friction holds at the estimate, the first of the points.
 
-    What slides in the two largest values says that friction and mass are known together only. A friction that is known may slip a little
-    where the readings do not: then the slope says that friction is what just holds, but all larger values explain the window as well.
+    An unknown friction holds if the largest value predicts the same. A known one may slip a little where the true one does not: it counts
+    as holding if the largest value explains the window as well, unless that slides too.
     """
     *_, second, largest = np.argsort(values)
     if unknown:

@@ -28,7 +28,7 @@ NUDGE = 1e-7
 STEPS = 6
 """Gauss-Newton steps for a sample, at the most,"""
 HALVINGS = 4
-"""each shortened so many times until the window costs no more than before,"""
+"""each shortened that many times until the window costs no more than before,"""
 SAME = 0.01
 """but for this much: a hundredth of what a standard deviation costs."""
 LITTLE = 0.1
@@ -52,7 +52,7 @@ class Linear:
         residual: Residuals of all points, (count, T, width).
         J: Derivatives at the estimate, (T, width, n + states).
         expected: Mean of the residuals over what is not known, (T, width).
-        noise: Standard deviations of the residuals, with what curvature leaves beside the derivatives, (T, width).
+        noise: Standard deviations of the residuals, with what curvature adds to the derivatives, (T, width).
         cost: Sum of squares of the window's residuals and of the distance from what was known, at the estimate.
     """
 

@@ -3,11 +3,7 @@
 Where a contact begins, readings have kinks that are nearer to one another than what is known of the state. The slope at one point is then
 that of one piece, and overstates what the readings determine. So the differences are those of the second-order divided-difference
 filter (Norgaard, Poulsen and Ravn 2000): above and below the estimate along the columns of a root of the covariance, sqrt(3) standard
-<<<<<<< HEAD
-deviations long. Half their difference is the slope, and what curvature adds to it counts as noise.
-=======
 deviations long. Half their difference is the slope. Curvature shifts the mean of the readings, and what else it leaves counts as noise.
->>>>>>> 3e405d52 (Name the tracker's thresholds by what they are, and describe hypotheses in its pages)
 """
 
 from __future__ import annotations

@@ -76,8 +76,8 @@ class Tracker:
 
     Args:
         model: The model, with everything that is known.
-        parameters: What is followed, as of `identify`; `FitParameter.prior` says what is known of them. Without one, a positive quantity is
-            known to a factor of e, and other numbers as their bounds say.
+        parameters: What is followed, as of `identify`; `FitParameter.prior` has their prior. Without one, a positive quantity is
+            known to a factor of e, and other numbers within their bounds.
         noise: Standard deviation of each channel by name (a number, or one for every column): sensors, "qpos", "qvel", "qpos:elbow" ...
             These channels are read.
         period: Time between samples, s: a whole number of time steps.
@@ -95,7 +95,7 @@ class Tracker:
 
     Raises:
         KeyError: No sensor or coordinate of a name.
-        ValueError: No element of a name, what environments of one stepper cannot have of their own, a window that is too short, shapes
+        ValueError: No element of a name, what environments of one stepper must share, a window that is too short, shapes
             that do not fit, or numbers that are not finite.
 
     Example:

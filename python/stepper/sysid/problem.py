@@ -60,7 +60,7 @@ class Problem:
         return len(self.scale)
 
     def seen(self, readings: dict[str, Array]) -> np.ndarray[Any, np.dtype[np.bool_]]:
-        """Which columns of the residuals were measured; those of infinite noise are not looked at."""
+        """Mask of the measured columns of the residuals; those of infinite noise are ignored."""
         parts = []
         for channel in self.channels:
             finite = np.isfinite(readings[channel.name])
@@ -102,5 +102,5 @@ class Problem:
                 value = np.where(np.isfinite(measured)[:, None], value - measured[:, None], 0.0)
             out[..., channel.lines] = value.transpose(1, 0, 2) / self.sigma[channel.lines]
         if not np.isfinite(out).all():
-            raise FloatingPointError(f"the prediction of the window that ends at {now:g} s is not finite; begin anew with a new Tracker")
+            raise FloatingPointError(f"the prediction of the window that ends at {now:g} s is not finite; begin again with a new Tracker")
         return made, out

@@ -1,7 +1,7 @@
 """Identification: parameters of a model from what was measured, and how sure that is (docs/how-to/identify.md).
 
-`data` reads what was measured, `parameters` says what is sought, `simulate` predicts readings in one batch of environments, `residuals`
-compares them, `fit` searches, `uncertainty` and `findings` say how sure the answer is, `result` is the answer.
+`data` reads what was measured, `parameters` defines the unknowns, `simulate` predicts readings in one batch of environments, `residuals`
+compares them, `fit` searches, `uncertainty` and `findings` give the uncertainty of the answer, `result` is the answer.
 `design` ranks what could be measured next.
 `online` follows parameters sample by sample instead: `mixture` weighs hypotheses about friction, `horizon` estimates under one of them,
 `rivals` compares other frictions, `problem` predicts, `linear` takes derivatives.

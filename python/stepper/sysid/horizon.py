@@ -108,7 +108,7 @@ class Horizon:
         other._samples, other._bounds = copy.copy(self._samples), dict(self._bounds)
         return other
 
-    def beside(self, x: Array) -> Horizon:
+    def branch(self, x: Array) -> Horizon:
         """Copy whose estimate is another one, settled in the same window."""
         other = self.copy()
         other.x = x.copy()
@@ -117,7 +117,7 @@ class Horizon:
         return other
 
     def absorb(self, evidence: float) -> None:
-        """Adds the evidence of another hypothesis that says the same."""
+        """Adds the evidence of a similar hypothesis."""
         more = float(np.logaddexp(self.evidence, evidence)) - self.evidence
         self._past, self.evidence = self._past + more, self.evidence + more
 

@@ -1,7 +1,7 @@
-"""Hypotheses of a tracker about friction, that it held or slipped, each with its own estimate and a weight.
+"""Hypotheses of a tracker about friction, that it held or slipped, each with an estimate and a weight.
 
 While friction only just holds, readings often leave open whether it has slipped, and both answers give different masses. An immediate
-decision would make all later intervals too narrow. So a rival starts a hypothesis of its own (a Gaussian sum, Alspach and Sorenson 1972),
+decision would make all later intervals too narrow. So a rival starts another hypothesis (a Gaussian sum, Alspach and Sorenson 1972),
 weighed by Laplace's approximation of its evidence. Hypotheses of little weight are dropped.
 """
 
@@ -116,7 +116,7 @@ def taken(hypotheses: Sequence[Horizon], sample: Sample, problem: Problem) -> li
         if hypothesis.rival is None or any(_near(other, hypothesis.rival, problem) for other in out if other is not hypothesis):
             continue
         try:
-            child = hypothesis.beside(hypothesis.rival)
+            child = hypothesis.branch(hypothesis.rival)
         except FloatingPointError:
             # Parameters with which nothing finite can be predicted have no probability.
             continue

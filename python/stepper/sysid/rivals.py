@@ -1,4 +1,4 @@
-"""Other frictions beside an estimate: which of them hold, which are excluded, which is a rival, and how far slopes can be trusted.
+"""Frictions other than the estimate: which of them hold, which are excluded, which is a rival, and how far slopes can be trusted.
 
 Friction that holds has no slope: less of it would slip, more changes nothing. So each window is also predicted with other frictions.
 """
@@ -38,7 +38,7 @@ EXCLUDED = 12.0
 NOTHING = 0.01
 """Information from slopes over information before, below which slopes are not checked."""
 TELLING = 2.0
-"""Squared distance over the variance by the slopes from which the cost there tells whether the slopes are right."""
+"""Squared distance over the variance by the slopes from which the cost there can confirm the slopes."""
 POSSIBLE = 9.0
 """Increase of the cost up to which a friction counts in this check: three standard deviations."""
 LEAST = 0.04

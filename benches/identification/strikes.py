@@ -90,6 +90,24 @@ class Strike:
             out[model.joint(name).dofadr] = value
         return out
 
+    def draw(self, rng: np.random.Generator) -> np.ndarray[Any, Any]:
+        """True values of a run, (2,)."""
+        return np.array(self.truth) * np.exp(np.array(self.spread) * rng.uniform(-1, 1, 2))
+
+    def tracker(self, **settings: Any) -> stepper.sysid.Tracker:
+        """Tracker before the first sample."""
+        model = self.model(self.start)
+        return stepper.sysid.Tracker(
+            model,
+            list(self.parameters),
+            noise=self.noise,
+            period=PERIOD,
+            options=HARD,
+            qvel=self.velocities(model),
+            start_std=START_STD,
+            **settings,
+        )
+
 
 def struck() -> Strike:
     """A finger on a spring strikes a box, lets go, and strikes it again."""
@@ -205,20 +223,9 @@ def resting(model: stepper.Model) -> list[int]:
 def follow(scene: Strike, seed: int, **settings: Any) -> Followed:
     """One run with noise of its own."""
     rng = np.random.default_rng(seed)
-    truth = np.array(scene.truth) * np.exp(np.array(scene.spread) * rng.uniform(-1, 1, 2))
+    truth = scene.draw(rng)
     noisy = readings(scene, truth, rng)
-    model = scene.model(scene.start)
-    tracker = stepper.sysid.Tracker(
-        model,
-        list(scene.parameters),
-        noise=scene.noise,
-        period=PERIOD,
-        options=HARD,
-        qvel=scene.velocities(model),
-        start_std=START_STD,
-        **settings,
-    )
-    return followed(tracker, scene.ctrl, noisy, dict.fromkeys(scene.marks, truth))
+    return followed(scene.tracker(**settings), scene.ctrl, noisy, dict.fromkeys(scene.marks, truth))
 
 
 HEAD = "scene | after | contact | parameter | error | interval | is said | covers"

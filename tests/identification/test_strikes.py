@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from identification.strikes import follow, stopped, struck
-from stepper.sysid.linear import LENGTH, Directions
+from stepper.sysid.linear import LENGTH, Directions, mean_shift
 
 
 @pytest.mark.parametrize(
@@ -50,6 +50,22 @@ def test_slopes_of_a_kink_are_those_of_what_is_likely():
     J, curved = directions.derivative(y, np.full((1, 2), 1e-5))
     assert J[0, 0, 0] == pytest.approx(0.5)
     assert curved[0, 0, 0] == pytest.approx(LENGTH * std / np.sqrt(18))
+
+
+@settings(max_examples=50, deadline=None)
+@given(st.integers(1, 6), st.integers(0, 2**20))
+def test_the_mean_of_a_quadratic_function_is_exact(n, seed):
+    rng = np.random.default_rng(seed)
+    root, x = rng.standard_normal((n, 2 * n)), rng.standard_normal(n)
+    H = rng.standard_normal((n, n))
+    H += H.T
+    directions = Directions(root @ root.T, np.full(n, 1e-5), np.full(n, np.inf), [])
+    points = np.concatenate([x[None], directions.points(x)])
+    _, curved = directions.derivative(np.einsum("ki,ij,kj->k", points, H, points)[:, None, None], np.full((n, 2), 1e-5))
+    # The covariance's root has 1e-12 added to its diagonal.
+    np.testing.assert_allclose(
+        mean_shift(curved)[0, 0], np.trace(H @ root @ root.T), atol=1e-9 * n * np.abs(H).max() * np.abs(root).max() ** 2
+    )
 
 
 @given(st.floats(1e-3, 1.0), st.floats(1e-4, 2.0))

@@ -2,7 +2,10 @@
 
 `data` reads what was measured, `parameters` defines the unknowns, `simulate` predicts readings in one batch of environments, `residuals`
 compares them, `fit` searches, `uncertainty` and `findings` give the uncertainty of the answer, `result` is the answer.
-`design` ranks what could be measured next; `online` follows parameters sample by sample instead.
+`design` ranks what could be measured next.
+`online` follows parameters sample by sample instead: `mixture` weighs hypotheses about friction, `horizon` estimates under one of them,
+`rivals` compares other frictions, `problem` predicts, `linear` takes derivatives.
+`shift` detects readings of the row before or after.
 """
 
 from stepper.sysid.data import Episode, episodes_of

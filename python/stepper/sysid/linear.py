@@ -3,7 +3,7 @@
 Where a contact begins, readings have kinks that are nearer to one another than what is known of the state. The slope at one point is then
 that of one piece, and overstates what the readings determine. So the differences are those of the second-order divided-difference
 filter (Norgaard, Poulsen and Ravn 2000): above and below the estimate along the columns of a root of the covariance, sqrt(3) standard
-deviations long. Half their difference is the slope, and what curvature adds to it counts as noise.
+deviations long. Half their difference is the slope. Curvature shifts the mean of the readings, and what else it leaves counts as noise.
 """
 
 from __future__ import annotations
@@ -69,6 +69,14 @@ class Directions:
             curved[self._apart] = 0.0
         found = np.linalg.solve(self.columns.T, along.reshape(len(along), -1))
         return np.asarray(found.reshape(along.shape)), np.asarray(curved)
+
+
+def mean_shift(curved: Array) -> Array:
+    """Mean over what is not known minus the value at the estimate, (T, width), of what `Directions.derivative` returns as curvature.
+
+    Exact for quadratic functions. Without it, a kink shifts every estimate to the same side.
+    """
+    return np.asarray(curved.sum(axis=0) / math.sqrt(2.0))
 
 
 def _given(covariance: Array, rest: Sequence[int]) -> Array:

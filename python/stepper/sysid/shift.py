@@ -183,8 +183,8 @@ class _Twin:
         beside = k + self._shift
         absent = {name: np.full(np.shape(row), np.nan) for name, row in samples[k][1].items()}
         try:
-            now = self._tracker.update(samples[k][0], samples[beside][1] if beside >= 0 else absent)
-            self._surprise.append(now.surprise)
+            self._tracker.update(samples[k][0], samples[beside][1] if beside >= 0 else absent)
+            self._surprise.append(self._tracker._hypotheses[0].strange)
         except (FloatingPointError, np.linalg.LinAlgError):
             self._surprise.append(np.inf)
         self._at += 1
@@ -202,5 +202,5 @@ def twin_of(tracker: Any) -> Any:
     """Independent copy of a tracker. Both use the same environments, because each sets their state before use."""
     twin = copy.copy(tracker)
     twin._watch = None
-    twin._samples, twin._bounds = copy.copy(tracker._samples), dict(tracker._bounds)
+    twin._hypotheses = [hypothesis.copy() for hypothesis in tracker._hypotheses]
     return twin

@@ -1,0 +1,315 @@
+"""Moving-horizon estimate under one hypothesis: a window that moves with the readings, and a normal distribution of what lies before it.
+
+Unknown are the parameters and the state where the window begins (Rao, Rawlings and Mayne 2003). Each sample takes Gauss-Newton steps on the
+window's residuals and on the arrival cost, a normal distribution of both, until the estimate settles: one step where motion is smooth (a
+real-time iteration, Diehl 2001), several where a contact begins. Then a Kalman update adds the oldest sample to the arrival cost, and the
+derivatives of the motion carry that to where the window begins next. Readings and states are linearised over what is not known yet
+(linear.py; posterior linearisation, Garcia-Fernandez, Svensson, Morelande and Sarkka 2015), from one batch of environments.
+"""
+
+from __future__ import annotations
+
+import copy
+import math
+from collections import deque
+from dataclasses import dataclass
+
+import numpy as np
+
+from stepper.sysid.inertia import Array
+from stepper.sysid.linear import Directions, mean_shift
+from stepper.sysid.problem import Problem, Sample
+from stepper.sysid.rivals import TRIED, WIDE, Verdict, judged, share_of, tried, widened
+
+STEP = 1e-5
+"""Least half width of differences, in the scales of parameters and in m/s (rad/s)."""
+NUDGE = 1e-7
+"""And of displacements, in m (rad)."""
+STEPS = 6
+"""Gauss-Newton steps for a sample, at the most,"""
+HALVINGS = 4
+"""each shortened that many times until the window costs no more than before,"""
+SAME = 0.01
+"""but for this much: a hundredth of what a standard deviation costs."""
+LITTLE = 0.1
+"""Standard deviations by which the last step may move a parameter."""
+NEARBY = 0.5
+"""And that a step may lead away where no part of it lowers the cost."""
+
+FARTHEST = 0.5
+"""Largest change of a parameter that one sample makes, in scales."""
+
+
+@dataclass(frozen=True)
+class Linear:
+    """The window about an estimate.
+
+    Attributes:
+        points: The estimate, points along all directions, other values of friction, (count, n + states).
+        directions: Those of the differences.
+        spans: Widths of local differences, (n + states, 2).
+        made: Prediction of all points.
+        residual: Residuals of all points, (count, T, width).
+        J: Derivatives at the estimate, (T, width, n + states).
+        expected: Mean of the residuals over what is not known, (T, width).
+        noise: Standard deviations of the residuals, with what curvature adds to the derivatives, (T, width).
+        cost: Sum of squares of the window's residuals and of the distance from what was known, at the estimate.
+    """
+
+    points: Array
+    directions: Directions
+    spans: Array
+    made: dict[str, Array]
+    residual: Array
+    J: Array
+    expected: Array
+    noise: Array
+    cost: float
+
+
+class Horizon:
+    """Estimate, window and arrival cost of one hypothesis.
+
+    Args:
+        problem: Model, parameters and noise.
+        mean, cov: Normal distribution of parameters and states before the first sample.
+        begin: qpos, qvel and act there.
+
+    Attributes:
+        x: Estimate: parameters, and displacements and changes of velocity where the window begins, (n + states,).
+        posterior: Covariance of x.
+        evidence: Logarithm of the probability density of all readings, but for a constant.
+        settled: Whether the last sample's steps have converged.
+        rival: Estimate with another friction that explains the window as well or better, or None.
+        newest: Prediction errors of the newest sample over their noise, of what was measured.
+        strange: Mean square of these over their predicted covariance: about 1 for a right model.
+        at: The window about the estimate.
+    """
+
+    def __init__(self, problem: Problem, mean: Array, cov: Array, begin: tuple[Array, Array, Array]):
+        self._problem = problem
+        self.x, self._mean, self._cov, self._begin = mean.copy(), mean, cov, begin
+        self.x[: problem.n] = np.clip(mean[: problem.n], problem.low, problem.high)
+        self.posterior: Array = cov.copy()
+        self.evidence = self._past = 0.0
+        self.settled, self.rival = False, None
+        self.newest, self.strange = np.zeros(0), 0.0
+        self._holding: list[int] = []
+        self._rises: dict[int, Array] = {}
+        self._shares: dict[int, float] = {}
+        self.at: Linear
+        self._bounds = {j: (-math.inf, 0.0) for j in problem.kinked}
+        self._samples: deque[Sample] = deque()
+        self._now = 0.0
+
+    def copy(self) -> Horizon:
+        """Independent copy. Both use the same environments, because each sets their state before use."""
+        other = copy.copy(self)
+        other._samples, other._bounds = copy.copy(self._samples), dict(self._bounds)
+        return other
+
+    def branch(self, x: Array) -> Horizon:
+        """Copy whose estimate is another one, settled in the same window."""
+        other = self.copy()
+        other.x = x.copy()
+        other._settle()
+        other.newest, other.strange = self.newest, self.strange
+        return other
+
+    def absorb(self, evidence: float) -> None:
+        """Adds the evidence of a similar hypothesis."""
+        more = float(np.logaddexp(self.evidence, evidence)) - self.evidence
+        self._past, self.evidence = self._past + more, self.evidence + more
+
+    def take(self, sample: Sample) -> None:
+        """Adds a sample, and settles the estimate in the window that ends with it."""
+        self._samples.append(sample)
+        self._now += self._problem.period
+        self._settle()
+
+    def leave(self) -> None:
+        """The oldest sample leaves a window that is full."""
+        if len(self._samples) == self._problem.length:
+            self._advance(self.at)
+
+    def low(self) -> Array:
+        """Lower bounds of the parameters, with what was excluded, (n,)."""
+        return np.maximum(self._problem.low, [self._bound(j) for j in range(self._problem.n)])
+
+    def _points(self) -> tuple[Array, Directions, Array]:
+        """The estimate, points above and below it and other values of friction; their directions; and the widths of local differences."""
+        problem, m, n = self._problem, len(self._problem.dofs), self._problem.n
+        h = np.concatenate([STEP * problem.scale, np.full(m, NUDGE), np.full(m, STEP)])
+        room = np.full(len(h), math.inf)
+        room[:n] = np.minimum(problem.high - self.x[:n], self.x[:n] - problem.low)
+        std = np.sqrt(np.diag(self.posterior))[:n]
+        directions = Directions(self.posterior, h, room, np.flatnonzero(std > WIDE * problem.scale).tolist())
+        first = 1 + 2 * len(h)
+        points = np.tile(self.x, (first + TRIED * len(problem.kinked), 1))
+        points[1:first] = directions.points(self.x)
+        for k, j in enumerate(problem.kinked):
+            bound = self._bound(j)
+            rows = slice(first + k * TRIED, first + (k + 1) * TRIED)
+            points[rows, j] = np.clip(tried(self.x[j], std[j], bound), max(problem.low[j], bound), problem.high[j])
+        # At a bound one side has no width: the prediction is made within bounds.
+        spans = np.stack([h, h], axis=1)
+        for j in range(n):
+            spans[j] = min(self.x[j] + h[j], problem.high[j]) - self.x[j], self.x[j] - max(self.x[j] - h[j], problem.low[j])
+        return points, directions, spans
+
+    def _judge(self, at: Linear) -> Verdict:
+        """Verdict of other frictions on the estimate. It raises lower bounds."""
+        problem = self._problem
+        unknown = [bool(self._cov[j, j] > (WIDE * problem.scale[j]) ** 2) for j in problem.kinked]
+        verdict = judged(
+            problem.kinked,
+            unknown,
+            points=at.points,
+            residual=at.residual,
+            J=at.J,
+            mean=self._mean,
+            cov=self._cov,
+            first=1 + 2 * len(self.x),
+        )
+        for j, value in verdict.excluded.items():
+            if value > self._bound(j):
+                self._bounds[j] = value, self._now
+        return verdict
+
+    def _bound(self, j: int) -> float:
+        """Lower bound of a number of theta, which what may have changed since lowers."""
+        if j not in self._bounds:
+            return -math.inf
+        value, when = self._bounds[j]
+        return value - 3 * float(self._problem.drift[j]) * math.sqrt(max(self._now - when, 0.0))
+
+    def _settle(self) -> None:
+        """Gauss-Newton steps until the estimate moves by little of what is not known of it.
+
+        One step would do where motion is smooth. Where a contact begins, the slopes after the step are others, and a covariance of the
+        slopes before it would be that of another estimate.
+        """
+        n = self._problem.n
+        best, self.rival = self._linear(), None
+        self._expect(best)
+        for _ in range(STEPS):
+            holding = self._hold(best)
+            step, self.posterior = self._gauss_newton(best)
+            moved = np.abs(step[:n]) > LITTLE * np.sqrt(np.diag(self.posterior))[:n]
+            moved[holding] = False
+            if not moved.any():
+                self._move(best.points[0], step)
+                self.at, self.settled = best, True
+                return
+            share = 1.0
+            for _ in range(HALVINGS):
+                self._move(best.points[0], share * step)
+                shorter = self._linear()
+                if shorter.cost <= best.cost + SAME:
+                    break
+                share /= 2
+            else:
+                # The cost is jagged, as where something begins to slip. It is settled if its slopes do not lead far away.
+                self.x = best.points[0].copy()
+                far = np.abs(step[:n]) > NEARBY * np.sqrt(np.diag(self.posterior))[:n]
+                far[holding] = False
+                self.at, self.settled = best, not far.any()
+                return
+            best = shorter
+        self.x = best.points[0].copy()
+        self._hold(best)
+        _, self.posterior = self._gauss_newton(best)
+        self.at, self.settled = best, False
+
+    def _hold(self, at: Linear) -> list[int]:
+        """Clears the slopes of frictions that hold, and keeps the first rival of this sample."""
+        verdict = self._judge(at)
+        if self.rival is None and verdict.rival is not None:
+            self.rival = at.points[verdict.rival].copy()
+        self._holding, self._rises = verdict.holding, verdict.rises
+        at.J[..., verdict.holding] = 0.0
+        return verdict.holding
+
+    def _expect(self, at: Linear) -> None:
+        """Compares the newest sample with its prediction."""
+        seen = self._problem.seen(self._samples[-1][1])
+        self.newest, J = at.expected[-1][seen], at.J[-1][seen]
+        self.strange = 0.0
+        if len(self.newest):
+            expected = J @ self.posterior @ J.T + np.diag(at.noise[-1][seen] ** 2)
+            self.strange = float(self.newest @ np.linalg.solve(expected, self.newest)) / len(self.newest)
+
+    def _linear(self) -> Linear:
+        """The window about the estimate."""
+        points, directions, spans = self._points()
+        made, residual = self._problem.predict(self._begin, points, list(self._samples), self._now)
+        J, curved = directions.derivative(residual[: 1 + 2 * len(self.x)], spans)
+        noise = np.sqrt(1 + (curved**2).sum(axis=0))
+        apart = np.linalg.solve(np.linalg.cholesky(self._cov), self.x - self._mean)
+        expected = residual[0] + mean_shift(curved)
+        cost = float((expected**2).sum() + (apart**2).sum())
+        return Linear(points, directions, spans, made, residual, J.transpose(1, 2, 0).copy(), expected, noise, cost)
+
+    def _gauss_newton(self, at: Linear) -> tuple[Array, Array]:
+        """A step on the window and the arrival cost, and the covariance of what is known then. It sets the evidence."""
+        N = len(self.x)
+        root = np.linalg.cholesky(self._cov)
+        rows = np.concatenate([(at.J / at.noise[..., None]).reshape(-1, N), np.linalg.solve(root, np.eye(N))])
+        left = np.concatenate([(at.expected / at.noise).ravel(), np.linalg.solve(root, at.points[0] - self._mean)])
+        # Columns are of very different sizes.
+        size = np.linalg.norm(rows, axis=0)
+        step = -np.linalg.lstsq(rows / size, left, rcond=None)[0]
+        remaining = float(((left + (rows / size) @ step) ** 2).sum())
+        least = step / size
+        step = least * min(1.0, FARTHEST / max(float((np.abs(least[: self._problem.n]) / self._problem.scale).max()), 1e-300))
+        information = (rows / size).T @ (rows / size)
+        inverse = np.linalg.inv(information) / np.outer(size, size)
+        # Laplace's approximation: the cost, and how much of what was possible before is possible still.
+        narrowed = np.linalg.slogdet(information)[1] / 2 + np.log(size).sum() + np.log(np.diag(root)).sum()
+        self._shares = {}
+        for j, rises in self._rises.items():
+            before, after = float(self._cov[j, j]), float(inverse[j, j])
+            self._shares[j] = share_of(rises, float(least[j]), before=before, after=after)
+            inverse = widened(inverse, j, before, self._shares[j])
+            narrowed -= np.log(inverse[j, j] / after) / 2
+        self.evidence = self._past - remaining / 2 - float(np.log(at.noise).sum() + narrowed)
+        return step, np.asarray((inverse + inverse.T) / 2)
+
+    def _move(self, start: Array, step: Array) -> None:
+        """Sets the estimate to a step from a point, within bounds."""
+        n = self._problem.n
+        self.x = start + step
+        self.x[:n] = np.clip(self.x[:n], self.low(), self._problem.high)
+
+    def _advance(self, at: Linear) -> None:
+        """The oldest sample leaves the window: the arrival cost takes it in, and goes on to where the window begins next."""
+        problem, N, m, n = self._problem, len(self.x), len(self._problem.dofs), self._problem.n
+        linearized, J, residual = at.points[0], at.J[0] / at.noise[0][:, None], at.expected[0] / at.noise[0]
+        expected = J @ self._cov @ J.T + np.eye(len(J))
+        gain = np.linalg.solve(expected, J @ self._cov).T
+        innovation = residual + J @ (self._mean - linearized)
+        spread = np.linalg.slogdet(expected)[1] / 2 + np.log(at.noise[0]).sum()
+        self._past -= float(innovation @ np.linalg.solve(expected, innovation) / 2 + spread)
+        mean = self._mean - gain @ innovation
+        keep = np.eye(N) - gain @ J
+        cov = keep @ self._cov @ keep.T + gain @ gain.T
+        for j, share in self._shares.items():
+            cov = widened(cov, j, float(self._cov[j, j]), share)
+        qpos, qvel = at.made["qpos"][0], at.made["qvel"][0]
+        moved = problem.model.differentiate_pos(np.tile(qpos[0], (2 * N, 1)), qpos[1 : 1 + 2 * N])[:, problem.dofs]
+        states = np.concatenate([moved, (qvel[1 : 1 + 2 * N] - qvel[0])[:, problem.dofs]], axis=1)
+        states = np.concatenate([np.zeros((1, 2 * m)), states])
+        slope, curved = at.directions.derivative(states[:, None], at.spans)
+        F = np.eye(N)
+        F[n:] = slope[:, 0].T
+        F[n:, self._holding] = 0.0
+        self._mean = np.concatenate([mean[:n], F[n:] @ (mean - linearized)])
+        self._mean[n:] += mean_shift(curved)[0]
+        self.x = np.concatenate([self.x[:n], F[n:] @ (self.x - linearized)])
+        # What contacts hold exactly has no variance; without any, it could not be inverted.
+        gained = np.diag(problem.gained**2 + np.concatenate([np.zeros(n), np.full(2 * m, (1e-3 * NUDGE) ** 2)]))
+        gained[n:, n:] += curved[:, 0].T @ curved[:, 0]
+        cov, posterior = (F @ what @ F.T + gained for what in (cov, self.posterior))
+        self._cov, self.posterior = (cov + cov.T) / 2, (posterior + posterior.T) / 2
+        self._begin = qpos[0].copy(), qvel[0].copy(), at.made["act"][0, 0].copy()
+        self._samples.popleft()

@@ -1,0 +1,158 @@
+"""Hypotheses of a tracker about friction, that it held or slipped, each with an estimate and a weight.
+
+While friction only just holds, readings often leave open whether it has slipped, and both answers give different masses. An immediate
+decision would make all later intervals too narrow. So a rival starts another hypothesis (a Gaussian sum, Alspach and Sorenson 1972),
+weighed by Laplace's approximation of its evidence. Hypotheses of little weight are dropped.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from stepper.sysid.horizon import Horizon
+from stepper.sysid.inertia import Array
+from stepper.sysid.problem import Problem, Sample
+
+MOST = 4
+"""Largest number of hypotheses."""
+UNLIKELY = 0.01
+"""Weight below which a hypothesis is dropped: less than the 2.5 % beyond each end of an interval."""
+CLOSE = 0.05
+"""Distance from the friction of an existing hypothesis, as a logarithm, within which a rival starts none."""
+CLOSE_STD = 3.0
+"""The same distance in standard deviations of that hypothesis; the larger of both counts."""
+ALIKE = 0.3
+"""Largest distance of two hypotheses that are merged, in the smaller standard deviation."""
+ALIKE_RATIO = 1.5
+"""Largest ratio of the standard deviations of two hypotheses that are merged."""
+
+
+@dataclass(frozen=True)
+class Mixture:
+    """Weighted sum of normal distributions of the parameters.
+
+    Attributes:
+        weights: Probability of each hypothesis, (k,).
+        means: Means, (k, n).
+        covariances: Covariances, (k, n, n).
+        lows: Lower bounds, (k, n).
+        high: Upper bounds, (n,).
+    """
+
+    weights: Array
+    means: Array
+    covariances: Array
+    lows: Array
+    high: Array
+
+    def mean(self) -> Array:
+        """Mean, (n,)."""
+        return np.asarray(self.weights @ self.means)
+
+    def covariance(self) -> Array:
+        """Covariance, (n, n)."""
+        apart = self.means - self.mean()
+        return np.asarray(np.einsum("k,kij->ij", self.weights, self.covariances + apart[:, :, None] * apart[:, None, :]))
+
+    def quantile(self, sigmas: float) -> Array:
+        """Quantiles of the probability that a normal distribution has up to these standard deviations, within bounds, (n,)."""
+        stds = np.sqrt(np.diagonal(self.covariances, axis1=1, axis2=2))
+        ends = np.clip(self.means + sigmas * stds, self.lows, self.high)
+        if len(ends) == 1:
+            return np.asarray(ends[0])
+        return np.array([self._quantile(j, sigmas, ends[:, j], stds[:, j]) for j in range(len(self.high))])
+
+    def _quantile(self, j: int, sigmas: float, ends: Array, std: Array) -> float:
+        """Quantile of one parameter, by bisection between those of the hypotheses."""
+        low, high, share = float(ends.min()), float(ends.max()), _normal(sigmas)
+        for _ in range(50):
+            middle = (low + high) / 2
+            below = [
+                1.0 if middle >= self.high[j] else 0.0 if middle < bound else _normal((middle - mean) / s)
+                for mean, s, bound in zip(self.means[:, j], std, self.lows[:, j], strict=True)
+            ]
+            low, high = (low, middle) if float(self.weights @ below) >= share else (middle, high)
+        return (low + high) / 2
+
+    def draw(self, count: int, seed: int) -> Array:
+        """Draws, (count, n)."""
+        rng = np.random.default_rng(seed)
+        normal = rng.standard_normal((count, len(self.high)))
+        chosen = rng.choice(len(self.weights), count, p=self.weights)
+        roots = np.linalg.cholesky(np.stack([cov + 1e-14 * np.diag(np.diag(cov)) for cov in self.covariances]))
+        drawn = self.means[chosen] + np.einsum("cij,cj->ci", roots[chosen], normal)
+        return np.asarray(np.clip(drawn, self.lows[chosen], self.high))
+
+
+def mixture_of(hypotheses: Sequence[Horizon], problem: Problem) -> Mixture:
+    """Distribution of the parameters under these hypotheses."""
+    n = problem.n
+    return Mixture(
+        weights_of(hypotheses),
+        np.stack([h.x[:n] for h in hypotheses]),
+        np.stack([h.posterior[:n, :n] for h in hypotheses]),
+        np.stack([h.low() for h in hypotheses]),
+        problem.high,
+    )
+
+
+def weights_of(hypotheses: Sequence[Horizon]) -> Array:
+    """Probabilities of hypotheses, (k,)."""
+    evidence = np.array([h.evidence for h in hypotheses])
+    share = np.exp(evidence - evidence.max())
+    return np.asarray(share / share.sum())
+
+
+def taken(hypotheses: Sequence[Horizon], sample: Sample, problem: Problem) -> list[Horizon]:
+    """Hypotheses after a sample, the most probable first."""
+    for hypothesis in hypotheses:
+        hypothesis.take(sample)
+    out = list(hypotheses)
+    for hypothesis in hypotheses:
+        if hypothesis.rival is None or any(_near(other, hypothesis.rival, problem) for other in out if other is not hypothesis):
+            continue
+        try:
+            child = hypothesis.branch(hypothesis.rival)
+        except FloatingPointError:
+            # Parameters with which nothing finite can be predicted have no probability.
+            continue
+        if not any(_alike(child, other, problem) for other in out):
+            out.append(child)
+    return _likely(out, problem)
+
+
+def _likely(hypotheses: list[Horizon], problem: Problem) -> list[Horizon]:
+    """Most probable hypotheses, with similar ones merged."""
+    kept: list[Horizon] = []
+    for hypothesis in sorted(hypotheses, key=lambda h: -h.evidence):
+        for other in kept:
+            if _alike(hypothesis, other, problem):
+                other.absorb(hypothesis.evidence)
+                break
+        else:
+            kept.append(hypothesis)
+    weights = weights_of(kept)
+    return [h for h, weight in zip(kept, weights, strict=True) if weight >= UNLIKELY][:MOST]
+
+
+def _near(hypothesis: Horizon, x: Array, problem: Problem) -> bool:
+    """Whether the frictions of x belong to a hypothesis."""
+    std = np.sqrt(np.diag(hypothesis.posterior))
+    return all(abs(hypothesis.x[j] - x[j]) <= max(CLOSE, CLOSE_STD * std[j]) for j in problem.kinked)
+
+
+def _alike(one: Horizon, other: Horizon, problem: Problem) -> bool:
+    """Whether two hypotheses have the same distribution of the parameters, nearly."""
+    n = problem.n
+    stds = np.sqrt([np.diag(one.posterior)[:n], np.diag(other.posterior)[:n]])
+    least, most = stds.min(axis=0), stds.max(axis=0)
+    return bool((np.abs(one.x[:n] - other.x[:n]) <= ALIKE * least).all() and (most <= ALIKE_RATIO * least).all())
+
+
+def _normal(z: float) -> float:
+    """Distribution function of the normal distribution."""
+    return math.erfc(-z / math.sqrt(2)) / 2

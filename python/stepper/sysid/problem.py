@@ -1,0 +1,106 @@
+"""Constants of a tracker, and the prediction of the readings in a window."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from stepper._stepper import Model, Stepper
+from stepper.sysid.data import COORDINATES
+from stepper.sysid.inertia import Array
+from stepper.sysid.parameters import Block, write
+from stepper.sysid.simulate import Channel, compared
+
+Sample = tuple[Array, dict[str, Array]]
+"""Controls of a period, and readings at its end by channel."""
+
+
+@dataclass(frozen=True)
+class Problem:
+    """Model, parameters and noise that a tracker is given.
+
+    Attributes:
+        model: The model.
+        blocks: Parameters that are followed.
+        sim: Environments that predict, as many as a window has points.
+        nstep: Time steps of a period.
+        channels: Channels that are read.
+        sigma: Standard deviations of their columns, (width,).
+        dofs: Degrees of freedom whose state is uncertain.
+        low, high, scale: Bounds and scales of the parameters, (n,).
+        kinked: Indices of parameters that have no slope where nothing slides.
+        drift: Standard deviations of what parameters change by in a second, (n,).
+        gained: Standard deviations that parameters and states gain in a period, (n + states,).
+        period: s.
+        length: Number of samples in a window.
+    """
+
+    model: Model
+    blocks: tuple[Block, ...]
+    sim: Stepper
+    nstep: int
+    channels: tuple[Channel, ...]
+    sigma: Array
+    dofs: list[int]
+    low: Array
+    high: Array
+    scale: Array
+    kinked: list[int]
+    drift: Array
+    gained: Array
+    period: float
+    length: int
+
+    @property
+    def n(self) -> int:
+        """Number of parameters."""
+        return len(self.scale)
+
+    def seen(self, readings: dict[str, Array]) -> np.ndarray[Any, np.dtype[np.bool_]]:
+        """Mask of the measured columns of the residuals; those of infinite noise are ignored."""
+        parts = []
+        for channel in self.channels:
+            finite = np.isfinite(readings[channel.name])
+            size = channel.lines.stop - channel.lines.start
+            parts.append(np.full(size, finite.all()) if channel.dofs or channel.quaternion else finite)
+        return np.asarray(np.concatenate(parts) & np.isfinite(self.sigma))
+
+    def predict(
+        self, begin: tuple[Array, Array, Array], points: Array, samples: Sequence[Sample], now: float
+    ) -> tuple[dict[str, Array], Array]:
+        """States and readings of a window, and residuals (count, T, width).
+
+        Args:
+            begin: qpos, qvel and act where the window begins.
+            points: Parameters, displacements and changes of velocity at the beginning, (count, n + states).
+            samples: Samples of the window.
+            now: Time of the last one, s.
+
+        Raises:
+            FloatingPointError: The prediction is not finite.
+        """
+        m, nv = len(self.dofs), self.model.nv
+        shift = np.zeros((2, len(points), nv))
+        shift[0][:, self.dofs], shift[1][:, self.dofs] = points[:, self.n : self.n + m], points[:, self.n + m :]
+        theta = np.clip(points[:, : self.n], self.low, self.high)
+        self.sim.randomize(**write(self.blocks, theta, self.model).fields)
+        self.sim.reset()
+        qpos = self.model.integrate_pos(np.tile(begin[0], (len(points), 1)), shift[0])
+        act = np.tile(begin[2], (len(points), 1))
+        self.sim.set_state(qpos, begin[1] + shift[1], act=act, time=0.0)
+        ctrl = np.repeat(np.stack([c for c, _ in samples])[:, None], len(points), axis=1)
+        fields = sorted({*(channel.field for channel in self.channels), *COORDINATES})
+        made: dict[str, Array] = self.sim.rollout(ctrl, self.nstep, fields=fields)
+        out = np.zeros((len(points), len(ctrl), len(self.sigma)))
+        for channel in self.channels:
+            measured = np.stack([readings[channel.name] for _, readings in samples])
+            value = compared(self.model, channel, made[channel.field], measured)
+            if not channel.dofs and not channel.quaternion:
+                value = np.where(np.isfinite(measured)[:, None], value - measured[:, None], 0.0)
+            out[..., channel.lines] = value.transpose(1, 0, 2) / self.sigma[channel.lines]
+        if not np.isfinite(out).all():
+            raise FloatingPointError(f"the prediction of the window that ends at {now:g} s is not finite; begin again with a new Tracker")
+        return made, out

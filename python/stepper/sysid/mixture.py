@@ -24,7 +24,7 @@ UNLIKELY = 0.01
 CLOSE = 0.05
 """Distance from the friction of an existing hypothesis, as a logarithm, within which a rival starts none."""
 CLOSE_STD = 3.0
-"""The same distance in standard deviations of that hypothesis; the larger of both counts."""
+"""Distance in standard deviations of that hypothesis, with the same meaning. The larger distance counts."""
 ALIKE = 0.3
 """Largest distance of two hypotheses that are merged, in the smaller standard deviation."""
 ALIKE_RATIO = 1.5

@@ -54,9 +54,9 @@ impl<R: Real> Assembler<'_, R> {
             [g[0][0], g[1][0], g[2][0]],
         );
         if self.problem.rows.contacts.held().any() {
-            let (released, rounding) = self.reconsider(input, contacts, k, lanes);
+            let (released, negligible) = self.reconsider(input, contacts, k, lanes);
             self.problem.rows.contacts.make_movable(released);
-            self.problem.rows.contacts.drop_rounding(rounding);
+            self.problem.rows.contacts.drop_negligible(negligible);
         }
         if let Some(lengths) = lengths {
             self.problem.rows.contacts.set_trace_ratio(lengths.trace_ratio());
@@ -65,20 +65,22 @@ impl<R: Real> Assembler<'_, R> {
             self.problem.rows.contacts.set_compliance(compliance);
         }
         self.problem.rows.contacts.set_position_target([g[0][1], g[1][1] - g[1][0], g[2][1] - g[2][0]]);
-        let solved = active.and_not(deferred.lanes);
-        if deferred.lanes.any() {
-            self.problem.rows.contacts.defer(deferred.lanes);
+        // An immovable contact has no rows that the solve could activate.
+        let waiting = deferred.lanes.and_not(self.problem.rows.contacts.held());
+        let solved = active.and_not(waiting);
+        if waiting.any() {
+            self.problem.rows.contacts.defer(waiting);
             let [n, a, b] = slot.impulse;
             let impulse = [n, a, b, R::zero(), R::zero(), R::zero()];
-            self.problem.deferred.push(DeferredContact { contact, slot: k, impulse, ..deferred });
+            self.problem.deferred.push(DeferredContact { contact, slot: k, lanes: waiting, impulse, ..deferred });
         }
         self.velocity.impulses.contacts.push(select(solved, slot.impulse, zero()));
         self.problem.slots.push((k, R::Mask::from_bits(lanes)));
         self.problem.constrained = self.problem.constrained.or(solved);
     }
 
-    /// Lanes in which slot `k` can move along its normal although its normal mobility is small, and the rounding error of its normal
-    /// velocity, m/s.
+    /// Lanes in which slot `k` can move along its normal although its normal mobility is small, and the largest normal velocity by
+    /// negligible lever arms, m/s.
     ///
     /// The mobility counts as small compared with that of its tangents, or of a body with the whole moving mass. The contact can move if
     /// some degree of freedom has a lever arm. Overwrites `column`.
@@ -91,14 +93,16 @@ impl<R: Real> Assembler<'_, R> {
             #[inline(always)]
             || {
                 let mut speed = R::zero();
+                let rounding = contacts.data[k].point.rounding() * R::of(least_lever::<R>().recip());
                 self.builder.contact_columns(input, contacts, k, lanes);
                 for i in 0..self.builder.support.len() {
                     let d = self.builder.support[i] as usize;
                     let (axis, sign) = (&kinematics.axes[d], self.builder.sign_of(d));
                     let arm = sub(contacts.data[k].point.pos, kinematics.origin[compiled.dofs[d].tree]);
-                    let motion = velocity_at(axis, arm);
-                    let square = (dot(motion, motion) + dot(angular(axis), angular(axis)) * dot(arm, arm)) * sign.square();
-                    self.builder.scales[d] = [square; 3];
+                    let (motion, turn) = (velocity_at(axis, arm), dot(angular(axis), angular(axis)));
+                    let square = (dot(motion, motion) + turn * dot(arm, arm)) * sign.square();
+                    // The origin may be the joint's, from which the arm of a contact at the joint is rounding error.
+                    self.builder.scales[d] = [square + turn * (rounding * sign).square(); 3];
                     speed += square * assembly.v_free[d].square();
                 }
                 self.builder.half_solve::<3>(compiled, mass);
@@ -111,7 +115,7 @@ impl<R: Real> Assembler<'_, R> {
                     let (x, scale) = (self.builder.column[d as usize][0], self.builder.scales[d as usize][0]);
                     movable = movable.or(x.square().gt(scale * least));
                 }
-                (movable, speed.sqrt() * R::of(velocity_rounding::<R>()))
+                (movable, speed.sqrt() * R::of(least_lever::<R>().max(velocity_rounding::<R>())))
             },
         )
     }

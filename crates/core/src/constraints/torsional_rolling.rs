@@ -87,9 +87,9 @@ impl<R: Real> Assembler<'_, R> {
             [slides[0][0], slides[1][0], slides[2][0], turns[0][0], turns[1][0], turns[2][0]],
         );
         if self.problem.rows.rolling_contacts.held().any() {
-            let (released, rounding) = self.reconsider(input, contacts, k, lanes);
+            let (released, negligible) = self.reconsider(input, contacts, k, lanes);
             self.problem.rows.rolling_contacts.make_movable(released);
-            self.problem.rows.rolling_contacts.drop_rounding(rounding);
+            self.problem.rows.rolling_contacts.drop_negligible(negligible);
         }
         if let (Some(sliding), Some(turned)) = (sliding, turned) {
             let (before, after) =
@@ -104,10 +104,12 @@ impl<R: Real> Assembler<'_, R> {
         self.problem.rows.rolling_contacts.set_position_target([slides[0][1], change(slides[1]), change(slides[2]), spin, roll, other]);
         let (push, torque) = (slot.impulse, friction.unscale(contacts.torque[k]));
         let warm = [push[0], push[1] * rub, push[2] * rub, torque[0], torque[1], torque[2]];
-        let solved = active.and_not(deferred.lanes);
-        if deferred.lanes.any() {
-            self.problem.rows.rolling_contacts.defer(deferred.lanes);
-            self.problem.deferred.push(DeferredContact { contact, slot: k, impulse: warm, ..deferred });
+        // An immovable contact has no rows that the solve could activate.
+        let waiting = deferred.lanes.and_not(self.problem.rows.rolling_contacts.held());
+        let solved = active.and_not(waiting);
+        if waiting.any() {
+            self.problem.rows.rolling_contacts.defer(waiting);
+            self.problem.deferred.push(DeferredContact { contact, slot: k, lanes: waiting, impulse: warm, ..deferred });
         }
         self.velocity.impulses.rolling_contacts.push(select(solved, warm, zero()));
         self.problem.rolling_slots.push((k, R::Mask::from_bits(lanes), friction.scale));

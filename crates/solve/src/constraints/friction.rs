@@ -269,13 +269,13 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContacts<R, N, L> {
         )
     }
 
-    /// Sets the target of the contact pushed last to zero along an immovable normal, if it is below `rounding`, m/s.
-    pub fn drop_rounding(&mut self, rounding: R) {
+    /// Sets the target of the contact pushed last to zero along an immovable normal, if it is below `negligible`, m/s.
+    pub fn drop_negligible(&mut self, negligible: R) {
         R::vectorize(
             #[inline(always)]
             || {
                 let Some(contact) = self.rows.items.last_mut() else { return };
-                let none = contact.immovable.and((-contact.g[0]).le(rounding));
+                let none = contact.immovable.and((-contact.g[0]).le(negligible));
                 contact.g[0] = R::select(none, contact.g[0].max(R::zero()), contact.g[0]);
             },
         )

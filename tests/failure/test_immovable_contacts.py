@@ -1,0 +1,38 @@
+"""Contacts whose normal passes through a joint, so that no motion can open or close them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import stepper
+
+BALL_JOINT = """<mujoco><worldbody><geom type="capsule" size=".01" fromto="0 0 0 0 0 .1"/>
+<body pos="0 0 .1"><joint type="ball" damping=".005"/><geom type="capsule" size=".01" fromto="0 0 0 0 .1 .1"/></body></worldbody></mujoco>"""
+
+TURNTABLE = """<mujoco><option gravity="0 0 0"/><worldbody><geom type="box" size=".1 .1 .05"/>
+<body pos="0 0 .07"><joint axis="{tilt} 0 1"/><geom type="box" size=".02 .02 .02" pos="0 .05 0" condim="{condim}"/></body>
+</worldbody></mujoco>"""
+
+
+def test_a_contact_at_the_centre_of_a_ball_joint_does_not_lock_it() -> None:
+    """The overlapping ends have the joint's centre but for rounding, and no impulse can act there."""
+    sim = stepper.Stepper(stepper.load(BALL_JOINT, strict=False))
+    free = stepper.Stepper(stepper.load(BALL_JOINT.replace('size=".01"', 'size=".01" contype="0" conaffinity="0"')))
+    for other in (sim, free):
+        other.step(nstep=40)
+    assert np.linalg.norm(free.qvel) > 0.5
+    # The contact has no lever arm: what remains is rounding, amplified over 40 steps.
+    assert np.allclose(sim.qvel, free.qvel, atol=1e-9)
+
+
+@pytest.mark.parametrize("condim", [3, 6])
+@pytest.mark.parametrize("tilt", [0.0, 1e-6, 3e-6, 8e-6])
+def test_a_contact_along_a_hinge_neither_blocks_it_nor_stops_the_solver(tilt: float, condim: int) -> None:
+    """A box slides on the face that its hinge's axis is normal to, but for a tilt below the least lever arm of 1e-5."""
+    sim = stepper.Stepper(stepper.load(TURNTABLE.format(tilt=tilt, condim=condim)))
+    sim.set_state(qvel=[-20.0])
+    for _ in range(20):
+        sim.step()
+        assert int(sim.status) == 0
+    # No impulse acts along an immovable normal, so that the speed is exactly the initial one but for rounding.
+    assert sim.qvel[0] == pytest.approx(-20.0, abs=1e-12)

@@ -7,7 +7,8 @@ import pytest
 import stepper
 
 BALL_JOINT = """<mujoco><worldbody><geom type="capsule" size=".01" fromto="0 0 0 0 0 .1"/>
-<body pos="0 0 .1"><joint type="ball" damping=".005"/><geom type="capsule" size=".01" fromto="0 0 0 0 .1 .1"/></body></worldbody></mujoco>"""
+<body pos="0 0 .1"><joint type="ball" damping=".005"/><geom type="capsule" size=".01" fromto="0 0 0 0 .1 .1"/></body>
+</worldbody></mujoco>"""
 
 TURNTABLE = """<mujoco><option gravity="0 0 0"/><worldbody><geom type="box" size=".1 .1 .05"/>
 <body pos="0 0 .07"><joint axis="{tilt} 0 1"/><geom type="box" size=".02 .02 .02" pos="0 .05 0" condim="{condim}"/></body>

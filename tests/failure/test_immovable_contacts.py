@@ -37,3 +37,24 @@ def test_a_contact_along_a_hinge_neither_blocks_it_nor_stops_the_solver(tilt: fl
         assert int(sim.status) == 0
     # No impulse acts along an immovable normal, so that the speed is exactly the initial one but for rounding.
     assert sim.qvel[0] == pytest.approx(-20.0, abs=1e-12)
+
+
+@pytest.mark.parametrize("condim", [3, 6])
+def test_a_contact_that_an_equality_unloads_has_no_friction_left(condim: int) -> None:
+    """A box slides on a floor until an equality holds its height. The impulse of the last step with a load must not act on."""
+    slides = '<joint type="slide" axis="1 0 0"/><joint name="z" type="slide" axis="0 0 1"/>'
+    box = f'<geom type="box" size=".05 .05 .05" friction=".5 0 0" condim="{condim}"/>'
+    model = stepper.load(
+        f'<mujoco><worldbody><geom type="plane" size="5 5 1"/><body pos="0 0 .05">{slides}{box}</body></worldbody>'
+        '<equality><joint joint1="z" active="false"/></equality></mujoco>'
+    )
+    sim = stepper.Stepper(model)
+    sim.step(nstep=5)
+    sim.set_state(qvel=[1.0, 0.0])
+    sim.step(nstep=20)
+    speed = sim.qvel[0]
+    assert speed < 0.9
+    sim.eq_active = np.ones_like(sim.eq_active)
+    sim.step(nstep=100)
+    # The equality carries the weight, so that no friction acts: the speed is the same but for rounding.
+    assert sim.qvel[0] == pytest.approx(speed, abs=1e-12)

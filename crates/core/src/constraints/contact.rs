@@ -66,7 +66,8 @@ impl<R: Real> Assembler<'_, R> {
         }
         self.problem.rows.contacts.set_position_target([g[0][1], g[1][1] - g[1][0], g[2][1] - g[2][0]]);
         // An immovable contact has no rows that the solve could activate.
-        let waiting = deferred.lanes.and_not(self.problem.rows.contacts.held());
+        let held = self.problem.rows.contacts.held();
+        let waiting = deferred.lanes.and_not(held);
         let solved = active.and_not(waiting);
         if waiting.any() {
             self.problem.rows.contacts.defer(waiting);
@@ -74,7 +75,8 @@ impl<R: Real> Assembler<'_, R> {
             let impulse = [n, a, b, R::zero(), R::zero(), R::zero()];
             self.problem.deferred.push(DeferredContact { contact, slot: k, lanes: waiting, impulse, ..deferred });
         }
-        self.velocity.impulses.contacts.push(select(solved, slot.impulse, zero()));
+        // The impulse of the last step would act on, because no row could change it.
+        self.velocity.impulses.contacts.push(select(solved.and_not(held), slot.impulse, zero()));
         self.problem.slots.push((k, R::Mask::from_bits(lanes)));
         self.problem.constrained = self.problem.constrained.or(solved);
     }

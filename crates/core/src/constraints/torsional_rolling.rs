@@ -105,13 +105,15 @@ impl<R: Real> Assembler<'_, R> {
         let (push, torque) = (slot.impulse, friction.unscale(contacts.torque[k]));
         let warm = [push[0], push[1] * rub, push[2] * rub, torque[0], torque[1], torque[2]];
         // An immovable contact has no rows that the solve could activate.
-        let waiting = deferred.lanes.and_not(self.problem.rows.rolling_contacts.held());
+        let held = self.problem.rows.rolling_contacts.held();
+        let waiting = deferred.lanes.and_not(held);
         let solved = active.and_not(waiting);
         if waiting.any() {
             self.problem.rows.rolling_contacts.defer(waiting);
             self.problem.deferred.push(DeferredContact { contact, slot: k, lanes: waiting, impulse: warm, ..deferred });
         }
-        self.velocity.impulses.rolling_contacts.push(select(solved, warm, zero()));
+        // The impulse of the last step would act on, because no row could change it.
+        self.velocity.impulses.rolling_contacts.push(select(solved.and_not(held), warm, zero()));
         self.problem.rolling_slots.push((k, R::Mask::from_bits(lanes), friction.scale));
         self.problem.constrained = self.problem.constrained.or(solved);
     }

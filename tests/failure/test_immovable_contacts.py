@@ -34,7 +34,10 @@ def test_a_contact_along_a_hinge_neither_blocks_it_nor_stops_the_solver(tilt: fl
     sim.set_state(qvel=[-20.0])
     for _ in range(20):
         sim.step()
-        assert int(sim.status) == 0
+        # A lever arm above rounding closes the gap slowly. No impulse can stop it, and the residual reports it.
+        # A corner of the box is less than 75 mm from the hinge.
+        assert sim.status & ~stepper.Status.NOT_CONVERGED == 0
+        assert sim.residual <= 20.0 * 0.075 * tilt + 1e-9
     # No impulse acts along an immovable normal, so that the speed is exactly the initial one but for rounding.
     assert sim.qvel[0] == pytest.approx(-20.0, abs=1e-12)
 

@@ -45,6 +45,6 @@ def test_tables_have_rows(name):
     """A heading, a rule and a row or more between the marks."""
     table = re.search(rf"<!-- {name} -->\n(.*?)\n?<!-- end of {name} -->", PAGE.read_text(), re.DOTALL)
     assert table is not None
-    lines = table[1].splitlines()
+    lines = table[1].strip().splitlines()
     assert len(lines) > 2
     assert len({line.count("|") for line in lines}) == 1

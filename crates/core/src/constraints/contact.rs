@@ -82,7 +82,7 @@ impl<R: Real> Assembler<'_, R> {
     }
 
     /// Lanes in which slot `k` can move along its normal although its normal mobility is small, and the largest normal velocity by
-    /// negligible lever arms, m/s.
+    /// rounding error of lever arms, m/s.
     ///
     /// The mobility counts as small compared with that of its tangents, or of a body with the whole moving mass. The contact can move if
     /// some degree of freedom has a lever arm. Overwrites `column`.
@@ -117,7 +117,7 @@ impl<R: Real> Assembler<'_, R> {
                     let (x, scale) = (self.builder.column[d as usize][0], self.builder.scales[d as usize][0]);
                     movable = movable.or(x.square().gt(scale * least));
                 }
-                (movable, speed.sqrt() * R::of(least_lever::<R>().max(velocity_rounding::<R>())))
+                (movable, speed.sqrt() * R::of(velocity_rounding::<R>()))
             },
         )
     }

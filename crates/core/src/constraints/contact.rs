@@ -75,14 +75,14 @@ impl<R: Real> Assembler<'_, R> {
             let impulse = [n, a, b, R::zero(), R::zero(), R::zero()];
             self.problem.deferred.push(DeferredContact { contact, slot: k, lanes: waiting, impulse, ..deferred });
         }
-        // The impulse of the last step would act on, because no row could change it.
+        // No row could change the impulse of the last step, which would continue to act.
         self.velocity.impulses.contacts.push(select(solved.and_not(held), slot.impulse, zero()));
         self.problem.slots.push((k, R::Mask::from_bits(lanes)));
         self.problem.constrained = self.problem.constrained.or(solved);
     }
 
-    /// Lanes in which slot `k` can move along its normal although its normal mobility is small, and the largest normal velocity by
-    /// rounding error of lever arms, m/s.
+    /// Lanes in which slot `k` can move along its normal although its normal mobility is small. The second result is the normal velocity
+    /// that is rounding error, m/s.
     ///
     /// The mobility counts as small compared with that of its tangents, or of a body with the whole moving mass. The contact can move if
     /// some degree of freedom has a lever arm. Overwrites `column`.

@@ -112,7 +112,7 @@ impl<R: Real> Assembler<'_, R> {
             self.problem.rows.rolling_contacts.defer(waiting);
             self.problem.deferred.push(DeferredContact { contact, slot: k, lanes: waiting, impulse: warm, ..deferred });
         }
-        // The impulse of the last step would act on, because no row could change it.
+        // No row could change the impulse of the last step, which would continue to act.
         self.velocity.impulses.rolling_contacts.push(select(solved.and_not(held), warm, zero()));
         self.problem.rolling_slots.push((k, R::Mask::from_bits(lanes), friction.scale));
         self.problem.constrained = self.problem.constrained.or(solved);

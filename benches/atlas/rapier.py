@@ -48,9 +48,11 @@ class RapierWorld(World):
 
     def set(self, qpos: ArrayLike | None = None, qvel: ArrayLike | None = None) -> None:
         """See `World`."""
-        states = []
-        for given, present in ((qpos, self.qpos), (qvel, self.qvel)):
-            states.append(present if given is None else np.broadcast_to(np.asarray(given, float), present.shape))
+        presents = map(np.array, zip(*(w.state() for w in self._worlds), strict=True))
+        states = (
+            present if given is None else np.broadcast_to(np.asarray(given, float), present.shape)
+            for given, present in zip((qpos, qvel), presents, strict=True)
+        )
         for world, q, v in zip(self._worlds, *states, strict=True):
             world.put(q, v)
 

@@ -16,7 +16,7 @@ TURNTABLE = """<mujoco><option gravity="0 0 0"/><worldbody><geom type="box" size
 
 
 def test_a_contact_at_the_centre_of_a_ball_joint_does_not_lock_it() -> None:
-    """The overlapping ends have the joint's centre but for rounding, and no impulse can act there."""
+    """The overlapping ends coincide at the joint's centre up to rounding, and no impulse can act there."""
     sim = stepper.Stepper(stepper.load(BALL_JOINT, strict=False))
     free = stepper.Stepper(stepper.load(BALL_JOINT.replace('size=".01"', 'size=".01" contype="0" conaffinity="0"')))
     for other in (sim, free):
@@ -29,7 +29,7 @@ def test_a_contact_at_the_centre_of_a_ball_joint_does_not_lock_it() -> None:
 @pytest.mark.parametrize("condim", [3, 6])
 @pytest.mark.parametrize("tilt", [0.0, 1e-6, 3e-6, 8e-6])
 def test_a_contact_along_a_hinge_neither_blocks_it_nor_stops_the_solver(tilt: float, condim: int) -> None:
-    """A box slides on the face that its hinge's axis is normal to, but for a tilt below the least lever arm of 1e-5."""
+    """A box slides on a face normal to its hinge's axis, up to a tilt below the least lever arm of 1e-5."""
     sim = stepper.Stepper(stepper.load(TURNTABLE.format(tilt=tilt, condim=condim)))
     sim.set_state(qvel=[-20.0])
     for _ in range(20):

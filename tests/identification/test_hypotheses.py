@@ -49,7 +49,7 @@ def exact(made: dict[str, Array], truth: Array, count: int) -> tuple[Array, Arra
 
 
 def followed(seed: int, count: int) -> tuple[stepper.sysid.Tracked, dict[str, Array], Array]:
-    """What the tracker says after so many samples, the readings, and the truth."""
+    """Answer of the tracker after so many samples, the readings, and the truth."""
     rng = np.random.default_rng(seed)
     truth = SCENE.draw(rng)
     made = readings(SCENE, truth, rng)
@@ -117,6 +117,8 @@ def test_quantiles_are_those_of_draws(mixture):
     for j in range(2):
         assert np.mean(drawn[:, j] < low[j] - 1e-9) <= 0.025 + slack
         assert np.mean(drawn[:, j] > high[j] + 1e-9) <= 0.025 + slack
+        assert np.mean(drawn[:, j] <= low[j] + 1e-9) >= 0.025 - slack
+        assert np.mean(drawn[:, j] >= high[j] - 1e-9) >= 0.025 - slack
         inside = (drawn[:, j] >= low[j] - 1e-9) & (drawn[:, j] <= high[j] + 1e-9)
         assert inside.mean() >= 0.95 - slack
 

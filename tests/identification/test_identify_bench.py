@@ -1,11 +1,11 @@
 """`benches/identification`: repetitions that are kept, and the tables that they fill."""
 
-import re
 from pathlib import Path
 
 import numpy as np
 import pytest
 from identification.repetitions import Kept, Row
+from sections import section_of
 
 PAGE = Path(__file__).parents[2] / "docs/benchmarks/identification.md"
 
@@ -43,8 +43,6 @@ def test_repetitions_of_another_version_are_refused(tmp_path):
 @pytest.mark.parametrize("name", ["online", "strikes", "own", "coloured", "beside"])
 def test_tables_have_rows(name):
     """A heading, a rule and a row or more between the marks."""
-    table = re.search(rf"<!-- {name} -->\n(.*?)\n?<!-- end of {name} -->", PAGE.read_text(), re.DOTALL)
-    assert table is not None
-    lines = table[1].strip().splitlines()
+    lines = section_of(PAGE, name).splitlines()
     assert len(lines) > 2
     assert len({line.count("|") for line in lines}) == 1

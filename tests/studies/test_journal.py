@@ -168,3 +168,9 @@ def test_a_batch_that_does_not_fit_on_the_disk_is_explained(path):
             journal.append([{"key": "fits"}, {"key": "large", "x": "x" * 100_000}])
         assert len(journal.rows) == len(ROWS)
     assert len(rows_of(path)) == len(ROWS)
+
+
+def test_a_lock_that_cannot_be_opened_is_an_error_with_a_remedy(tmp_path):
+    (tmp_path / JOURNAL).with_suffix(".lock").mkdir()
+    with pytest.raises(JournalError, match=r"cannot be locked .*: choose a folder of another file system"):
+        Journal(tmp_path / JOURNAL, "push")

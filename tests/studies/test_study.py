@@ -324,7 +324,6 @@ def told(self, rows):
     print("rows", flush=True)
     sys.stdin.readline()
 Journal.append = told
-from stepper.cli.options import progress_kept_in
 from stepper.lab import rank, report, sweep
 {"sweep": sweep, "report": report, "rank": lambda *given: rank(*given, samples=8)}[sys.argv[3]](study, sys.argv[1])
 """

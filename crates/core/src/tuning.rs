@@ -86,9 +86,17 @@ pub(crate) const MAX_RESOLVED_ROTATION: f64 = 0.02;
 /// if it speeds the motion up.
 pub(crate) const MAX_IMPACT_ROTATION: f64 = 0.1;
 
-/// Residual, in tolerances, above which impacts become inelastic. Without a solution the residual in a corner is 300 tolerances or more
-/// (`tests/laws/test_corners.py`); a heap that does not converge in time stays below 10.
+/// Residual of the first solution, in tolerances, above which impacts become inelastic.
+///
+/// Without a solution the residual in a corner is 300 tolerances or more (`tests/laws/test_corners.py`). A heap that does not converge in
+/// time stays below 10.
 pub(crate) const MAX_IMPACT_RESIDUAL: f64 = 100.0;
+
+/// Largest speed of a displacement between impacts, and of a correction after a rebound, relative to the largest speed of the step.
+///
+/// With the speeds v_k between the impacts, sum_k t_k (v_k - v_(k-1)) is at most twice the largest of them, for times t_k that grow within
+/// the step.
+pub(crate) const MAX_REBOUND_SPEED_RATIO: f64 = 2.0;
 
 /// Largest number of impact solves after the first solve.
 ///

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-/// Type of an actuator's gain: which of its parameters it reads, in MuJoCo's words.
+/// MuJoCo's gaintype: which parameters the gain of an actuator reads.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum GainType {
     /// A constant.
@@ -12,13 +12,13 @@ pub enum GainType {
     Affine,
     /// DC motor: its parameters are resistance and motor constant, and the control is the voltage.
     DcMotor,
-    /// Position of a PID controller without integral term: the bias has its gain.
+    /// Position target of a PID controller without integral term; its gain is -bias[1].
     PidPosition,
-    /// Velocity of a PID controller without integral term: the bias has its gain.
+    /// Velocity target of a PID controller without integral term; its gain is -bias[2].
     PidVelocity,
 }
 
-/// Type of an actuator's bias, in MuJoCo's words.
+/// MuJoCo's biastype: which parameters the bias of an actuator reads.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum BiasType {
     /// None.
@@ -84,7 +84,7 @@ impl BiasType {
 }
 
 impl ForceModel {
-    /// Formula that reads the parameters that are not 0 and no others: that of most actuators.
+    /// Narrowest force model that reads all parameters that are not 0.
     pub fn of_parameters(gain: &[f64; 3], bias: &[f64; 3]) -> Self {
         let zero = |x: &[f64]| x.iter().all(|&x| x == 0.0);
         let gain = if zero(&gain[1..]) { GainType::Fixed } else { GainType::Affine };

@@ -241,7 +241,7 @@ impl<R: Real> Iterate<R> {
         }
     }
 
-    /// Rounding error of the normal impulse of contact `i`, as a velocity, m/s. A smaller residual is meaningless.
+    /// Rounding error of the normal impulse of contact `i`, as a velocity, m/s.
     ///
     /// The index counts contacts of three rows, then of six.
     #[inline(always)]

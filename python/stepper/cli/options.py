@@ -18,7 +18,7 @@ RECORDING = "A folder that Stepper.record wrote."
 RAY = "Run batches as tasks of Ray, on all machines of its cluster."
 RAY_RUNS = "Run settings as tasks of Ray, on all machines of its cluster; costs are measured here."
 ONLY = "Only this parameter, by name, or a selector with its range, 'geom_friction[floor][0]=0.2..1'; may be given several times."
-SEED = "Of everything that is random, in place of the study's; the same seed gives the same rows."
+SEED = "Seed of all random numbers, in place of the study's; the same seed gives the same rows."
 VALUES = "NAME=VALUE of a study's parameter, or of a selector, 'geom_friction[floor][0]=0.3'; once for each."
 
 

@@ -44,13 +44,13 @@ def made_task(task: Task | type[Task] | str, arguments: dict[str, Any]) -> Task:
 
 
 def autoreset(mode: AutoresetMode | str) -> AutoresetMode:
-    """The mode of automatic resets of a member of Gymnasium's enum, or of its name or value.
+    """Autoreset mode for a member of Gymnasium's enum, its name or its value.
 
     Raises:
         ValueError: Something else.
     """
-    names = {name: mode for each in AutoresetMode for name, mode in ((each.name.lower(), each), (each.value.lower(), each))}
-    found = mode if isinstance(mode, AutoresetMode) else names.get(mode.lower()) if isinstance(mode, str) else None
+    text = (mode.name if isinstance(mode, AutoresetMode) else str(mode)).lower()
+    found = next((each for each in AutoresetMode if text in (each.name.lower(), each.value.lower())), None)
     if found is None:
         raise ValueError(f"autoreset_mode is {mode!r}, must be {', '.join(repr(each.name) for each in AutoresetMode)}, or a member of "
                          "gymnasium.vector.AutoresetMode")  # fmt: skip

@@ -39,13 +39,13 @@ class Crowd(Protocol):
         """Velocity, (num_envs, nv)."""
 
     def reset(self, qpos: Array, qvel: Array | None = None) -> None:
-        """Starts at (num_envs, nq) or (nq,), with qvel likewise or at rest, and keeps nothing of what was before."""
+        """Resets all environments to qpos, (num_envs, nq) or (nq,), and qvel, of the same form or zero. Clears controls and warm starts."""
 
     def step(self, ctrl: Array | None = None, nstep: int = 1) -> None:
         """Makes steps with controls (num_envs, nu), or with those in force. This is the call that is timed."""
 
     def record(self, phase: str) -> None:
-        """Notes what the engine says of its last step, a step of `phase`. Not timed."""
+        """Records status and residual of the last step under `phase`. Not timed."""
 
 
 @dataclass
@@ -80,10 +80,10 @@ class Certificate:
 
 
 class StepperCrowd:
-    """Ours.
+    """Batch of environments in stepper.
 
     Args:
-        model: What to step.
+        model: Model of all environments.
         num_envs: Number of environments.
         precision: "f64" or "f32".
         threads: Threads; 0 is one per core.
@@ -130,7 +130,7 @@ class StepperCrowd:
 
 
 class MujocoCrowd:
-    """MuJoCo's own way to step many environments, `mujoco.batch.Batch`.
+    """Batch of environments in MuJoCo, `mujoco.batch.Batch`.
 
     Args:
         model: MuJoCo's `MjModel`, which is copied.
@@ -185,7 +185,7 @@ class MujocoCrowd:
         self._batch.step(nstep=nstep)
 
     def record(self, phase: str) -> None:
-        """MuJoCo says nothing of its steps."""
+        """Does nothing: MuJoCo reports no residual."""
 
     @property
     def restarted(self) -> NDArray[np.bool_]:
@@ -240,7 +240,7 @@ class Engine(Protocol):
 
 @dataclass(frozen=True)
 class StepperEngine:
-    """Ours.
+    """Stepper with its settings.
 
     Attributes:
         setting: Its name on the chart.

@@ -54,7 +54,7 @@ def film(
         env: Name of an environment in Gymnasium.
         file: An mp4; what is there is replaced.
         actions: Actions of the film, if the episode is not over before.
-        seed: Of the episode.
+        seed: Seed of the episode.
         progress: Called after each action with the number of actions so far: on a machine without a graphics card a picture takes a
             tenth of a second or more.
         **settings: Arguments of the environment.

@@ -28,7 +28,7 @@ from stepper.shared.machine import require
 
 if __name__ == "__main__":
     print("importing PyTorch", flush=True)
-# Threads of OpenMP that wait spin otherwise, which on a machine that others use takes the time that the physics could have.
+# By default, waiting threads of OpenMP spin, which takes processor time from the physics.
 os.environ.setdefault("OMP_WAIT_POLICY", "passive")
 for name in ("torch", "gymnasium"):
     require(name, "to train", "train")
@@ -44,6 +44,7 @@ from stepper.envs import StepperVectorEnv  # noqa: E402
 from stepper.policies import Policy, check_film, describe, evaluate, film, is_native  # noqa: E402
 from stepper.policies.ppo_settings import Settings, arguments  # noqa: E402
 from stepper.shared.environments import known  # noqa: E402
+from stepper.shared.files import in_one_piece  # noqa: E402
 
 Array = NDArray[Any]
 
@@ -231,9 +232,8 @@ class Run:
         }
         # Environments of stepper pickle with their state; others begin new episodes.
         state["envs"] = self.envs if isinstance(self.envs.unwrapped, StepperVectorEnv) else None
-        partial = file.with_suffix(".part")
-        torch.save(state, partial)
-        partial.replace(file)
+        with in_one_piece(file) as stream:
+            torch.save(state, stream)
 
     @classmethod
     def load(cls, file: Path) -> Run:
@@ -271,7 +271,7 @@ def make(settings: Settings) -> Any:
             episode_statistics=True,
         )
     mode: dict[str, Any] = {"autoreset_mode": AutoresetMode.SAME_STEP}
-    # Vector environments of a task's own take it themselves, those that Gymnasium makes of single ones take it so.
+    # A native vector environment takes the mode as an argument. A vector of single environments takes it in `vector_kwargs`.
     mode = mode if gymnasium.spec(settings.env).vector_entry_point else {"vector_kwargs": mode}
     envs = gymnasium.make_vec(settings.env, num_envs=settings.num_envs, **mode)
     return gymnasium.wrappers.vector.RecordEpisodeStatistics(envs)

@@ -26,24 +26,24 @@ class Settings:
 
     Attributes:
         env: Name of an environment in Gymnasium's registry.
-        seed: Of everything that is random.
-        steps: Environment steps.
+        seed: Seed of all random numbers.
+        steps: Number of environment steps.
         contact: Law of contact of stepper's environments, "mujoco" or "hard"; empty is the task's own.
-        precision: Scalar type of their steps.
+        precision: Scalar type of the steps of stepper's environments.
         num_envs: Environments that step together.
-        horizon: Steps of each between two updates.
-        epochs: Passes over them in an update.
-        minibatch: Samples of a gradient step; what is left of a pass after the last whole one is not used in it.
+        horizon: Steps of each environment between two updates.
+        epochs: Passes over the samples of an update.
+        minibatch: Samples of a gradient step; a pass leaves out the rest that does not fill one.
         hidden: Units of each of the two hidden layers.
-        learning_rate: At the beginning.
-        target_kl: Divergence of an update, nats: above twice it the learning rate falls, below half of it it rises.
+        learning_rate: Initial learning rate of Adam.
+        target_kl: Target Kullback-Leibler divergence of an update, nats; above twice it the learning rate falls, below half it rises.
         gamma: Discount.
-        gae_lambda: Decay of the advantages' estimator.
-        clip: Bound of the ratio's change.
+        gae_lambda: Decay factor of the advantage estimator.
+        clip: Largest change of the probability ratio.
         entropy: Weight of the entropy bonus.
-        value: Weight of the value's error.
+        value: Weight of the value loss.
         max_grad_norm: Bound of the gradient's norm.
-        initial_std: Standard deviation of the actions at the beginning, of half their range.
+        initial_std: Initial standard deviation of the actions, as a share of half their range.
         threads: Threads of the physics and of the learner.
 
     Raises:

@@ -112,7 +112,7 @@ def _rows(name: str, given: ArrayLike, count: int) -> Array:
 
 
 def vector(name: str, given: ArrayLike, size: int) -> Array:
-    """Standard deviations of a state at the start, (size,)."""
+    """Checked vector of a state at the start (qpos, qvel or act), (size,)."""
     array = np.asarray(given, np.float64)
     if array.shape != (size,):
         raise ValueError(f"{name} at the start has shape {array.shape}, must be ({size},)")

@@ -66,7 +66,7 @@ def design(
         noise: Standard deviations of the channels that would be read, each a number or one for every column, None those of `found`.
         options: As of `identify`.
         actuators: As of `identify`.
-        draws: Draws of the prior in addition to the estimate.
+        draws: Number of draws from the distribution of `found`, in addition to the estimate.
         step: As of `identify`.
         threads: As of `identify`.
         seed: Of the draws.

@@ -256,7 +256,7 @@ def _noise_left(residuals: Residuals, at: Linearized, loss: str) -> Array:
 
 
 def _starts(qmc: Any, residuals: Residuals, count: int, seed: int) -> list[Array]:
-    """Minimum of the model, and the best of eight times as many points around it."""
+    """Start points: that of the model, and the best of eight times as many points around it."""
     points = [residuals.start]
     if count > 1:
         n = residuals.n

@@ -24,18 +24,17 @@ from stepper.sysid.rivals import TRIED, WIDE, Verdict, judged, share_of, tried, 
 STEP = 1e-5
 """Least half width of differences, in the scales of parameters and in m/s (rad/s)."""
 NUDGE = 1e-7
-"""And of displacements, in m (rad)."""
+"""Least half width of differences of displacements, m or rad."""
 STEPS = 6
-"""Gauss-Newton steps for a sample, at the most,"""
+"""Largest number of Gauss-Newton steps per sample."""
 HALVINGS = 4
-"""each shortened that many times until the window costs no more than before,"""
+"""Largest number of halvings of a step."""
 SAME = 0.01
-"""but for this much: a hundredth of what a standard deviation costs."""
+"""Increase of the cost that a step may have, in squared standard deviations."""
 LITTLE = 0.1
 """Standard deviations by which the last step may move a parameter."""
 NEARBY = 0.5
-"""And that a step may lead away where no part of it lowers the cost."""
-
+"""Step length up to which an estimate counts as settled although no shorter step lowers the cost, in standard deviations."""
 FARTHEST = 0.5
 """Largest change of a parameter that one sample makes, in scales."""
 
@@ -177,14 +176,14 @@ class Horizon:
         return verdict
 
     def _bound(self, j: int) -> float:
-        """Lower bound of a number of theta, which what may have changed since lowers."""
+        """Lower bound of parameter `j`. Drift lowers it with the time since it was found."""
         if j not in self._bounds:
             return -math.inf
         value, when = self._bounds[j]
         return value - 3 * float(self._problem.drift[j]) * math.sqrt(max(self._now - when, 0.0))
 
     def _settle(self) -> None:
-        """Gauss-Newton steps until the estimate moves by little of what is not known of it.
+        """Gauss-Newton steps until a step is small compared with the standard deviations.
 
         One step would do where motion is smooth. Where a contact begins, the slopes after the step are others, and a covariance of the
         slopes before it would be that of another estimate.
@@ -251,7 +250,7 @@ class Horizon:
         return Linear(points, directions, spans, made, residual, J.transpose(1, 2, 0).copy(), expected, noise, cost)
 
     def _gauss_newton(self, at: Linear) -> tuple[Array, Array]:
-        """A step on the window and the arrival cost, and the covariance of what is known then. It sets the evidence."""
+        """A step on the window and the arrival cost, and the posterior covariance. It sets the evidence."""
         N = len(self.x)
         root = np.linalg.cholesky(self._cov)
         rows = np.concatenate([(at.J / at.noise[..., None]).reshape(-1, N), np.linalg.solve(root, np.eye(N))])

@@ -27,7 +27,7 @@ class Directions:
         covariance: Of x, (n, n).
         local: Half widths of differences that are the narrowest, (n,).
         room: Distances from x to its bounds, of those that have some, the smaller one; infinite elsewhere, (n,).
-        apart: Indices of x that have local differences along their axes, and the others theirs with these held.
+        apart: Indices of x with local differences along their axes; the other directions are those of the covariance, these fixed.
 
     Attributes:
         columns: A direction in each column, (n, n).

@@ -117,7 +117,7 @@ def taken(hypotheses: Sequence[Horizon], sample: Sample, problem: Problem) -> li
             continue
         try:
             child = hypothesis.branch(hypothesis.rival)
-        except FloatingPointError:
+        except (FloatingPointError, np.linalg.LinAlgError):
             # Parameters with which nothing finite can be predicted have no probability.
             continue
         if not any(_alike(child, other, problem) for other in out):

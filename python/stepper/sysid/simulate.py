@@ -225,7 +225,7 @@ class Simulator:
             theta: Parameters, (count, n).
             starts: Of each episode displacements of qpos (count, nv) and of qvel (count, nv) at its start; None is as given.
         """
-        # The response of a sensor to a motion needs no separate motion.
+        # Parameters of sensors alone do not change the motion, so that one simulation serves all of them.
         moving = np.array([block.parameter.kind not in READING for block in self.blocks for _ in range(block.size)])
         key = theta * moving
         if starts is not None:

@@ -24,9 +24,9 @@ from stepper.sysid.inertia import Array
 LARGEST_AUTOCORRELATION = 0.97
 """Bound of the autoregression, as Andrews and Monahan advise."""
 LONGEST_MEMORY = 10
-"""Highest order of an autoregression of residuals,"""
+"""Highest order of an autoregression of residuals."""
 ROWS_PER_ORDER = 10
-"""of which each needs that many rows."""
+"""Rows of residuals that each order needs."""
 
 
 @dataclass(frozen=True)
@@ -168,7 +168,7 @@ def _autocovariance(series: list[Array], count: int) -> Array:
         # Its expectation is too small by (1 + 3 rho) / count.
         larger = a * min(rho + (1 + 3 * rho) / count, max(rho, LARGEST_AUTOCORRELATION)) / rho
         a = larger if np.abs(np.roots([1.0, *-larger])).max() < 1 else a
-    # Of the spectrum, at that many frequencies that what is remembered does not come round.
+    # Autocovariance from the spectrum, sampled finely enough that it does not alias.
     size = 1 << int(np.ceil(np.log2(8 * longest + 1024)))
     gamma = np.fft.irfft(left / np.abs(np.fft.rfft([1.0, *-a], size)) ** 2, size)
     return np.asarray(gamma[:longest])

@@ -31,7 +31,8 @@ pub struct ConstraintProblem<R: Real> {
     pub needs_position_solve: R::Mask,
     /// Lanes in which Baumgarte's bias is part of the velocities.
     pub biased: R::Mask,
-    /// Lanes in which a contact bounces. Only the speeds of the step bound their correction in stage 8.
+    /// Lanes in which a contact bounces by Euler's rule; [`Self::bouncing`] gives those of the midpoint rule. Only the speeds of the step
+    /// bound their correction in stage 8.
     pub rebounding: R::Mask,
     /// Whether the problem may have immovable rows.
     pub(crate) may_be_held: bool,
@@ -107,6 +108,11 @@ impl<R: Real> ConstraintProblem<R> {
             active_equalities: ActiveEqualities::new(compiled),
             soft: SoftSystem::new(compiled, max_contacts, soft_contacts, soft_support),
         }
+    }
+
+    /// Slot of contact `i` of the problem in the contact set. The index counts contacts of three rows, then of six.
+    pub(crate) fn slot_of(&self, i: usize) -> usize {
+        i.checked_sub(self.slots.len()).map_or_else(|| self.slots[i].0, |k| self.rolling_slots[k].0)
     }
 
     /// Adds a change of the free velocity, in the lanes `lanes`, to the offsets g of the rows. Overwrites `change`.

@@ -54,9 +54,9 @@ impl<R: Real> Assembler<'_, R> {
             [g[0][0], g[1][0], g[2][0]],
         );
         if self.problem.rows.contacts.held().any() {
-            let (released, negligible) = self.reconsider(input, contacts, k, lanes);
+            let (released, rounding) = self.reconsider(input, contacts, k, lanes);
             self.problem.rows.contacts.make_movable(released);
-            self.problem.rows.contacts.drop_negligible(negligible);
+            self.problem.rows.contacts.drop_rounding(rounding);
         }
         if let Some(lengths) = lengths {
             self.problem.rows.contacts.set_trace_ratio(lengths.trace_ratio());
@@ -75,7 +75,7 @@ impl<R: Real> Assembler<'_, R> {
             let impulse = [n, a, b, R::zero(), R::zero(), R::zero()];
             self.problem.deferred.push(DeferredContact { contact, slot: k, lanes: waiting, impulse, ..deferred });
         }
-        // No row could change the impulse of the last step, which would continue to act.
+        // An immovable contact starts without impulse: no row of the solve could remove that of the last step.
         self.velocity.impulses.contacts.push(select(solved.and_not(held), slot.impulse, zero()));
         self.problem.slots.push((k, R::Mask::from_bits(lanes)));
         self.problem.constrained = self.problem.constrained.or(solved);
@@ -95,7 +95,7 @@ impl<R: Real> Assembler<'_, R> {
             #[inline(always)]
             || {
                 let mut speed = R::zero();
-                let rounding = contacts.data[k].point.rounding() * R::of(least_lever::<R>().recip());
+                let arm_rounding = contacts.data[k].point.rounding() * R::of(least_lever::<R>().recip());
                 self.builder.contact_columns(input, contacts, k, lanes);
                 for i in 0..self.builder.support.len() {
                     let d = self.builder.support[i] as usize;
@@ -103,8 +103,8 @@ impl<R: Real> Assembler<'_, R> {
                     let arm = sub(contacts.data[k].point.pos, kinematics.origin[compiled.dofs[d].tree]);
                     let (motion, turn) = (velocity_at(axis, arm), dot(angular(axis), angular(axis)));
                     let square = (dot(motion, motion) + turn * dot(arm, arm)) * sign.square();
-                    // The origin may be the joint's, from which the arm of a contact at the joint is rounding error.
-                    self.builder.scales[d] = [square + turn * (rounding * sign).square(); 3];
+                    // At a joint the arm is rounding error. The added term keeps such a contact immovable.
+                    self.builder.scales[d] = [square + turn * (arm_rounding * sign).square(); 3];
                     speed += square * assembly.v_free[d].square();
                 }
                 self.builder.half_solve::<3>(compiled, mass);
@@ -143,11 +143,11 @@ impl<R: Real> Assembler<'_, R> {
         let mut targets = [[free[0] + bias, free[0] + position], [free[1]; 2], [free[2]; 2]];
         let lengths = self.builder.eliminate(&self.problem.rows, mass, &mut targets);
         let free_eliminated = [targets[0][0] - bias, targets[1][0], targets[2][0]];
+        let mut bounces = R::Mask::splat(false);
         if self.problem.resolves_impacts {
             active = self.bounce_within(input, slot, active, [free, change], bias, &mut targets);
+            bounces = self.problem.impacts.last().map_or(bounces, |impact| impact.lanes);
         }
-        let resolved = if self.problem.resolves_impacts { self.problem.impacts.last() } else { None };
-        let bounces = resolved.map_or(R::Mask::splat(false), |impact| impact.lanes);
         let lanes = self.approaching_lanes(input, contacts, k, active.and(rigid), before[0], free_eliminated);
         let impulse = [R::zero(); 6];
         let deferred = DeferredContact { contact: 0, slot: k, lanes, bounces, bias: targets[0][0] - free_eliminated[0], impulse };

@@ -26,6 +26,7 @@ use crate::constraints::row_builder::RowBuilder;
 use crate::dynamics::inertia::MassMatrix;
 use crate::math::spatial::*;
 use crate::options::StepSettings;
+use crate::tuning::MAX_REBOUND_SPEED_RATIO;
 
 /// Targets of a contact's rows: g of the velocity solve and of the position solve, m/s.
 type Targets<R> = [[R; 2]; 3];
@@ -181,42 +182,42 @@ impl<R: Real> ConstraintProblem<R> {
     /// impacts adds energy (Kane and Levinson, Dynamics: Theory and Applications, 1985, section 5.7). An inelastic impact always has a
     /// solution.
     ///
-    /// A contact counts if its friction adds more than `energy` (J), or if its impulse rounds away velocities of `most_rounding` (m/s). In
-    /// the lanes `unsolved` every contact counts. In the lanes `whole` one contact counts for all.
+    /// An impact is implausible if its friction adds more than `energy` (J), or if the rounding error of its impulse exceeds `max_rounding`
+    /// (m/s). In the lanes `unsolved` all impacts become inelastic. In the lanes `all_or_none` all do if one is implausible.
     pub(crate) fn drop_restitution(
         &mut self,
         impulses: &Iterate<R>,
-        [energy, most_rounding]: [R; 2],
-        [unsolved, whole]: [R::Mask; 2],
+        [energy, max_rounding]: [R; 2],
+        [unsolved, all_or_none]: [R::Mask; 2],
     ) -> R::Mask {
         let Self { rows, impacts, rebounding, .. } = self;
         let elastic = |impact: &Impact<R>| impact.lanes.and(impact.normal_factor.gt(R::one()));
         let implausible = |rows: &Problem<R>, i: usize| {
-            impulses.friction_work(rows, i).gt(energy).or(impulses.impulse_rounding(rows, i).gt(most_rounding))
+            impulses.friction_work(rows, i).gt(energy).or(impulses.impulse_rounding(rows, i).gt(max_rounding))
         };
-        let mut everywhere = unsolved;
+        let mut all_impacts = unsolved;
         for (i, impact) in impacts.iter().enumerate() {
-            let lanes = elastic(impact).and(whole);
+            let lanes = elastic(impact).and(all_or_none);
             if lanes.any() {
-                everywhere = everywhere.or(lanes.and(implausible(rows, i)));
+                all_impacts = all_impacts.or(lanes.and(implausible(rows, i)));
             }
         }
-        let [mut changed, mut left] = [R::Mask::splat(false); 2];
+        let [mut changed, mut still_elastic] = [R::Mask::splat(false); 2];
         for (i, impact) in impacts.iter_mut().enumerate() {
-            let there = elastic(impact);
-            if there.none() {
+            let elastic_lanes = elastic(impact);
+            if elastic_lanes.none() {
                 continue;
             }
-            let lanes = there.and(everywhere.or(implausible(rows, i)));
+            let lanes = elastic_lanes.and(all_impacts.or(implausible(rows, i)));
             rows.scale_normal_target(i, R::one() / impact.normal_factor, lanes);
             impact.normal_factor = R::select(lanes, R::one(), impact.normal_factor);
-            (changed, left) = (changed.or(lanes), left.or(there.and_not(lanes)));
+            (changed, still_elastic) = (changed.or(lanes), still_elastic.or(elastic_lanes.and_not(lanes)));
         }
-        *rebounding = rebounding.and_not(changed.and_not(left));
+        *rebounding = rebounding.and_not(changed.and_not(still_elastic));
         changed
     }
 
-    /// Lanes in which a contact bounces at a time within the step.
+    /// Lanes with an impact at a time within the step, also if it became inelastic.
     #[inline(always)]
     pub fn bouncing(&self) -> R::Mask {
         let mut lanes = R::Mask::splat(false);
@@ -253,19 +254,16 @@ pub(crate) struct ImpactStep<'a, R: Real> {
 }
 
 impl<R: Real> ImpactStep<'_, R> {
-    /// Sets the position target of contact `i`, in the lanes `lanes`, to its gap at the end of the step over h.
+    /// Sets the position target of contact `i`, in the lanes `lanes`, to (gap at the end of the step) / h.
     ///
-    /// The configuration at the end lies `time_after` times the velocity v+, and `h` times the correction, from the evaluation point. Its
-    /// gap is therefore that of the evaluation point, plus h times the velocity of the position solve, minus (h - time_after) v_n+. A
-    /// contact that overlaps keeps its target. `impulses` are those of the velocity solution.
+    /// Positions move by time_after v+ + h correction after the evaluation point. The end gap is therefore gap + h v_position -
+    /// (h - time_after) v_n+. A contact that overlaps keeps its target. `impulses` are those of the velocity solution.
     #[inline(always)]
     fn target_end_gap(&self, i: usize, lanes: R::Mask, impulses: &Iterate<R>, positions: &mut PositionRows<R>) {
         let Self { problem, contacts, slop, h, time_after, .. } = *self;
         let rows = &problem.rows;
-        let (slot, g) = match i.checked_sub(rows.contacts.len()) {
-            None => (problem.slots[i].0, rows.contacts[i].g[0]),
-            Some(k) => (problem.rolling_slots[k].0, rows.rolling_contacts[k].g[0]),
-        };
+        let slot = problem.slot_of(i);
+        let g = i.checked_sub(rows.contacts.len()).map_or_else(|| rows.contacts[i].g[0], |k| rows.rolling_contacts[k].g[0]);
         let change = rows.normal_velocity(i, &impulses.w) - g;
         let distance = contacts.data[slot].point.distance;
         let gap = distance.max(R::zero());
@@ -274,34 +272,32 @@ impl<R: Real> ImpactStep<'_, R> {
             lanes.and(distance.ge(-R::of(slop))),
             #[inline(always)]
             |target| {
-                let free = target - gap / problem.closing_time;
-                free + (gap - (free + change) * (h - time_after)) / h
+                let free_normal = target - gap / problem.closing_time;
+                free_normal + (gap - (free_normal + change) * (h - time_after)) / h
             },
         );
     }
-}
 
-impl<R: Real> ImpactStep<'_, R> {
     /// Leaves contacts that bounce out of the position solve, except those into which another impact pushes too far.
     ///
     /// A small overlap at the end of a step is harmless if the surfaces separate: the next step finds the impact that came before. Pushing
-    /// it out would change the energy. Half of the thickness of a geom is too far, because the next step could see its other side.
+    /// it out would change the energy. The limit is half the tunnelling distance, a quarter of the sum of the inscribed radii. A deeper
+    /// overlap could be resolved towards the far side.
     pub(crate) fn leave_out_impacts(&self, compiled: &LaneModel<R>, positions: &mut PositionRows<R>) {
         let Self { problem, contacts, slop, h, .. } = *self;
-        let narrow = problem.rows.contacts.len();
         for (i, impact) in problem.impacts.iter().enumerate() {
             let there = self.lanes.and(impact.lanes);
             if there.none() {
                 continue;
             }
-            let slot = i.checked_sub(narrow).map_or_else(|| problem.slots[i].0, |k| problem.rolling_slots[k].0);
-            let mut thickness = R::zero();
+            let slot = problem.slot_of(i);
+            let mut tunnelling_distance = R::zero();
             for (pair, lanes) in contacts.pairs(slot, there.bits()) {
                 let geoms = compiled.pair_geoms(pair).expect("made from this compiled");
-                thickness = R::select(R::Mask::from_bits(lanes), compiled.tunnelling_distance(geoms), thickness);
+                tunnelling_distance = R::select(R::Mask::from_bits(lanes), compiled.tunnelling_distance(geoms), tunnelling_distance);
             }
             let end = positions.normal_target(i) * h;
-            let harmless = end.ge(thickness * R::of(-0.5)).and(contacts.data[slot].point.distance.ge(-R::of(slop)));
+            let harmless = end.ge(tunnelling_distance * R::of(-0.5)).and(contacts.data[slot].point.distance.ge(-R::of(slop)));
             positions.leave_out_contact(i, there.and(harmless));
         }
     }
@@ -310,11 +306,9 @@ impl<R: Real> ImpactStep<'_, R> {
 impl<R: Real> PositionSolution<R> {
     /// Removes the impulses of impacts from the position solve in the lanes `lanes`.
     ///
-    /// `impulses` are those of the velocity solution.
-    /// `impact_displacement` receives a velocity: over a step it gives the displacement by the impulses, 1 + (time_before - t) / h times
-    /// their velocity change, with t the time of the impact. The second term is the displacement between impacts. In a jam, enormous
-    /// impulses at different times would make it larger than any speed of the step allows. It is bounded by twice the largest speed, in the
-    /// metric of the kinetic energy. No sequence of impacts exceeds this bound.
+    /// `impulses` are those of the velocity solution. Writes to `impact_displacement` the displacement by the impulses, divided by h:
+    /// (1 + (time_before - t) / h) dv for an impact at time t. The term with t can be enormous if large impulses at different times cancel.
+    /// Its speed is therefore bounded by [`MAX_REBOUND_SPEED_RATIO`] times the largest speed, in the metric of the kinetic energy.
     pub(crate) fn remove_impacts(&mut self, compiled: &LaneModel<R>, impulses: &mut Iterate<R>, step: &ImpactStep<'_, R>) {
         R::vectorize(
             #[inline(always)]
@@ -322,7 +316,7 @@ impl<R: Real> PositionSolution<R> {
                 let ImpactStep { problem, mass, free, h, time_before, lanes, .. } = *step;
                 let (Self { rows: positions, impact_displacement: moved, correction: removed, .. }, rows) = (self, &problem.rows);
                 let narrow = rows.contacts.len();
-                let square = largest_square(compiled, mass, free, impulses, moved);
+                let twice_energy = max_twice_energy(compiled, mass, free, impulses, moved);
                 moved.fill(R::zero());
                 removed.fill(R::zero());
                 for (i, impact) in problem.impacts.iter().enumerate() {
@@ -348,7 +342,7 @@ impl<R: Real> PositionSolution<R> {
                 for (w, &removed) in impulses.w.iter_mut().zip(&*removed) {
                     *w = R::select(lanes, *w - removed, *w);
                 }
-                bound_change(moved, removed, square * R::of(4.0), lanes);
+                bound_change(moved, removed, twice_energy * R::of(MAX_REBOUND_SPEED_RATIO.powi(2)), lanes);
                 mass.unscale(compiled, moved);
             },
         );
@@ -375,10 +369,9 @@ impl<R: Real> PositionSolution<R> {
     }
 }
 
-/// Larger one of the squared speeds of the free velocity and of the solution, in the metric of the kinetic energy: twice the energy, J.
-/// Overwrites `scaled`.
+/// Twice the larger kinetic energy of the free velocity and of the solution, J. Overwrites `scaled`.
 #[inline(always)]
-fn largest_square<R: Real>(compiled: &LaneModel<R>, mass: &MassMatrix<R>, free: &[R], impulses: &Iterate<R>, scaled: &mut [R]) -> R {
+fn max_twice_energy<R: Real>(compiled: &LaneModel<R>, mass: &MassMatrix<R>, free: &[R], impulses: &Iterate<R>, scaled: &mut [R]) -> R {
     scaled.copy_from_slice(free);
     mass.scale(compiled, scaled);
     let (mut before, mut after) = (R::zero(), R::zero());
@@ -389,6 +382,13 @@ fn largest_square<R: Real>(compiled: &LaneModel<R>, mass: &MassMatrix<R>, free: 
     before.max(after)
 }
 
+/// Lanes of `lanes` in which the squared length `square` exceeds `most`, and the factor that shrinks the vector to the bound.
+#[inline(always)]
+pub(crate) fn shrink_factor<R: Real>(square: R, most: R, lanes: R::Mask) -> (R::Mask, R) {
+    let lanes = lanes.and(square.gt(most));
+    (lanes, (most / R::select(lanes, square, R::one())).sqrt())
+}
+
 /// Bounds the squared distance of the scaled velocity `moved` from `removed` by `most`, in the lanes `lanes`.
 #[inline(always)]
 fn bound_change<R: Real>(moved: &mut [R], removed: &[R], most: R, lanes: R::Mask) {
@@ -396,11 +396,10 @@ fn bound_change<R: Real>(moved: &mut [R], removed: &[R], most: R, lanes: R::Mask
     for (&moved, &removed) in moved.iter().zip(removed) {
         square += (moved - removed).square();
     }
-    let lanes = lanes.and(square.gt(most));
+    let (lanes, factor) = shrink_factor(square, most, lanes);
     if lanes.none() {
         return;
     }
-    let factor = (most / R::select(lanes, square, R::one())).sqrt();
     for (moved, &removed) in moved.iter_mut().zip(removed) {
         *moved = R::select(lanes, removed + (*moved - removed) * factor, *moved);
     }

@@ -87,9 +87,9 @@ impl<R: Real> Assembler<'_, R> {
             [slides[0][0], slides[1][0], slides[2][0], turns[0][0], turns[1][0], turns[2][0]],
         );
         if self.problem.rows.rolling_contacts.held().any() {
-            let (released, negligible) = self.reconsider(input, contacts, k, lanes);
+            let (released, rounding) = self.reconsider(input, contacts, k, lanes);
             self.problem.rows.rolling_contacts.make_movable(released);
-            self.problem.rows.rolling_contacts.drop_negligible(negligible);
+            self.problem.rows.rolling_contacts.drop_rounding(rounding);
         }
         if let (Some(sliding), Some(turned)) = (sliding, turned) {
             let (before, after) =
@@ -112,7 +112,7 @@ impl<R: Real> Assembler<'_, R> {
             self.problem.rows.rolling_contacts.defer(waiting);
             self.problem.deferred.push(DeferredContact { contact, slot: k, lanes: waiting, impulse: warm, ..deferred });
         }
-        // No row could change the impulse of the last step, which would continue to act.
+        // An immovable contact starts without impulse: no row of the solve could remove that of the last step.
         self.velocity.impulses.rolling_contacts.push(select(solved.and_not(held), warm, zero()));
         self.problem.rolling_slots.push((k, R::Mask::from_bits(lanes), friction.scale));
         self.problem.constrained = self.problem.constrained.or(solved);

@@ -230,6 +230,14 @@ impl<R: Real> MassMatrix<R> {
         }
     }
 
+    /// Kinetic energy of the velocity `v`, J. Overwrites `scaled`.
+    #[inline(always)]
+    pub fn kinetic_energy(&self, compiled: &LaneModel<R>, v: &[R], scaled: &mut [R]) -> R {
+        scaled.copy_from_slice(v);
+        self.scale(compiled, scaled);
+        scaled.iter().fold(R::zero(), |sum, v| sum + v.square()) * R::of(0.5)
+    }
+
     /// Sum over the degrees of freedom of the kinetic energy if that one alone moves with `speed`, J.
     ///
     /// Its descendants are free to follow, so that its inertia is the entry of D.

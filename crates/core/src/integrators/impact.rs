@@ -100,9 +100,9 @@ fn normal_velocities<R: Real>(
 
 /// Makes impacts inelastic where Newton's law has no plausible solution, and returns their lanes, which must be solved again.
 ///
-/// See [`ConstraintProblem::drop_restitution`]. `residual` is that of the solution. In the lanes `inelastic` some impacts already are
-/// inelastic, and all become so if one of them is still implausible. Enormous impulses are no start for the next solve, so contacts start
-/// from zero.
+/// See [`ConstraintProblem::drop_restitution`]. `residual` is that of the solution. In the lanes `inelastic` an earlier call already made
+/// some impacts inelastic. There all impacts become inelastic if one is still implausible or the residual is above one tolerance.
+/// Enormous impulses are no start for the next solve, so contacts start from zero.
 pub(crate) fn drop_restitution<R: Real>(
     place: Place<'_, R>,
     free: &mut FreeMotion<R>,
@@ -118,9 +118,7 @@ pub(crate) fn drop_restitution<R: Real>(
     let failed = R::select(inelastic, tolerance, tolerance * R::of(MAX_IMPACT_RESIDUAL));
     let unsolved = ambiguous(place, free, problem, velocity, residual).or(residual.gt(failed));
     let FreeMotion { v, smooth, scratch: Scratch { free_change: scratch, .. }, .. } = free;
-    scratch.copy_from_slice(v);
-    smooth.mass.scale(place.input.compiled, scratch);
-    let energy = scratch.iter().fold(R::zero(), |sum, v| sum + v.square()) * R::of(0.5);
+    let energy = smooth.mass.kinetic_energy(place.input.compiled, v, scratch);
     let lanes = problem.drop_restitution(&velocity.impulses, [energy, R::of(MAX_TRUSTED_RESIDUAL)], [unsolved, inelastic]);
     if lanes.any() {
         velocity.impulses.clear_contacts(&problem.rows, lanes, scratch);

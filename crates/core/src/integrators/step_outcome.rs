@@ -23,7 +23,7 @@ pub(crate) struct StepOutcome<R: Real> {
     pub(crate) infeasible: R::Mask,
     /// Lanes in which a geom may have passed through a thin one.
     pub(crate) tunnelled: R::Mask,
-    /// Lanes in which the error of the time step adds energy, or would have added it without an impact that became inelastic.
+    /// Lanes in which the error of the time step adds energy, or in which impacts became inelastic.
     pub(crate) gains_energy: R::Mask,
 }
 

@@ -15,6 +15,7 @@ use stepper_solve::{Damping, Iterate, Outcome, Reference, Settings, Snapshot, Sy
 use crate::collision::contact_set::Contacts;
 use crate::compile::{LaneModel, ModelStructure};
 use crate::constraints::islands::Islands;
+use crate::constraints::restitution::shrink_factor;
 use crate::constraints::{ConstraintProblem, PositionSolution, VelocitySolution};
 use crate::dynamics::inertia::MassMatrix;
 use crate::dynamics::kinematics::displace;
@@ -24,7 +25,7 @@ use crate::model::JointKind;
 use crate::options::{Solver, Stabilization, StepSettings};
 use crate::tuning::{
     BAUMGARTE_LIMIT, CORRECTION_ARM, CORRECTION_ITERATIONS, CORRECTION_NEWTON_STEPS, CORRECTION_NEWTON_THRESHOLD, CORRECTION_TOLERANCE,
-    DAMPING, MAX_CORRECTION_ROTATION, MAX_SPEED_RATIO, MIN_UNMET_TARGET, NEGLIGIBLE_CORRECTION,
+    DAMPING, MAX_CORRECTION_ROTATION, MAX_REBOUND_SPEED_RATIO, MAX_SPEED_RATIO, MIN_UNMET_TARGET, NEGLIGIBLE_CORRECTION,
 };
 
 /// Bounds of the motion of a correction.
@@ -282,10 +283,11 @@ fn find_motion<R: Real>(compiled: &LaneModel<R>, mass: &MassMatrix<R>, impulses:
     }
 }
 
-/// Bounds the correction `v` of the lanes `lanes` by twice the larger speed of two velocities, in the metric of the kinetic energy.
+/// Bounds the correction `v` of the lanes `lanes` by [`MAX_REBOUND_SPEED_RATIO`] times the larger speed of two velocities, in the metric of
+/// the kinetic energy.
 ///
-/// No position after a rebound is farther away. Friction in a corner can make the correction itself enormous. Overwrites `scratch`.
-#[cold]
+/// Friction in a corner can make the correction itself enormous. Overwrites `scratch`.
+#[inline(always)]
 fn bound_rebound<R: Real>(
     compiled: &LaneModel<R>,
     mass: &MassMatrix<R>,
@@ -294,15 +296,9 @@ fn bound_rebound<R: Real>(
     scratch: &mut [R],
     lanes: R::Mask,
 ) {
-    let mut square = |v: &[R]| {
-        scratch.copy_from_slice(v);
-        mass.scale(compiled, scratch);
-        scratch.iter().fold(R::zero(), |sum, x| sum + x.square())
-    };
-    let most = square(velocities[0]).max(square(velocities[1])) * R::of(4.0);
-    let own = square(v);
-    let lanes = lanes.and(own.gt(most));
-    let factor = (most / R::select(lanes, own, R::one())).sqrt();
+    let mut energy = |v: &[R]| mass.kinetic_energy(compiled, v, scratch);
+    let most = energy(velocities[0]).max(energy(velocities[1])) * R::of(MAX_REBOUND_SPEED_RATIO.powi(2));
+    let (lanes, factor) = shrink_factor(energy(v), most, lanes);
     for v in v {
         *v = R::select(lanes, *v * factor, *v);
     }

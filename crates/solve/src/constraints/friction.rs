@@ -269,13 +269,13 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContacts<R, N, L> {
         )
     }
 
-    /// Sets the target of the contact pushed last to zero along an immovable normal, if it is below `negligible`, m/s.
-    pub fn drop_negligible(&mut self, negligible: R) {
+    /// Sets the target of the contact pushed last to zero along an immovable normal, if it is below `rounding`, m/s.
+    pub fn drop_rounding(&mut self, rounding: R) {
         R::vectorize(
             #[inline(always)]
             || {
                 let Some(contact) = self.rows.items.last_mut() else { return };
-                let none = contact.immovable.and((-contact.g[0]).le(negligible));
+                let none = contact.immovable.and((-contact.g[0]).le(rounding));
                 contact.g[0] = R::select(none, contact.g[0].max(R::zero()), contact.g[0]);
             },
         )
@@ -335,7 +335,7 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContacts<R, N, L> {
 
     /// Rounding error of the normal impulse of contact `i`, as a velocity, m/s.
     ///
-    /// The natural map of this impulse rounds a smaller velocity away.
+    /// The residual of the contact cannot resolve smaller velocities.
     #[inline(always)]
     pub(crate) fn impulse_rounding(&self, i: usize, impulses: &[[R; N]]) -> R {
         impulses[i][0] * self.rows.items[i].step.inv_rho * R::of(R::Scalar::EPSILON.to_f64())

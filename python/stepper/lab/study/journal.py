@@ -133,15 +133,22 @@ def _read(file: sqlite3.Connection, path: Path, study: str | None) -> Iterator[R
 
 def _locked(path: Path) -> sqlite3.Connection:
     """A lock that keeps other processes out until it is closed, or until the process ends."""
-    lock = sqlite3.connect(path.with_suffix(".lock"), timeout=0.0, isolation_level=None)
-    try:
-        lock.execute("BEGIN EXCLUSIVE")
-    except sqlite3.Error as error:
-        lock.close()
-        if getattr(error, "sqlite_errorcode", None) == sqlite3.SQLITE_BUSY:
-            raise JournalError(f"{path}: another process is running this study; wait for it, or choose another folder") from error
-        raise JournalError(f"{path.with_suffix('.lock')} cannot be locked ({error}): choose a folder of another file system") from error
+    with contextlib.ExitStack() as opened:
+        try:
+            lock = sqlite3.connect(path.with_suffix(".lock"), timeout=0.0, isolation_level=None)
+            opened.callback(lock.close)
+            lock.execute("BEGIN EXCLUSIVE")
+        except sqlite3.Error as error:
+            raise _lock_error(path, error) from error
+        opened.pop_all()
     return lock
+
+
+def _lock_error(path: Path, error: sqlite3.Error) -> JournalError:
+    """Error for a journal whose lock cannot be had, with the remedy."""
+    if getattr(error, "sqlite_errorcode", None) == sqlite3.SQLITE_BUSY:
+        return JournalError(f"{path}: another process is running this study; wait for it, or choose another folder")
+    return JournalError(f"{path.with_suffix('.lock')} cannot be locked ({error}): choose a folder of another file system")
 
 
 @contextlib.contextmanager

@@ -165,13 +165,15 @@ def asked_for(parameters: Mapping[str, Parameter], wanted: Sequence[str], model:
         ValueError: A text that is neither, or a selector of the same numbers as another text with another range.
     """
     found: dict[str, Parameter] = {}
+    changed: dict[str, frozenset[tuple[str, int]]] = {}
     for text in wanted:
         name, own = (text, parameters[text]) if text in parameters else _with_range(text, parameters)
         # A study may have several parameters of the same numbers, by their names.
         others = [other for other in found if not {name, other} <= parameters.keys()]
-        same = next((other for other in others if _changed(found[other], model) == _changed(own, model)), None)
+        numbers = _changed(own, model)
+        same = next((other for other in others if changed[other] == numbers), None)
         if same is None:
-            found[name] = own
+            found[name], changed[name] = own, numbers
         elif (found[same].how, found[same].low, found[same].high) != (own.how, own.low, own.high):
             raise ValueError(f"parameters has {text!r} and {same!r}, which are the same numbers with another range: give one of them")
     return found

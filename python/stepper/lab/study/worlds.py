@@ -234,13 +234,13 @@ def own_fields(options: Options) -> frozenset[str]:
 
 def _split(plan: Plan) -> tuple[Model, dict[str, Array]]:
     """The model with what all environments share, and what each has of its own."""
-    shared, own = {}, {}
+    shared, own, varying = {}, {}, own_fields(plan.options)
     for field, rows in plan.fields.items():
         before = np.asarray(getattr(plan.model, field), float)
         if field in ROWS_FROM_NOTHING and np.any((rows > 0) & (before == 0)):
             shared[field] = np.where(before > 0, before, rows.max(axis=0))
             own[field] = rows
-        elif field in own_fields(plan.options):
+        elif field in varying:
             own[field] = rows
         elif np.array_equal(rows, np.broadcast_to(rows[0], rows.shape)):
             shared[field] = rows[0]

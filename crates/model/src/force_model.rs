@@ -12,9 +12,9 @@ pub enum GainType {
     Affine,
     /// DC motor: its parameters are resistance and motor constant, and the control is the voltage.
     DcMotor,
-    /// Position target of a PID controller without integral term; its gain is -bias[1].
+    /// Position target of a PID controller without integral term; its gain is `-bias[1]`.
     PidPosition,
-    /// Velocity target of a PID controller without integral term; its gain is -bias[2].
+    /// Velocity target of a PID controller without integral term; its gain is `-bias[2]`.
     PidVelocity,
 }
 

@@ -19,7 +19,7 @@ from stepper.envs import StepperEnv, Task
 PAGE = Path(__file__).parents[1] / "docs/reference/tasks.md"
 HEAD = """# Observations and actions
 
-Columns of the observations and actions of all registered tasks. [environments.md](environments.md) describes the tasks.
+Columns of the observations and actions of all registered tasks. [Environments](environments.md) describes the tasks.
 
 * "any" is every finite number. Ranges of observations are those after clipping.
 * A row with several kinds of numbers has their units in their order.

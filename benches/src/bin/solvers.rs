@@ -32,11 +32,13 @@ fn main() {
 /// The setting.
 fn setting() -> String {
     format!(
-        "    cargo run --release -p stepper-benches --bin solvers > docs/benchmarks/solvers.md
+        "Solvers of the contact problem on heaps of boxes. This command writes the page:
 
-makes this page. Iterations / ms of processor time until the residual (the natural map of the exact Coulomb problem) is {TOLERANCE:e} m/s, from a cold
+    cargo run --release -p stepper-benches --bin solvers > docs/benchmarks/solvers.md
+
+Each cell shows iterations / ms of processor time until the residual (the natural map of the exact Coulomb problem) is {TOLERANCE:e} m/s, from a cold
 start, in one environment in f64: one step of {STEP} s from rest, friction {FRICTION}, six coordinates a box, four contacts where two faces meet. An x
-is a residual that was not brought down, and what is left of it in m/s.
+marks a residual that did not reach the tolerance, with its last value in m/s.
 
 * **PGS**: sweeps with the exact solution of every contact, at most {SWEEPS}; the residual is taken after every sweep.
 * **PGS+AA**: the same with Anderson's acceleration (1965; Walker and Ni 2011), at most {SWEEPS}. `solver=\"pgs\"` is this.

@@ -1,13 +1,14 @@
-"""An ensemble Kalman filter: how fast dm_control's quadruped moves, from encoders and an IMU that are noisy, while it is pushed.
+"""Ensemble Kalman filter that estimates the velocity of dm_control's quadruped from noisy encoders and a noisy IMU.
 
     python examples/ensemble_filter.py            # ten seconds, an ensemble of 128
 
-The robot has encoders on its joints, a gyroscope, and an attitude from its IMU; nothing says its velocity, nor how high it is. The ensemble
-is 128 environments, each of which has controls of its own beside those that were given, as nobody knows what pushes the robot. Every
-20 ms readings correct all of them by the covariance that the ensemble itself has (Evensen 1994, https://doi.org/10.1029/94JC00572, with
-perturbed readings: Burgers et al. 1998). Configurations have a free joint, so that means and corrections are of displacements:
-`Model.differentiate_pos` and `integrate_pos`. Corrected environments go on (`set_state(..., keep_warmstart=True)`),
-contacts and drives included.
+The robot has joint encoders, a gyroscope and an attitude estimate. No sensor measures its linear velocity or its height, and unknown forces
+push it. The ensemble has 128 environments. Each adds random controls to the commanded ones, which model the unknown forces.
+
+Every 20 ms the filter corrects all environments with the covariance of the ensemble (Evensen 1994, https://doi.org/10.1029/94JC00572). The
+readings are perturbed as in Burgers et al. (1998). The model has a free joint, so means and corrections are computed on the tangent space,
+with `Model.differentiate_pos` and `integrate_pos`. `set_state(..., keep_warmstart=True)` keeps the contacts and the actuator state of the
+corrected environments.
 """
 
 from __future__ import annotations
@@ -25,19 +26,19 @@ from stepper.envs.suite import SUITE
 Array = NDArray[Any]
 
 NSTEP = 4
-"""Steps between two readings, of 5 ms."""
+"""Simulation steps of 5 ms between two corrections."""
 ENCODER, GYRO, ATTITUDE = 0.01, 0.05, 0.01
-"""Standard deviations of readings: rad, rad/s, parts of a unit vector."""
+"""Standard deviations of the sensor noise: rad, rad/s, components of a unit vector."""
 PUSH = 60.0
-"""Standard deviation of the forces that push the trunk for a while, N."""
+"""Standard deviation of the external forces on the trunk, N."""
 CONTROL = 0.3
-"""Standard deviation of what an environment's controls have of their own: what stands for pushes, and for all else that is not known."""
+"""Standard deviation of the random control that each member adds. It models the external forces and all other unknown effects."""
 INFLATION = 1.01
-"""Factor of the ensemble's spread at each correction, as an ensemble of finite size takes its own for too small."""
+"""Factor on the spread of the ensemble at each correction (covariance inflation): a finite ensemble underestimates its covariance."""
 
 
 def model_of() -> stepper.Model:
-    """dm_control's quadruped, with sensors that its file does not have."""
+    """dm_control's quadruped, with added encoders and IMU sensors."""
     kind, arguments = SUITE["quadruped-walk"]
     model = kind(**arguments).model()
     joints = [joint.name for joint in map(model.joint, range(model.njnt)) if joint.type == "hinge"]
@@ -50,7 +51,7 @@ def model_of() -> stepper.Model:
 
 
 def readings_of(model: stepper.Model) -> tuple[Array, Array]:
-    """Columns of `sensordata_ideal` that the filter is told, and the standard deviations of their noise, (m,) each."""
+    """Columns of `sensordata_ideal` that the filter reads, and the standard deviations of their noise, (m,) each."""
     columns: list[int] = []
     deviations: list[float] = []
     for name in model.sensor_names:
@@ -63,13 +64,13 @@ def readings_of(model: stepper.Model) -> tuple[Array, Array]:
 
 
 class EnsembleFilter:
-    """States of a robot that its readings allow.
+    """Ensemble of simulated robots whose spread represents the uncertainty of the state.
 
     Args:
         model: The robot, with its sensors.
-        members: Environments of the ensemble.
-        seed: Of all that is drawn.
-        settings: Of the stepper: options, precision, threads.
+        members: Number of environments in the ensemble.
+        seed: Seed of all random numbers.
+        settings: Arguments of `Stepper`: options, precision, threads.
     """
 
     def __init__(self, model: stepper.Model, members: int = 128, *, seed: int = 1, **settings: Any):
@@ -79,18 +80,18 @@ class EnsembleFilter:
         self._own = np.zeros((members, model.nu))
 
     def begin(self, qpos: Array, qvel: Array, spread: float = 0.05) -> None:
-        """Starts from states about one (nq,), (nv,): displacements and velocities with a standard deviation."""
+        """Draw initial states around qpos (nq,) and qvel (nv,), with standard deviation `spread` on the tangent space."""
         members, nv = self.sim.num_envs or 1, self.sim.model.nv
         displaced = self.sim.model.integrate_pos(qpos, spread * self._random.normal(size=(members, nv)))
         self.sim.reset(qpos=displaced, qvel=qvel + spread * self._random.normal(size=(members, nv)))
 
     def predict(self, control: Array) -> None:
-        """Goes on under a control (nu,), which each member has in its own way."""
+        """Step all members with a control (nu,) plus each member's random control."""
         self._own = 0.9 * self._own + CONTROL * (1.0 - 0.9**2) ** 0.5 * self._random.normal(size=self._own.shape)
         self.sim.step(control + self._own, NSTEP)
 
     def correct(self, readings: Array) -> None:
-        """Takes readings (m,) into account."""
+        """Correct all members with sensor readings (m,)."""
         sim, model = self.sim, self.sim.model
         nv, members = model.nv, sim.num_envs or 1
         middle, displacements = mean_configuration(model, np.asarray(sim.qpos))
@@ -106,14 +107,17 @@ class EnsembleFilter:
         sim.set_state(qpos, state[:, nv : 2 * nv], act=state[:, 2 * nv :], keep_warmstart=True)
 
     def estimate(self) -> tuple[Array, Array, Array]:
-        """Mean configuration (nq,), mean velocity (nv,), and the standard deviation of the velocities (nv,)."""
+        """Mean configuration (nq,), mean velocity (nv,), and standard deviation of the velocities (nv,)."""
         middle, _ = mean_configuration(self.sim.model, np.asarray(self.sim.qpos))
         qvel = np.asarray(self.sim.qvel, dtype=np.float64)
         return middle, qvel.mean(axis=0), qvel.std(axis=0)
 
 
 def mean_configuration(model: stepper.Model, qpos: Array) -> tuple[Array, Array]:
-    """The configuration from which displacements to others (n, nq) have no mean, (nq,), and these displacements, (n, nv)."""
+    """Mean of configurations (n, nq): the configuration (nq,) whose displacements to all of them, (n, nv), average to zero.
+
+    Returns it with the displacements.
+    """
     middle = np.asarray(qpos[0], dtype=np.float64)
     for _ in range(6):
         displacements = model.differentiate_pos(middle, qpos)
@@ -124,15 +128,15 @@ def mean_configuration(model: stepper.Model, qpos: Array) -> tuple[Array, Array]
 
 @dataclass(frozen=True)
 class Outcome:
-    """Errors of three observers over a run, root mean squares.
+    """Estimation errors over a run, root mean squares.
 
     Attributes:
-        velocity: Of the filter, of the trunk's velocity in x, y and z, m/s.
-        alone: Of an ensemble that gets no readings, m/s.
-        moved: Root mean square of the velocity itself: what an observer that says 0 is off by, m/s.
-        height: Of the filter, of the trunk's height, m.
-        covered: Share of the velocities within twice the standard deviation that the filter says.
-        milliseconds: Mean time of a prediction with its correction.
+        velocity: Error of the filter's trunk velocity, m/s.
+        alone: Velocity error of an ensemble without readings, m/s.
+        moved: Root mean square of the true velocity, m/s: the error of an estimate of zero.
+        height: Error of the filter's trunk height, m.
+        covered: Share of true velocities within two standard deviations of the estimate.
+        milliseconds: Mean time of a prediction with its correction, ms.
     """
 
     velocity: float
@@ -144,13 +148,13 @@ class Outcome:
 
 
 def run(seconds: float = 10.0, members: int = 128, seed: int = 0, **settings: Any) -> Outcome:
-    """A robot that paces and is pushed, and what the observers say of it; the first second does not count.
+    """Estimation errors on a moving robot that random forces push; the first second does not count.
 
     Args:
-        seconds: Simulated time.
-        members: Environments of the ensemble.
-        seed: Of the robot's noise, pushes and controls.
-        settings: Of the steppers: options, precision, threads.
+        seconds: Simulated time, s.
+        members: Number of environments in the ensemble.
+        seed: Seed of the sensor noise, the forces and the controls.
+        settings: Arguments of `Stepper`: options, precision, threads.
     """
     model, random = model_of(), np.random.default_rng(seed)
     robot = stepper.Stepper(model, 1, **settings)
@@ -185,24 +189,24 @@ def run(seconds: float = 10.0, members: int = 128, seed: int = 0, **settings: An
 
 
 def _standing(model: stepper.Model) -> Array:
-    """The reference configuration, at the height at which it stands."""
+    """Reference configuration (nq,), raised to standing height."""
     qpos = np.array(model.qpos0)
     qpos[2] = 0.57
     return qpos
 
 
 def main() -> None:
-    """Runs it and prints the errors."""
+    """Run the filter and print its errors."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--seconds", type=float, default=10.0, help="simulated time [10]")
-    parser.add_argument("--members", type=int, default=128, help="environments of the ensemble [128]")
+    parser.add_argument("--seconds", type=float, default=10.0, help="simulated time, s [10]")
+    parser.add_argument("--members", type=int, default=128, help="number of environments in the ensemble [128]")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--threads", type=int, default=1, help="0 is all [1]")
     given = parser.parse_args()
     found = run(given.seconds, given.members, given.seed, threads=given.threads)
-    print(f"velocity of the trunk, rms error: {found.velocity:.3f} m/s; without readings {found.alone:.3f}; it is {found.moved:.3f}")
-    print(f"height: {1e3 * found.height:.0f} mm; {found.covered:.0%} of the velocities lie within two standard deviations")
-    print(f"{found.milliseconds:.1f} ms for a prediction of {NSTEP} steps and its correction, {given.members} members")
+    print(f"rms velocity of the trunk: {found.moved:.3f} m/s; rms error {found.velocity:.3f} m/s, without readings {found.alone:.3f} m/s")
+    print(f"rms error of the height: {1e3 * found.height:.0f} mm; {found.covered:.0%} of the velocities are within two standard deviations")
+    print(f"{found.milliseconds:.1f} ms per prediction of {NSTEP} steps with its correction, {given.members} members")
 
 
 if __name__ == "__main__":

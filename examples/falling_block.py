@@ -1,13 +1,13 @@
-"""A block that falls on a floor, as a Gymnasium environment: alone, and many at once.
+"""Falling block as a Gymnasium environment: one block, or a vector environment of many.
 
-The block starts 0.20 m above the floor at -0.10 m/s. At every reset its restitution is drawn from 0.1 to 0.5. A step is 0.02 s; a thruster
-pushes up or down with at most half the block's weight, so that it cannot hover: how long it stays up depends on how it is pushed between
-bounces. Each of the 50 steps of an episode that ends with the block above 0.05 m is worth 1.
+The block starts 0.20 m above the floor at -0.10 m/s. Each reset draws its restitution from 0.1 to 0.5. A step is 0.02 s, an episode has 50.
+A thruster pushes up or down with at most half the block's weight, too little to hover. The reward of a step is 1 if the block is above
+0.05 m after it, else 0.
 
     python examples/falling_block.py      # mean scores of a few policies
 
-Importing this file registers `examples/FallingBlock-v0` for `gymnasium.make` and `gymnasium.make_vec`. It writes out what an environment
-has to do. The same as a task of `stepper.envs` is python/stepper/envs/basic/falling_block.py, whose scene this is.
+Importing this file registers `examples/FallingBlock-v0` for `gymnasium.make` and `gymnasium.make_vec`. The file implements the Gymnasium
+interface without the helpers of `stepper.envs`. With them, the task is python/stepper/envs/basic/falling_block.py.
 """
 
 from __future__ import annotations
@@ -31,12 +31,12 @@ ACTION = Box(-1.0, 1.0, (1,), dtype=np.float32)
 
 
 class FallingBlock(gymnasium.Env[Array, Array]):
-    """One block.
+    """Environment with one block.
 
-    Observation (2,): height in m and velocity in m/s, as the sensors read them. Action (1,): thrust over half the weight, up is positive.
+    Observation (2,): measured height in m and velocity in m/s. Action (1,): thrust divided by half the weight, positive upwards.
 
     Args:
-        sensors: What the sensors make of the truth; None is ideal ones. The reward counts true heights.
+        sensors: Sensor model. None is ideal sensors. The reward always uses the true height.
     """
 
     def __init__(self, sensors: stepper.SensorModel | None = None):
@@ -46,10 +46,10 @@ class FallingBlock(gymnasium.Env[Array, Array]):
         self._steps = 0
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Array, dict[str, Any]]:
-        """A new block; info has its restitution."""
+        """Start an episode; info has the restitution of the block."""
         super().reset(seed=seed)
         restitution = self.np_random.uniform(*RESTITUTION)
-        # A pair of geoms takes the larger of the two: the floor's is zero.
+        # A contact uses the larger restitution of its two geoms; the floor's is zero.
         model = self._model.replace(geom_restitution=[0.0, restitution])
         self._sim = stepper.Stepper(model, options=OPTIONS, sensors=self._sensors, seed=int(self.np_random.integers(2**63)))
         self._sim.reset(qpos=[HEIGHT], qvel=[VELOCITY])
@@ -57,7 +57,7 @@ class FallingBlock(gymnasium.Env[Array, Array]):
         return self._sim.sensordata, {"restitution": restitution}
 
     def step(self, action: Array) -> tuple[Array, float, bool, bool, dict[str, Any]]:
-        """One step of 0.02 s; truncated after 50."""
+        """Step by 0.02 s. Episodes are truncated after 50 steps."""
         if self._sim is None:
             raise gymnasium.error.ResetNeeded("call reset before step")
         self._sim.step(action)
@@ -66,14 +66,15 @@ class FallingBlock(gymnasium.Env[Array, Array]):
 
 
 class FallingBlocks(VectorEnv[Array, Array, Array]):
-    """Many blocks, each with its own restitution, stepped together.
+    """Vector environment of blocks, each with a separate restitution.
 
     Args:
-        num_envs: Blocks.
-        sensors: As for `FallingBlock`; its numbers may be one for each block.
-        autoreset_mode: When a block whose episode is over gets a new one: with the next call of `step`, whose action it ignores; within the
-            step that ends it, which has the last observation as info "final_obs"; or when `reset(options={"reset_mask": mask})` is called.
-        threads: Threads that step; 0 is all. The results do not depend on it.
+        num_envs: Number of blocks.
+        sensors: Sensor model. Its parameters may differ between blocks. None is ideal sensors.
+        autoreset_mode: Time at which a finished episode is reset. NEXT_STEP: at the next `step`, which ignores the block's action.
+            SAME_STEP: within the step that ends it; the last observation is `info["final_obs"]`. DISABLED: by
+            `reset(options={"reset_mask": mask})`.
+        threads: Number of threads; 0 is all. The results do not depend on it.
     """
 
     def __init__(
@@ -93,22 +94,23 @@ class FallingBlocks(VectorEnv[Array, Array, Array]):
         self._over = np.ones(num_envs, dtype=bool)
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Array, dict[str, Any]]:
-        """New blocks: all, or those of `options["reset_mask"]` (num_envs,); info has their restitution."""
+        """Start episodes of all blocks, or of those in `options["reset_mask"]` (num_envs,). Info has their restitution."""
         super().reset(seed=seed)
         mask = np.ones(self.num_envs, dtype=bool) if options is None else options.get("reset_mask", np.ones(self.num_envs, dtype=bool))
         if np.shape(mask) != (self.num_envs,) or np.asarray(mask).dtype != np.bool_:
-            raise ValueError(f"reset_mask has shape {np.shape(mask)}, must be ({self.num_envs},) and of bool")
+            raise ValueError(f"reset_mask has shape {np.shape(mask)}, must be ({self.num_envs},) with dtype bool: give one bool per block")
         if seed is not None:
             self._sim.reset(mask, seed=seed)
         info = self._begin(mask)
         return self._sim.sensordata, info
 
     def step(self, actions: Array) -> tuple[Array, Array, Array, Array, dict[str, Any]]:
-        """One step of 0.02 s of every block whose episode is not over."""
+        """Step by 0.02 s every block whose episode is not over."""
         waiting = self._over.copy()
         if self.autoreset_mode == AutoresetMode.DISABLED and waiting.any():
-            raise gymnasium.error.ResetNeeded(f"blocks {np.flatnonzero(waiting)[:10].tolist()} wait for reset: give them in reset_mask")
-        # All are stepped. Those that wait are reset after it, so that nothing of that step remains in them.
+            blocks = np.flatnonzero(waiting)[:10].tolist()
+            raise gymnasium.error.ResetNeeded(f"episodes of blocks {blocks} are over: call reset(options={{'reset_mask': mask}})")
+        # All blocks step. Finished blocks are reset afterwards, so that this step has no effect on them.
         self._sim.step(np.asarray(actions, dtype=np.float64).reshape(self.num_envs, 1))
         self._steps += 1
         info = self._begin(waiting) if waiting.any() else {}
@@ -122,8 +124,8 @@ class FallingBlocks(VectorEnv[Array, Array, Array]):
         return observation, reward, np.zeros(self.num_envs, dtype=bool), truncated, info
 
     def _begin(self, mask: Array) -> dict[str, Any]:
-        """Starts episodes of the blocks of a mask; their info."""
-        # Drawn for all, so that a block's numbers do not depend on which others begin with it.
+        """Start episodes of the blocks in a mask, and return their info."""
+        # Drawn for all blocks, so that a block's restitution does not depend on which other blocks are reset.
         self._restitution[mask, 1] = self.np_random.uniform(*RESTITUTION, self.num_envs)[mask]
         self._sim.randomize(mask, geom_restitution=self._restitution)
         self._sim.reset(mask, qpos=[HEIGHT], qvel=[VELOCITY])
@@ -139,11 +141,11 @@ POLICIES = {
     "with the motion": lambda height, velocity: np.where(velocity > 0, 1.0, -1.0),
     "down below 0.05 m": lambda height, velocity: np.where((velocity < 0) & (height < LOWEST), -1.0, 1.0),
 }
-"""Thrust by height and velocity, (num_envs,) each."""
+"""Policies: functions from heights and velocities to thrusts, (num_envs,) each."""
 
 
 def scores(policy: Any, num_envs: int = 1000, seed: int = 0) -> Array:
-    """Sum of rewards of one episode of every block, (num_envs,)."""
+    """Returns of one episode of every block, (num_envs,)."""
     env = FallingBlocks(num_envs)
     observation, _ = env.reset(seed=seed)
     total = np.zeros(num_envs)
@@ -154,7 +156,7 @@ def scores(policy: Any, num_envs: int = 1000, seed: int = 0) -> Array:
 
 
 def main() -> None:
-    """Prints mean scores."""
+    """Print the mean score of each policy."""
     for name, policy in POLICIES.items():
         total = scores(policy)
         print(f"{name:20} {total.mean():5.1f} of {STEPS} steps above {LOWEST} m, from {total.min():.0f} to {total.max():.0f}")

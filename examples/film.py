@@ -1,8 +1,9 @@
-"""Film of the policies in examples/policies, six robots side by side, as a GIF: the picture of the README.
+"""Film of the trained policies in examples/policies: six robots side by side, as the GIF of the README.
 
     python examples/film.py out/robots.gif
 
-It needs the extras `train` and `viewer`, OpenGL (docs/how-to/view_and_film.md), and the file of the Go1 (`pip install --no-deps mjlab`).
+The script needs the extras `train` and `viewer`, OpenGL (docs/how-to/view_and_film.md), and the model of the Go1
+(`pip install --no-deps mjlab`).
 """
 
 from __future__ import annotations
@@ -30,14 +31,14 @@ ROBOTS: dict[str, tuple[str, dict[str, Any]]] = {
     "hopper": ("stepper/Hopper-v5", {"distance": 3.4, "elevation": -8.0, "azimuth": 90.0, "trackbodyid": 1, "lookat": (0, 0, 0.8)}),
     "go1_velocity": ("stepper/Go1Velocity-v0", {"distance": 1.4, "elevation": -15.0, "azimuth": 60.0, "trackbodyid": 1}),
 }
-"""Policy, environment and camera of each tile."""
+"""Environment and camera settings of each tile of the film, by the name of the policy file."""
 WIDTH, HEIGHT, COLUMNS = 240, 160, 3
 RATE = 12.5
-"""Pictures per second."""
+"""Frames per second."""
 
 
 def pictures(policy_file: Path, name: str, camera: dict[str, Any], seconds: float) -> Iterator[Array]:
-    """Pictures of a policy in its environment, in the time of the film; the motion before the first one is not shown."""
+    """Yield the frames of a policy in its environment, after 1.5 s without frames."""
     env = gymnasium.make(name, render_mode="rgb_array", width=WIDTH, height=HEIGHT, default_camera_config=camera)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", stepper.policies.PolicyWarning)
@@ -56,12 +57,12 @@ def pictures(policy_file: Path, name: str, camera: dict[str, Any], seconds: floa
 
 
 def main() -> None:
-    """Entry point."""
+    """Write the film."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("file", type=Path, help="GIF to write")
-    parser.add_argument("--seconds", type=float, default=3.0, help="length of the film")
+    parser.add_argument("--seconds", type=float, default=3.0, help="length of the film, s [3]")
     given = parser.parse_args()
-    from PIL import Image  # noqa: PLC0415  for `--help` without it
+    from PIL import Image  # noqa: PLC0415  so that `--help` works without Pillow
 
     films = [pictures(POLICIES / f"{policy}.npz", name, camera, given.seconds) for policy, (name, camera) in ROBOTS.items()]
     frames = []

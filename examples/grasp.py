@@ -1,11 +1,12 @@
-"""A gripper learns to lift a box as gently as it can: by derivatives of the simulation, and by PPO.
+"""Gripper that learns to lift a box with little force, by derivatives of the simulation and by PPO.
 
-    python examples/grasp.py    # both from three seeds, and what each took: a minute and a half of processor time
+    python examples/grasp.py    # both learners with three seeds, as a table; 90 s of processor time
 
-Two fingers and a hand, moved by forces, stand beside a box that lies somewhere between them. The box is wanted 10 cm higher, and forces of
-the fingers cost. Friction holds the box if each finger presses with m g / (2 mu) at least, 6.5 N. The learner by derivatives is that of
-shac.py with a whole episode as its horizon, the other that of `stepper train`; networks, their initial values and the task are the
-same. The task is python/stepper/envs/basic/grasp.py.
+A hand with two fingers, driven by forces, stands around a box at a random place between the fingers. The reward is for the box 10 cm above
+its start, less a cost of the finger forces. Friction holds the box if each finger presses with at least m g / (2 mu) = 6.5 N.
+
+The learner by derivatives is the one of shac.py, with a whole episode as its horizon. The other one is the PPO of `stepper train`. Both
+have the same networks, initial weights and task. The task is python/stepper/envs/basic/grasp.py.
 """
 
 from __future__ import annotations
@@ -40,14 +41,14 @@ NAME = "stepper/Grasp-v0"
 
 @dataclass(frozen=True)
 class Score:
-    """What a policy is worth, over fresh episodes.
+    """Evaluation of a policy on episodes that are not used in training.
 
     Attributes:
-        rollouts: Episodes that the learner had made.
-        processor: Time of the processor that it had taken, s.
+        rollouts: Number of training episodes until now.
+        processor: Processor time of the training until now, s.
         gain: Mean return.
-        miss: Root mean square of the box's distance from where it should be at the end, m.
-        force: Mean force of the fingers at the end, N.
+        miss: Root mean square of the error of the box's final height, m.
+        force: Mean force of a finger at the end, N.
     """
 
     rollouts: int
@@ -58,7 +59,7 @@ class Score:
 
 
 def score(policy: Policy, rollouts: int, processor: float) -> Score:
-    """Runs a policy in 32 episodes that no learner has seen."""
+    """Evaluate a policy in 32 episodes with fresh seeds."""
     envs: Any = gymnasium.make_vec(NAME, num_envs=32)
     observation, _ = envs.reset(seed=ppo.FRESH)
     gain = 0.0
@@ -70,13 +71,16 @@ def score(policy: Policy, rollouts: int, processor: float) -> Score:
 
 
 def grip(net: ppo.ActorCritic) -> None:
-    """Makes a policy begin with a grip that lifts the box, too fast: of one that lies on the floor, no derivative says how to lift it."""
+    """Set the initial action of a policy to a grip that lifts the box too fast.
+
+    While the box lies on the floor, the derivative of its height by the actions is zero, and learning could not begin.
+    """
     with torch.no_grad():
         net.actor[-1].bias[:] = torch.tensor([0.4, 0.5, 0.5])
 
 
 def by_derivatives(rollouts: int, seed: int = 1, **given: Any) -> Iterator[Score]:
-    """Learns with gradients through whole episodes; yields a score before learning and after every update."""
+    """Learn with gradients through whole episodes; yield a score before learning and after every update."""
     plan = Plan(**{"num_envs": 8, "horizon": ACTIONS, "rate": 5e-3, "seed": seed, **given})
     envs = gymnasium.make_vec(NAME, num_envs=plan.num_envs, autoreset_mode=gymnasium.vector.AutoresetMode.DISABLED)
     learner, spent = Learner(envs, TASK, plan), 0.0
@@ -91,7 +95,7 @@ def by_derivatives(rollouts: int, seed: int = 1, **given: Any) -> Iterator[Score
 
 
 def by_ppo(rollouts: int, seed: int = 1, **given: Any) -> Iterator[Score]:
-    """Learns with PPO; yields a score after every update."""
+    """Learn with PPO; yield a score after every update."""
     own = {"num_envs": 64, "horizon": ACTIONS, "minibatch": 640, "epochs": 8, "initial_std": Plan.std, "threads": 1}
     run, spent = ppo.Run(Settings(env=NAME, seed=seed, **{**own, **given})), 0.0
     grip(run.net)
@@ -103,13 +107,13 @@ def by_ppo(rollouts: int, seed: int = 1, **given: Any) -> Iterator[Score]:
 
 
 LEARNERS = {"derivatives": (by_derivatives, 320), "PPO": (by_ppo, 1600)}
-"""Learners and their rollouts."""
+"""Learners, each with its number of training episodes."""
 MARKS = (30.0, 35.0)
-"""Returns whose first time is told."""
+"""Returns for which the table has the number of rollouts and the time until a learner first reaches them."""
 
 
 def row(name: str, seed: int, scores: list[Score]) -> str:
-    """A learner's run as a row of a table: when it came to each mark, and what it came to."""
+    """Table row of a learner's run: rollouts and time until it reaches each mark, and its final score."""
     cells = [name, str(seed)]
     for mark in MARKS:
         first = next((s for s in scores if s.gain >= mark), None)
@@ -120,13 +124,13 @@ def row(name: str, seed: int, scores: list[Score]) -> str:
 
 
 def main() -> None:
-    """Learns by both and prints a table."""
+    """Run both learners and print a table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seeds", type=int, default=3, help="runs of each learner [3]")
     given = parser.parse_args()
     torch.set_num_threads(1)
-    marks = "".join(f" rollouts to {mark:.0f} | s |" for mark in MARKS)
-    print(f"| by | seed |{marks} rollouts | s | return | the box misses by | force of a finger |")
+    marks = "".join(f" rollouts until return {mark:.0f} | processor s |" for mark in MARKS)
+    print(f"| learner | seed |{marks} rollouts in all | processor s | final return | height error (rms) | force of a finger |")
     print("|" + "---|" * (7 + 2 * len(MARKS)))
     for name, (learn, rollouts) in LEARNERS.items():
         for seed in range(1, given.seeds + 1):

@@ -1,8 +1,8 @@
-"""A cheetah that is heavier and more slippery than its model: identified from a recording, and its policy evaluated again.
+"""System identification of HalfCheetah from a recording, and evaluation of a policy on the identified model.
 
-The "robot" is simulated, so that the truth is known: a torso of 7.5 kg instead of 6.25 kg, friction of 0.3 instead of 0.4. It runs under
-the policy for a second, four times, and is recorded; encoders have noise. What is identified from that is a distribution, and the policy
-runs in environments that are drawn from it.
+The "robot" is simulated, so that its true parameters are known: a torso of 7.5 kg instead of 6.25 kg, friction of 0.3 instead of 0.4. Four
+runs of one second under the policy are recorded, with encoder noise. The identification gives a distribution of the parameters. The policy
+is then evaluated in environments with parameters drawn from it.
 
     python examples/identified_cheetah.py
 """
@@ -22,14 +22,14 @@ from stepper.sysid import episodes_of
 
 POLICY = Path(__file__).parent / "policies/half_cheetah.npz"
 MASS, FRICTION = 7.5, 0.3
-"""The robot's, of its torso in kg and of all that touches the floor."""
+"""Parameters of the robot: mass of the torso in kg, friction of all geoms."""
 PARAMETERS = ("body_mass[torso]", "geom_friction[floor,?foot][0]")
 NOISE = {"qpos": 1e-3, "qvel": 0.02}
 SECONDS, ROWS = 1.0, 3
 
 
 def robot(model: stepper.Model) -> stepper.Model:
-    """The model with the robot's numbers, which nobody knows."""
+    """Model with the true parameters of the robot, which the identification does not use."""
     mass, inertia = np.array(model.body_mass), np.array(model.body_inertia)
     torso = model.body("torso").id
     inertia[torso] *= MASS / mass[torso]
@@ -40,7 +40,7 @@ def robot(model: stepper.Model) -> stepper.Model:
 
 
 def recorded(folder: Path, runs: int = 4) -> None:
-    """Records the robot under its policy."""
+    """Record runs of the robot under its policy."""
     envs = StepperVectorEnv("HalfCheetah", runs, model=robot(nominal()), options=options())
     policy = policies.load(POLICY)
     observation, _ = envs.reset(seed=0)
@@ -50,19 +50,19 @@ def recorded(folder: Path, runs: int = 4) -> None:
 
 
 def nominal() -> stepper.Model:
-    """The model of the environment."""
+    """Nominal model: that of the environment."""
     return StepperVectorEnv("HalfCheetah", 1).sim.model
 
 
 def options() -> stepper.Options:
-    """How the environment steps."""
+    """Simulation options of the environment."""
     return StepperVectorEnv("HalfCheetah", 1).sim.options
 
 
 def pieces(episode: stepper.sysid.Episode, rng: np.random.Generator) -> list[stepper.sysid.Episode]:
-    """An episode in pieces of `ROWS` samples with noise, since errors of a gait grow too fast for a prediction of a second.
+    """Noisy segments of `ROWS` samples of an episode. Prediction errors of a gait grow too fast for predictions of a second.
 
-    Each begins where the one before ended, as far as encoders say it.
+    Each segment begins at the measured state of the sample before it.
     """
     rows = {name: np.asarray(array) for name, array in episode.readings.items()}
     rows = {name: array + NOISE[name] * rng.standard_normal(array.shape) for name, array in rows.items()}
@@ -77,14 +77,14 @@ def pieces(episode: stepper.sysid.Episode, rng: np.random.Generator) -> list[ste
 
 
 def identified(folder: Path) -> stepper.sysid.Identification:
-    """What the recording says, through encoders with noise."""
+    """Parameters identified from the recording with encoder noise."""
     model, rng = nominal(), np.random.default_rng(0)
     episodes = [piece for whole in episodes_of(folder, model, channels=["qpos", "qvel"]) for piece in pieces(whole, rng)]
     return stepper.sysid.identify(model, episodes, PARAMETERS, options=options(), noise={"qpos": NOISE["qpos"]}, starts=2)
 
 
 def returns(parameters: dict[str, Any], episodes: int = 32, actions: int = 200) -> Any:
-    """Returns of the policy's first actions, each environment with parameters of its own: (episodes,)."""
+    """Returns of the policy over its first `actions` actions, (episodes,). `parameters` has values for each environment."""
     envs = StepperVectorEnv("HalfCheetah", episodes, options=options(), max_episode_steps=actions + 1)
     policy = policies.load(POLICY)
     if parameters:
@@ -98,7 +98,7 @@ def returns(parameters: dict[str, Any], episodes: int = 32, actions: int = 200) 
 
 
 def main() -> None:
-    """Identifies, evaluates, prints."""
+    """Identify the robot, evaluate the policy and print both."""
     with tempfile.TemporaryDirectory() as folder:
         recorded(Path(folder) / "run")
         found = identified(Path(folder) / "run")

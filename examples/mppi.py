@@ -1,11 +1,12 @@
-"""Model-predictive path integral control (MPPI) of dm_control's walker and quadruped: plans whose predictions come true to the bit.
+"""Model-predictive path integral control (MPPI) of dm_control's walker and quadruped, with bit-exact predictions.
 
     python examples/mppi.py                       # the walker walks for four seconds
     python examples/mppi.py quadruped --seconds 2
 
-Every 25 or 40 ms a planner takes over the plant's state, tries many sequences of controls side by side, and holds the mean of the good ones
-(Williams et al. 2017, https://arxiv.org/abs/1707.02342). Where it says the plan leads is where the plant goes: states are everything that
-survives a step, and environments have the same bits alone, in a batch, and on any number of threads. The example counts that.
+Every 25 or 40 ms a planner copies the state of the plant, simulates many control sequences in a batch, and averages them, weighted by their
+returns (Williams et al. 2017, https://arxiv.org/abs/1707.02342). The plant then reaches exactly the states that the plan predicts. A copied
+state is complete, and an environment has the same bits alone, in a batch, and on any number of threads. The example counts the predictions
+that are exact.
 """
 
 from __future__ import annotations
@@ -26,16 +27,16 @@ Array = NDArray[Any]
 
 @dataclass(frozen=True)
 class Robot:
-    """What is planned for.
+    """Robot with the parameters of its planner.
 
     Attributes:
-        task: Of dm_control's suite, whose model it is.
-        nstep: Steps that each control is held.
-        horizon: Controls of a plan.
-        noise: Standard deviation of what is tried beside a plan, of the controls' half range.
-        temperature: Spread of the returns over which plans are averaged, of the standard deviation of their returns.
-        reward: Of configurations and velocities (T, num_envs, ...), (T, num_envs).
-        start: Where it begins, a change of the reference configuration.
+        task: Name of the task in dm_control's suite that has the model.
+        nstep: Simulation steps per control.
+        horizon: Number of controls in a plan.
+        noise: Standard deviation of the sampled controls about the plan, as a share of half the control range.
+        temperature: Temperature of the weights exp(return / temperature), as a share of the standard deviation of the returns.
+        reward: Function from qpos and qvel, (T, num_envs, ...), to rewards (T, num_envs).
+        start: Initial values of coordinates of qpos that differ from the reference configuration, by index.
     """
 
     task: str
@@ -48,7 +49,7 @@ class Robot:
 
 
 def _walker(qpos: Array, qvel: Array) -> Array:
-    """High, upright, at 1 m/s: height of the torso, its pitch and its speed are the first coordinates."""
+    """Reward for a high, upright torso at 1 m/s; qpos begins with its height, x and pitch."""
     high = np.clip((qpos[..., 0] + 1.3) / 1.2, 0.0, 1.0)
     speed: Array = np.clip(1.0 - np.abs(qvel[..., 1] - 1.0), -1.0, 1.0)
     reward: Array = 3.0 * high + np.cos(qpos[..., 2]) + 2.0 * speed
@@ -56,7 +57,7 @@ def _walker(qpos: Array, qvel: Array) -> Array:
 
 
 def _quadruped(qpos: Array, qvel: Array) -> Array:
-    """Upright, at 0.5 m/s along x."""
+    """Reward for an upright trunk at 0.5 m/s along x."""
     upright = 1.0 - 2.0 * np.square(qpos[..., 4:6]).sum(axis=-1)
     speed: Array = np.clip(1.0 - 2.0 * np.abs(qvel[..., 0] - 0.5), -1.0, 1.0)
     reward: Array = 2.0 * upright + speed - 0.2 * np.square(qvel[..., 1]) - 0.05 * np.square(qvel[..., 5])
@@ -71,19 +72,19 @@ ROBOTS = {
 
 
 def model_of(robot: Robot) -> stepper.Model:
-    """The robot's model, of dm_control's file."""
+    """Model of the robot, from dm_control."""
     kind, arguments = SUITE[robot.task]
     return kind(**arguments).model()
 
 
 @dataclass(frozen=True)
 class Plan:
-    """What a planner says.
+    """Plan with its predicted states.
 
     Attributes:
-        controls: (horizon, nu).
-        qpos: Where it leads after every control, (horizon, nq).
-        qvel: And how fast, (horizon, nv).
+        controls: Controls, (horizon, nu).
+        qpos: Predicted configurations after each control, (horizon, nq).
+        qvel: Predicted velocities after each control, (horizon, nv).
     """
 
     controls: Array
@@ -92,14 +93,14 @@ class Plan:
 
 
 class Planner:
-    """Plans of one robot, each from the last one's.
+    """MPPI planner of one robot. Each plan starts from the previous one.
 
     Args:
-        robot: The robot.
-        model: Its model.
-        samples: Sequences that are tried side by side.
-        seed: Of what is tried.
-        settings: Of both steppers: options, precision, threads.
+        robot: Robot and planner parameters.
+        model: Model of the robot.
+        samples: Number of sampled control sequences per plan.
+        seed: Seed of the samples.
+        settings: Arguments of both `Stepper` objects: options, precision, threads.
     """
 
     def __init__(self, robot: Robot, model: stepper.Model, *, samples: int = 128, seed: int = 0, **settings: Any):
@@ -111,13 +112,13 @@ class Planner:
         self._controls = np.tile((low + high) / 2.0, (robot.horizon, 1))
 
     def plan(self, state: stepper.State) -> Plan:
-        """The best mean of sequences from a state of one environment."""
+        """Plan from the state of one environment: the weighted mean of the sampled sequences."""
         robot, model = self._robot, self._many.model
-        # What was planned goes on where it had come to; its end is held.
+        # The previous plan, shifted by one control; its last control is repeated.
         self._controls = np.vstack([self._controls[1:], self._controls[-1:]])
         noise = self._random.normal(size=(robot.horizon, self._many.num_envs or 1, model.nu))
         noise[:, 0] = 0.0
-        # Neighbours in time are alike, as a robot does not follow what trembles.
+        # Noise correlated in time: a robot hardly follows white noise.
         for k in range(1, robot.horizon):
             noise[k] = 0.7 * noise[k - 1] + 0.7 * noise[k]
         tried = np.clip(self._controls[:, None] + robot.noise * (self._high - self._low) / 2.0 * noise, self._low, self._high)
@@ -126,20 +127,20 @@ class Planner:
         returns = np.where(found["residual"].max(axis=0) < np.inf, returns, -np.inf)
         weights = np.exp((returns - returns.max()) / (robot.temperature * np.std(returns) + 1e-9))
         self._controls = np.einsum("n,tnu->tu", weights / weights.sum(), tried)
-        # A mean of sequences is none that was tried: where it leads is asked for.
+        # The mean is none of the sampled sequences, so its states need another rollout.
         alone = self._one.rollout(self._controls[:, None], robot.nstep, initial=state, fields=["qpos", "qvel"])
         return Plan(self._controls, alone["qpos"][:, 0], alone["qvel"][:, 0])
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """What became of a run.
+    """Result of a run.
 
     Attributes:
         reward: Mean reward of the plant.
-        distance: How far it came in x, m.
-        promised: Predictions that were made: of the state after the first control of every plan, and after each of the last plan's.
-        kept: Those that came true, all bits of qpos and qvel alike.
+        distance: Distance travelled in x, m.
+        promised: Number of predicted states: after the first control of each plan, and after all later controls of the last plan.
+        kept: Number of predictions that agree with the plant in all bits of qpos and qvel.
         planning: Mean time of a plan, s.
     """
 
@@ -151,14 +152,14 @@ class Outcome:
 
 
 def run(name: str, *, seconds: float = 4.0, samples: int = 128, seed: int = 0, **settings: Any) -> Outcome:
-    """Controls a robot, and looks whether it does what plans say.
+    """Control a robot, and compare its states with the predictions of the plans.
 
     Args:
-        name: One of `ROBOTS`.
-        seconds: Simulated time.
-        samples: Sequences that are tried side by side.
-        seed: Of what is tried.
-        settings: Of plant and planner: options, precision; and the planner's threads.
+        name: Name in `ROBOTS`.
+        seconds: Simulated time, s.
+        samples: Number of sampled control sequences per plan.
+        seed: Seed of the samples.
+        settings: Arguments of `Stepper` for plant and planner: options, precision. `threads` is for the planner alone.
     """
     robot = ROBOTS[name]
     model = model_of(robot)
@@ -178,7 +179,7 @@ def run(name: str, *, seconds: float = 4.0, samples: int = 128, seed: int = 0, *
         plant.step(plan.controls[0], robot.nstep)
         kept += int(_is(plant, plan, 0))
         rewards.append(float(robot.reward(plant.qpos, plant.qvel)[0]))
-    # The last plan is carried out to its end, with nobody who corrects it.
+    # The plant follows the last plan to its end, in open loop.
     distance = float(plant.qpos[0, along] - begin)
     for k in range(1, robot.horizon):
         plant.step(plan.controls[k], robot.nstep)
@@ -187,26 +188,26 @@ def run(name: str, *, seconds: float = 4.0, samples: int = 128, seed: int = 0, *
 
 
 def _is(plant: stepper.Stepper, plan: Plan, k: int) -> bool:
-    """Whether the plant is where a plan said that control `k` leads."""
+    """Whether the state of the plant equals the prediction after control `k` of a plan, bit for bit."""
     return np.array_equal(plant.qpos[0], plan.qpos[k]) and np.array_equal(plant.qvel[0], plan.qvel[k])
 
 
 def main() -> None:
-    """Controls a robot and prints what became of it."""
+    """Control a robot and print the result."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("robot", nargs="?", default="walker", choices=ROBOTS)
-    parser.add_argument("--seconds", type=float, default=4.0, help="simulated time [4]")
-    parser.add_argument("--samples", type=int, default=128, help="sequences of controls that are tried side by side [128]")
+    parser.add_argument("--seconds", type=float, default=4.0, help="simulated time, s [4]")
+    parser.add_argument("--samples", type=int, default=128, help="number of sampled control sequences per plan [128]")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--precision", choices=("f64", "f32"), default="f64")
     parser.add_argument("--contact", choices=("hard", "mujoco"), default="hard")
-    parser.add_argument("--threads", type=int, default=1, help="of the planner; 0 is all [1]")
+    parser.add_argument("--threads", type=int, default=1, help="threads of the planner; 0 is all [1]")
     given = parser.parse_args()
     options = stepper.Options() if given.contact == "hard" else stepper.Options.from_model(model_of(ROBOTS[given.robot]))
     settings = {"precision": given.precision, "threads": given.threads, "options": options}
     found = run(given.robot, seconds=given.seconds, samples=given.samples, seed=given.seed, **settings)
     print(f"{given.robot}: {found.distance:.2f} m in {given.seconds:g} s, mean reward {found.reward:.2f}")
-    print(f"{found.kept} of {found.promised} predictions came true to the bit; {1e3 * found.planning:.0f} ms a plan")
+    print(f"{found.kept} of {found.promised} predictions were exact to the bit; {1e3 * found.planning:.0f} ms per plan")
 
 
 if __name__ == "__main__":

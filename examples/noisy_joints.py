@@ -1,9 +1,9 @@
-"""Perfect sensors inflate scores: dm_control's cart-pole, balanced by the same controller with ideal and with real encoders.
+"""Effect of encoder noise on the score of dm_control's cart-pole: one controller, with ideal and with noisy encoders.
 
-The controller is fixed: a linear-quadratic regulator for the cart-pole's own linearisation, which takes velocities from differences of the
-positions that it reads, as controllers without tachometers do. The score is that of dm_control's task "balance", at most 1000.
+The controller is a linear-quadratic regulator for the linearised cart-pole. It computes velocities as differences of measured positions.
+The score is that of dm_control's task "balance", at most 1000.
 
-    python examples/noisy_joints.py       # mean score of 32 episodes for every seed
+    python examples/noisy_joints.py       # mean score of 32 episodes for each seed
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ Array = NDArray[np.float64]
 EPISODES, STEPS = 32, 1000
 IDEAL = None
 NOISY = stepper.SensorModel({"angle": stepper.Transfer(noise_std=0.01)})
-"""0.01 rad of white noise on the pole's encoder."""
+"""Sensor model with 0.01 rad of white noise on the encoder of the pole."""
 STATE_COST, CONTROL_COST = (1.0, 10.0, 0.1, 0.1), 0.1
 
 
@@ -39,7 +39,7 @@ def cartpole() -> stepper.Model:
 
 
 def regulator(model: stepper.Model) -> Array:
-    """Gain K (4,) of u = -K (place, angle, their rates): least sum of costs for the step's derivatives at the upright pole."""
+    """Gain K (4,) of the linear-quadratic regulator u = -K x at the upright pole, with x = (position, angle, their rates)."""
     sim = stepper.Stepper(model)
 
     def after(state: Array, ctrl: float) -> Array:
@@ -57,7 +57,7 @@ def regulator(model: stepper.Model) -> Array:
 
 
 def reward(qpos: Array, qvel: Array, ctrl: Array) -> Array:
-    """That of dm_control's `cartpole.Balance`, from true states: upright, near the middle, with little control and a slow pole."""
+    """Reward of dm_control's `cartpole.Balance`, from true states: for an upright, slow pole near the centre and small controls."""
     upright = (1 + np.cos(qpos[:, 1])) / 2
     centred = (1 + rewards.tolerance(qpos[:, 0], margin=2)) / 2
     gentle = (4 + rewards.tolerance(ctrl, margin=1, value_at_margin=0, sigmoid="quadratic")) / 5
@@ -66,12 +66,12 @@ def reward(qpos: Array, qvel: Array, ctrl: Array) -> Array:
 
 
 def scores(sensors: stepper.SensorModel | None, seed: int = 0, episodes: int = EPISODES) -> Array:
-    """Scores of episodes, (episodes,): the same starts for the same seed, whatever the sensors."""
+    """Scores of episodes, (episodes,). The initial states depend on the seed, not on the sensors."""
     model = cartpole()
     gain = regulator(model)
     sim = stepper.Stepper(model, episodes, sensors=sensors, seed=seed)
     rng = np.random.default_rng(seed)
-    # As the task draws them.
+    # Distribution of dm_control's task.
     qpos = np.stack([rng.uniform(-0.1, 0.1, episodes), rng.uniform(-0.034, 0.034, episodes)], axis=1)
     sim.reset(qpos=qpos, qvel=0.01 * rng.normal(size=(episodes, 2)), seed=seed)
     total, before = np.zeros(episodes), sim.sensordata
@@ -86,13 +86,13 @@ def scores(sensors: stepper.SensorModel | None, seed: int = 0, episodes: int = E
 
 
 def table(seeds: range = range(5)) -> list[dict[str, Any]]:
-    """Mean scores for every seed, with ideal and with noisy encoders."""
+    """Mean scores for each seed, with ideal and with noisy encoders."""
     return [{"seed": seed, "ideal": scores(IDEAL, seed).mean(), "noisy": scores(NOISY, seed).mean()} for seed in seeds]
 
 
 def main() -> None:
-    """Prints the table."""
-    print(f"mean score of {EPISODES} episodes of {STEPS} steps\n seed   ideal   0.01 rad")
+    """Print the table."""
+    print(f"mean score of {EPISODES} episodes of {STEPS} steps, by encoder noise\n seed   ideal   0.01 rad")
     for row in table():
         print(f"{row['seed']:5} {row['ideal']:7.1f} {row['noisy']:10.1f}")
 

@@ -1,9 +1,9 @@
-"""One function as a reward, an observation and an outcome of a study, and on a stepper itself.
+"""One measurement function, used as a reward, an observation, an outcome of a study, and on a stepper.
 
-A hand on two joints reaches for a target. `distance` reads the same names everywhere: `qpos`, `xpos`, `sensordata`, `contacts()` and
-`read(name, of)` are those of `stepper.Stepper`, whether a task, a study or a script asks.
+A two-link arm reaches for a target. Tasks, studies and scripts pass objects with the same read interface as `stepper.Stepper`: `qpos`,
+`xpos`, `sensordata`, `contacts()` and `read(name, of)`. So the function `distance` works in all of them.
 
-    python examples/one_measure.py      # the same number, four times
+    python examples/one_measure.py      # prints the same distance four times
 """
 
 from __future__ import annotations
@@ -31,9 +31,9 @@ SCENE = """
 </mujoco>
 """
 CTRL = np.array([0.05, 0.02])
-"""Controls of all runs, N m."""
+"""Joint torques in all four runs, N m."""
 STEPS = 20
-"""Steps of all runs."""
+"""Number of simulation steps in all four runs."""
 
 
 def distance(now: Any) -> Array:
@@ -43,12 +43,12 @@ def distance(now: Any) -> Array:
 
 @dataclass(frozen=True, kw_only=True)
 class Reach(Task):
-    """Reach the target: the reward is the negative distance, which is observed too."""
+    """Reaching task. The reward is the negative distance, and the distance is also an observation."""
 
     frame_skip: int = STEPS
 
     def model(self) -> stepper.Model:
-        """The scene."""
+        """Model of the arm."""
         return stepper.load(SCENE)
 
     def observations(self) -> tuple[Observation, ...]:
@@ -56,12 +56,12 @@ class Reach(Task):
         return (Observation("qpos"), Observation("qvel"), Observation("distance", func=distance))
 
     def reward(self, now: Any) -> tuple[Array, dict[str, Array]]:
-        """Less the farther away."""
+        """Negative distance to the target, (num_envs,)."""
         return -distance(now), {}
 
 
 def measured() -> dict[str, float]:
-    """Distance after the same motion: of a stepper, a reward, an observation and an outcome of a study."""
+    """Distances after the same motion, from a stepper, a reward, an observation and an outcome of a study."""
     sim = stepper.Stepper(stepper.load(SCENE), num_envs=2)
     sim.step(CTRL, nstep=STEPS)
 

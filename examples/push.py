@@ -1,10 +1,10 @@
-"""Push a box to a goal: iterative linear-quadratic control with `Stepper.linearize`.
+"""Planar pushing of a box to a goal, by the iterative linear-quadratic regulator (iLQR) with `Stepper.linearize`.
 
-A ball on two motors pushes a box that lies on the floor. The plan is a sequence of forces. Every round linearizes all its steps at once,
-each as an environment of one batch, solves the linear-quadratic problem backwards for changes of the forces and for feedback, and tries
-several lengths of that step side by side (Li and Todorov 2004; Tassa, Erez and Todorov 2012).
+Two motors drive a ball that pushes a box on the floor. The plan is a sequence of forces. Each iteration linearizes all steps of the plan as
+one batch, and solves the linear-quadratic problem for changes of the forces and feedback gains. It then tries several step lengths as one
+batch (Li and Todorov 2004; Tassa, Erez and Todorov 2012).
 
-    python examples/push.py         # under MuJoCo's law of contact
+    python examples/push.py         # with MuJoCo's contact law
     python examples/push.py hard    # with hard contact
 """
 
@@ -45,22 +45,22 @@ LAWS = {
     "mujoco": stepper.Options(contact="mujoco"),
     "hard": stepper.Options(integrator="euler", stabilization="baumgarte", baumgarte=1.0, slop=0.0),
 }
-"""Options by name; those of hard contact are without the kink of a box at rest (docs/how-to/derivatives.md)."""
+"""Options by name of the contact law. Those of hard contact avoid the kink of a box at rest (docs/how-to/derivatives.md)."""
 HOLD = 5
-"""Steps that a control is held."""
+"""Simulation steps per control."""
 LENGTHS = 0.5 ** np.arange(10)
-"""Lengths of a change of the plan that are tried."""
+"""Step lengths of the line search."""
 
 
 @dataclass(frozen=True)
 class Goal:
-    """What is wanted.
+    """Goal with the weights of its cost.
 
     Attributes:
-        place: Where the box should be at the end, m: (2,).
-        miss: Weight of the squared distance, 1/m^2.
+        place: Position of the box at the end, (2,), m.
+        miss: Weight of the squared distance at the end, 1/m^2.
         speed: Weight of the squared speed at the end, s^2/m^2.
-        effort: Weight of squared forces, 1/N^2.
+        effort: Weight of the squared forces, 1/N^2.
     """
 
     place: Array
@@ -69,13 +69,13 @@ class Goal:
     effort: float = 1e-3
 
     def cost(self, ctrl: Array, qpos: Array, qvel: Array) -> Array:
-        """Cost of plans: ctrl (T, plans, 2), qpos (plans, nq) and qvel (plans, nv) at their ends."""
+        """Costs of plans, (plans,), from ctrl (T, plans, 2) and the final qpos (plans, nq) and qvel (plans, nv)."""
         miss = np.square(qpos[:, :2] - self.place).sum(axis=1)
         total: Array = self.miss * miss + self.speed * np.square(qvel[:, :2]).sum(axis=1) + self.effort * np.square(ctrl).sum(axis=(0, 2))
         return total
 
     def ends(self, model: stepper.Model, qpos: Array, qvel: Array) -> tuple[Array, Array]:
-        """Gradient (n,) and Hessian (n, n) of the cost by the state at the end, on its tangent space."""
+        """Gradient (n,) and Hessian (n, n) of the cost with respect to the final state, on its tangent space."""
         numbers = np.zeros(model.nq)
         numbers[:2] = 2 * self.miss * (qpos[:2] - self.place)
         speeds = np.zeros(model.nv)
@@ -87,12 +87,12 @@ class Goal:
 
 @dataclass
 class Plan:
-    """Forces, and the states that they lead to.
+    """Sequence of forces with the states of its simulation.
 
     Attributes:
-        ctrl: (T, 2) N.
-        qpos, qvel: States before every control and at the end, (T + 1, nq), (T + 1, nv).
-        cost: What the goal says of it.
+        ctrl: Forces, (T, 2), N.
+        qpos, qvel: States before each control and at the end, (T + 1, nq) and (T + 1, nv).
+        cost: Cost by `Goal.cost`.
     """
 
     ctrl: Array
@@ -102,7 +102,7 @@ class Plan:
 
 
 def tried(sim: stepper.Stepper, goal: Goal, plan: Plan | Array, changes: Array, gains: Array) -> Plan:
-    """The best of several plans: controls with changes of several lengths, and feedback to the states of the plan before."""
+    """Best plan of a line search: the previous controls plus scaled changes and feedback on the deviation from the previous states."""
     model, count = sim.model, len(sim.qpos)
     sim.reset()
     before = plan.ctrl if isinstance(plan, Plan) else plan
@@ -122,7 +122,7 @@ def tried(sim: stepper.Stepper, goal: Goal, plan: Plan | Array, changes: Array, 
 
 
 def improve(moments: stepper.Stepper, goal: Goal, plan: Plan, regularization: float) -> tuple[Array, Array, float]:
-    """Changes (T, 2), gains (T, 2, n) and the share of steps near a kink."""
+    """Changes of the forces (T, 2), feedback gains (T, 2, n), and the share of steps near a kink."""
     T = len(plan.ctrl)
     moments.set_state(plan.qpos[:-1], plan.qvel[:-1])
     lin = moments.linearize(ctrl=plan.ctrl, nstep=HOLD)
@@ -140,20 +140,20 @@ def improve(moments: stepper.Stepper, goal: Goal, plan: Plan, regularization: fl
 
 
 STARTS = (1.35, 1.4, 1.45, 1.5)
-"""Forces to begin with, N. Where the ball slides off the box, a plan ends in a valley of its own: which, the last bit may decide."""
+"""Initial constant forces along x, N, one for each run. The cost has several local minima, as the ball can slide off the box."""
 
 
 def push(law: str = "mujoco", place: tuple[float, float] = (0.15, 0.06), controls: int = 40, rounds: int = 60, *, say: bool = True) -> Plan:
-    """The best plan of several beginnings that brings the box to a place, in m, with `controls` forces of 20 ms each."""
+    """Best plan over all initial forces that pushes the box to `place` (m), with `controls` forces of 20 ms each."""
     plans = [_plan(law, Goal(np.array(place)), np.tile([start, 0.0], (controls, 1)), rounds, say=say) for start in STARTS]
     return min(plans, key=lambda plan: plan.cost)
 
 
 def _plan(law: str, goal: Goal, start: Array, rounds: int, *, say: bool) -> Plan:
-    """A plan from the forces `start`, (controls, 2) in N."""
+    """Plan optimised from the initial forces `start`, (controls, 2), N."""
     model = stepper.load(SCENE)
     first, trials, moments = (stepper.Stepper(model, n, options=LAWS[law]) for n in (1, len(LENGTHS), len(start)))
-    # Pushed forward from the beginning: before the ball touches the box, nothing says where to push.
+    # The initial forces push the ball into the box: without contact, the gradient of the cost by the forces is zero.
     plan = tried(first, goal, start, np.zeros(0), np.zeros(0))
     regularization = 1e-4
     for k in range(rounds):
@@ -165,7 +165,7 @@ def _plan(law: str, goal: Goal, start: Array, rounds: int, *, say: bool) -> Plan
             regularization *= 10
         if say:
             miss = 1e3 * np.linalg.norm(plan.qpos[-1, :2] - goal.place)
-            print(f"round {k + 1:2}: cost {plan.cost:8.4f}, the box misses by {miss:6.2f} mm, {kinks:.0%} of the steps near a kink")
+            print(f"round {k + 1:2}: cost {plan.cost:8.4f}, distance to the goal {miss:6.2f} mm, {kinks:.0%} of the steps near a kink")
         if regularization > 1e6:
             break
     return plan

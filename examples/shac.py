@@ -1,15 +1,17 @@
-"""Short-horizon actor-critic (SHAC) in one file: a policy learns by derivatives of the simulation.
+"""Short-horizon actor-critic (SHAC) in one file: policy learning by derivatives of the simulation.
 
     python examples/shac.py stepper/HalfCheetah-v5 --minutes 5
     python examples/shac.py stepper/Swimmer-v5 --minutes 5
 
-The policy acts for a horizon in all environments. Every step of that is linearized, all of them as one batch, and the gradient of what was
-earned goes back through these matrices to the policy's weights; beyond the horizon a value network, learned from the same steps, says
-what is still to come (Xu et al. 2022, "Accelerated Policy Learning with Parallel Differentiable Simulation", https://arxiv.org/abs/2204.07137).
-The matrices are differences of steps (docs/how-to/derivatives.md), so that neither the engine nor the task needs to be written again; only
-what a task observes and pays is, as a function of PyTorch, and is checked against the task.
+The policy acts for a horizon in all environments. All its steps are then linearized as one batch. The gradient of the rewards propagates
+back through these matrices to the weights of the policy. A value network, trained on the same steps, estimates the return beyond the
+horizon (Xu et al. 2022, "Accelerated Policy Learning with Parallel Differentiable Simulation",
+https://arxiv.org/abs/2204.07137).
 
-Minutes are of processor time. Rows of the learning curve are written as they are made, and the policy at the end.
+`Stepper.linearize` computes the matrices (docs/how-to/derivatives.md). Only the observation and the reward of a task must also exist as
+PyTorch functions. The first update compares them with the task.
+
+`--minutes` is processor time. The script writes the learning curve during the training, and the policy at the end.
 """
 
 from __future__ import annotations
@@ -41,11 +43,12 @@ Array = NDArray[Any]
 
 @dataclass(frozen=True)
 class Differentiable:
-    """What a task observes and pays, in PyTorch.
+    """Observation and reward of a task as PyTorch functions.
 
     Attributes:
-        observation: Of qpos (n, nq) and qvel (n, nv).
-        reward: Of qpos before and after the steps of an action, qvel after them, the action, and their time in s: (n,).
+        observation: Function from qpos (n, nq) and qvel (n, nv) to observations.
+        reward: Function to rewards (n,) from five values: qpos before the action, qpos and qvel after it, the action, and its duration in
+            s.
     """
 
     observation: Callable[[Tensor, Tensor], Tensor]
@@ -53,7 +56,10 @@ class Differentiable:
 
 
 def forward(hidden: int, weight: float) -> Differentiable:
-    """Speed in x less the weighted squares of the controls, of Gymnasium's runners; `hidden` numbers of qpos are not observed."""
+    """Observation and reward of Gymnasium's running robots: the reward is the speed in x less `weight` times the squared action.
+
+    The first `hidden` coordinates of qpos are not observed.
+    """
     return Differentiable(
         observation=lambda qpos, qvel: torch.cat([qpos[:, hidden:], qvel], dim=1),
         reward=lambda qpos, after, qvel, action, dt: (after[:, 0] - qpos[:, 0]) / dt - weight * action.square().sum(dim=1),
@@ -65,22 +71,22 @@ TASKS = {"stepper/HalfCheetah-v5": forward(1, 0.1), "stepper/Swimmer-v5": forwar
 
 @dataclass(frozen=True, kw_only=True)
 class Plan:
-    """How to learn.
+    """Hyperparameters of the training.
 
     Attributes:
-        num_envs: Environments that step together.
-        horizon: Actions that a gradient goes through; episodes are a whole number of horizons.
-        rate: Learning rate of the policy at the beginning; it falls to a tenth.
-        critic_rate: Of the value network.
+        num_envs: Number of environments.
+        horizon: Number of actions that a gradient goes through. Episodes are a whole number of horizons.
+        rate: Initial learning rate of the policy. It decreases linearly to a tenth.
+        critic_rate: Learning rate of the value network.
         epochs: Passes of the value network over the samples of a horizon.
-        gamma: Discount.
-        trace: Weight of longer estimates in the value's targets, lambda.
-        follow: Share of the network of targets that stays in each update.
-        std: Standard deviation of the actions at the beginning, of half their range.
-        bound: Largest norm of the policy's gradient.
-        beyond: Weight of the squares of what the policy asks for beyond the range of the actions.
-        threads: Threads of the physics and of the learner.
-        seed: Of everything that is random.
+        gamma: Discount factor.
+        trace: Parameter lambda of TD(lambda), for the targets of the value network.
+        follow: Weight of the old parameters in each update of the target network.
+        std: Initial standard deviation of the actions, as a share of half their range.
+        bound: Bound of the gradient norm.
+        beyond: Weight of the penalty on actions beyond their range.
+        threads: Number of threads of the physics and of PyTorch.
+        seed: Seed of all random numbers.
     """
 
     num_envs: int = 32
@@ -100,14 +106,14 @@ class Plan:
 
 @dataclass
 class Horizon:
-    """What a policy did in a horizon of T actions.
+    """Samples of a horizon of T actions in n environments.
 
     Attributes:
-        states: qpos and qvel before every action and at the end, (T + 1, n, 2 nv).
-        actions: (T, n, nu).
-        rewards: (T, n).
-        seen: T + 1 observations.
-        noise: What was added to the policy's actions, of deviation 1, (T, n, nu).
+        states: Values of qpos and qvel before each action and at the end, (T + 1, n, 2 nv).
+        actions: Actions, (T, n, nu).
+        rewards: Rewards, (T, n).
+        seen: Observations before each action and at the end, T + 1 arrays.
+        noise: Standard normal noise of the actions, (T, n, nu), before its scaling.
     """
 
     states: Array
@@ -118,7 +124,7 @@ class Horizon:
 
 
 class Learner:
-    """A training under way, in environments of stepper whose episodes end by time alone."""
+    """State of a training. The environments must end episodes by truncation only."""
 
     def __init__(self, envs: Any, task: Differentiable, plan: Plan):
         self.envs, self.task, self.plan = envs, task, plan
@@ -126,7 +132,8 @@ class Learner:
         self.sim, self.skip = base.sim, base.task.frame_skip
         model = self.sim.model
         if model.nq != model.nv or model.na:
-            raise ValueError(f"the model has nq {model.nq}, nv {model.nv} and na {model.na}: without quaternions and activations only")
+            sizes = f"nq {model.nq}, nv {model.nv}, na {model.na}"
+            raise ValueError(f"the model has {sizes}: use one without quaternions (nq = nv) and without activations (na = 0)")
         self.nv, self.dt = model.nv, model.timestep * self.skip
         self.moments = stepper.Stepper(model, plan.num_envs * plan.horizon, options=self.sim.options, threads=plan.threads)
         torch.manual_seed(plan.seed)
@@ -143,30 +150,36 @@ class Learner:
         self.discounted, self.earned, self.age = np.zeros((3, plan.num_envs))
         length = envs.spec.max_episode_steps
         if length % plan.horizon:
-            raise ValueError(f"episodes have {length} actions, must be whole horizons of {plan.horizon}: give another --horizon")
+            raise ValueError(f"episodes have {length} actions, which is no multiple of the horizon {plan.horizon}: give another --horizon")
         self.windows = length // plan.horizon
         self.observation = envs.reset(seed=plan.seed * 1_000_003)[0]
         self.observed.update(self.observation)
         self.steps, self.updates, self.recent = 0, 0, deque[float](maxlen=plan.num_envs)
 
     def normal(self, observation: Tensor) -> Tensor:
-        """Normalised observations, float32."""
+        """Normalised observations, float32, clipped to ±10."""
         mean, std = torch.from_numpy(self.observed.mean), torch.from_numpy(np.sqrt(self.observed.var + 1e-8))
         return ((observation - mean) / std).clamp(-10.0, 10.0).float()
 
     def act(self, observation: Tensor, noise: Tensor) -> tuple[Tensor, Tensor]:
-        """Actions, and what was asked for beyond their range, through which gradients pass as if there were no bounds."""
+        """Actions, and the part of the network's output beyond their range.
+
+        Gradients ignore the clipping to the range (straight-through).
+        """
         asked = self.net.actor(self.normal(observation)) + torch.exp(self.net.log_std) * noise
         beyond = asked - asked.detach().clamp(-1.0, 1.0)
         return self.middle + self.half * (asked - beyond.detach()), beyond
 
     def slow(self, done: float) -> None:
-        """Lets the policy's rate fall to a tenth, as a share of the training is done."""
+        """Set the learning rate of the policy after a share `done` of the training: linear from `rate` to a tenth of it."""
         for group in self.actor.param_groups:
             group["lr"] = self.plan.rate * (1.0 - 0.9 * done)
 
     def begin_some(self) -> None:
-        """Begins episodes anew, each environment's at another time, so that a horizon has all times of an episode in it."""
+        """Reset the environments whose episode is over.
+
+        The episodes are staggered, so that each horizon has samples of all parts of an episode.
+        """
         over = (self.updates + np.arange(self.plan.num_envs)) % self.windows == 0
         if over.any() and self.updates:
             self.recent += [float(r) for r in self.earned[over & (self.age == self.windows)]]
@@ -175,7 +188,7 @@ class Learner:
         self.age += 1
 
     def collect(self) -> Horizon:
-        """Acts for a horizon in all environments."""
+        """Collect the samples of a horizon in all environments."""
         plan = self.plan
         self.begin_some()
         T, n, nu = plan.horizon, plan.num_envs, len(self.middle)
@@ -195,7 +208,7 @@ class Learner:
         return made
 
     def update(self) -> dict[str, float]:
-        """Acts for a horizon and improves both networks by it. Returns how it went."""
+        """Collect a horizon and update both networks. Returns the metrics of the update, by name."""
         made = self.collect()
         loss, kinks, left_out = self.objective(made)
         self.actor.zero_grad()
@@ -214,9 +227,10 @@ class Learner:
         return float(1.0 / np.sqrt(self.returned.var[0] + 1e-8))
 
     def objective(self, made: Horizon) -> tuple[Tensor, float, float]:
-        """Loss as a function of the policy's weights, with the shares of steps near a kink and of environments left out.
+        """Loss, share of steps near a kink, and share of environments left out.
 
-        Where the policy acts as it did, states are those that were; a little beside it they are off by A and B times what came before.
+        The loss is a differentiable function of the policy's weights. Its states follow the linearization x' = x'_0 + A (x - x_0) +
+        B (u - u_0) about the collected states and actions, so that its value is that of the samples and its gradient has A and B.
         """
         states, actions, noise = made.states, made.actions, made.noise
         T, n, size = len(actions), actions.shape[1], states.shape[2]
@@ -239,20 +253,20 @@ class Learner:
             state = after
         last = self.normal(self.task.observation(state[:, : self.nv], state[:, self.nv :]))
         total = total + self.plan.gamma**T * self.ahead.critic(last).squeeze(-1)
-        # A horizon with a step that has no derivative says nothing of the policy.
+        # Environments with a step without a derivative are left out of the loss.
         kept = torch.from_numpy(~lin.undetermined.reshape(T, n).any(axis=0))
         loss = -(total * kept).sum() / max(int(kept.sum()), 1) / T
         return loss, float(np.mean(lin.near_kink)), 1.0 - float(kept.double().mean())
 
     @staticmethod
     def _check(ours: Tensor, theirs: Array, what: str) -> None:
-        """Raises ValueError where a function of `Differentiable` is not the task's."""
+        """Raise ValueError if a function of `Differentiable` differs from the task's."""
         worst = float(np.abs(ours.detach().numpy() - theirs).max())
-        if worst > 1e-5:  # Actions are float32 on their way to the task.
+        if worst > 1e-5:  # The task gets its actions as float32.
             raise ValueError(f"the {what} in PyTorch differs from the task's by {worst:.1e}: correct it in TASKS")
 
     def _learn_values(self, seen: Tensor, rewards: Tensor) -> float:
-        """Fits the value network to what was earned, and to what it said itself of the state after. Returns the mean error."""
+        """Fit the value network to TD(lambda) targets. Returns the mean squared error."""
         plan, (T, n) = self.plan, rewards.shape
         states = self.normal(seen)
         with torch.no_grad():
@@ -276,7 +290,7 @@ class Learner:
         return float(np.mean(errors))
 
     def policy(self, **said: Any) -> Policy:
-        """What was learned, in NumPy."""
+        """Learned policy as a NumPy policy. `said` has further entries for its field `training`."""
         linear = [layer for layer in self.net.actor if isinstance(layer, nn.Linear)]
         return Policy(
             mean=self.observed.mean,
@@ -292,9 +306,9 @@ class Learner:
 
 
 def train(env: str, minutes: float, plan: Plan, folder: Path, *, quiet: bool = False) -> Learner:
-    """Learns a task of `TASKS` for some minutes of processor time, into curve.csv and policy.npz of a folder."""
+    """Train a task of `TASKS` for some minutes of processor time. Writes curve.csv and policy.npz to a folder."""
     if env not in TASKS:
-        raise ValueError(f"{env} has no functions in PyTorch here, there are those of {', '.join(TASKS)}: add them to TASKS")
+        raise ValueError(f"{env} has no PyTorch functions in TASKS of shac.py: add them, or train one of {', '.join(TASKS)}")
     torch.set_num_threads(plan.threads)
     envs = gymnasium.make_vec(env, num_envs=plan.num_envs, threads=plan.threads, autoreset_mode=AutoresetMode.DISABLED)
     learner = Learner(envs, TASKS[env], plan)
@@ -320,11 +334,11 @@ def train(env: str, minutes: float, plan: Plan, folder: Path, *, quiet: bool = F
 
 
 def main() -> None:
-    """Trains and evaluates."""
+    """Train and evaluate a policy."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("env", nargs="?", default="stepper/HalfCheetah-v5", choices=list(TASKS))
-    parser.add_argument("--minutes", type=float, default=5.0, help="of processor time [5]")
-    parser.add_argument("--out", type=Path, help="folder of the run; one in out/shac by default")
+    parser.add_argument("--minutes", type=float, default=5.0, help="length of the training in processor time, min [5]")
+    parser.add_argument("--out", type=Path, help="folder for the results [out/shac/ENV/seedN]")
     for name, value in asdict(Plan()).items():
         parser.add_argument(f"--{name.replace('_', '-')}", type=type(value), default=value, help=f"[{value}]")
     given = vars(parser.parse_args())
@@ -332,7 +346,7 @@ def main() -> None:
     plan = Plan(**given)
     folder = out or Path("out/shac", env.replace("/", "_"), f"seed{plan.seed}")
     learner = train(env, minutes, plan, folder)
-    print(f"{learner.steps:,} steps; the run is in {folder}")
+    print(f"{learner.steps:,} steps; wrote curve.csv and policy.npz to {folder}")
     print(evaluate(learner.policy(), env, episodes=20, seed=FRESH))
 
 

@@ -1,4 +1,4 @@
-"""`stepper train` as a script: proximal policy optimisation, whose learner is python/stepper/policies/ppo.py.
+"""Script form of the command `stepper train`: proximal policy optimisation (PPO) by python/stepper/policies/ppo.py.
 
 python examples/train.py stepper/HalfCheetah-v5 --seed 1 --film half_cheetah.mp4
 """

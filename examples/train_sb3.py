@@ -1,11 +1,12 @@
-"""Stable-Baselines3's PPO on stepper's environments: trains a task, keeps its learning curve and policy, evaluates and films it.
+"""Training with Stable-Baselines3's PPO in stepper's environments, with learning curve, saved policy, evaluation and film.
 
     pip install 'stepper-sim[train]' stable-baselines3
     python examples/train_sb3.py stepper/HalfCheetah-v5 --seed 1 --film half_cheetah.mp4
 
-`StepperVecEnv` is the `VecEnv` that Stable-Baselines3 asks for; all else is its own: `VecNormalize`, PPO, `evaluate_policy`. What was
-learned is saved twice: as its own `model.zip` with `normalize.pkl`, and as a policy that acts in NumPy, for `stepper evaluate` and
-`stepper.policies`.
+`StepperVecEnv` implements Stable-Baselines3's `VecEnv`. `VecNormalize`, PPO and `evaluate_policy` are those of Stable-Baselines3. The
+script
+saves the policy in two formats: `model.zip` with `normalize.pkl` for Stable-Baselines3, and `policy.npz` for `stepper evaluate` and
+`stepper.policies`, which need NumPy alone.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ from numpy.typing import NDArray
 from stepper.adapters.sb3 import StepperVecEnv
 from stepper.policies import Policy, describe, film, load
 
-# Threads of OpenMP that wait spin otherwise, which on a machine that others use takes the time that the physics could have.
+# Idle OpenMP threads spin by default, which takes processor time from the physics. Must be set before PyTorch is imported.
 os.environ.setdefault("OMP_WAIT_POLICY", "passive")
 import torch
 from stable_baselines3 import PPO
@@ -33,7 +34,7 @@ from stable_baselines3.common.vec_env import VecNormalize
 Array = NDArray[Any]
 
 FRESH = 2**31
-"""The first seed of episodes that no training has seen. Stable-Baselines3 takes seeds of 32 bits."""
+"""First seed of evaluation episodes, which no training uses. Stable-Baselines3 accepts 32-bit seeds."""
 SETTINGS: dict[str, Any] = {
     "n_steps": 64,
     "batch_size": 1024,
@@ -45,14 +46,14 @@ SETTINGS: dict[str, Any] = {
     "max_grad_norm": 0.5,
     "policy_kwargs": {"net_arch": [64, 64], "log_std_init": -0.5},
 }
-"""Of PPO: samples of 64 steps of each environment, and many small gradient steps with them."""
+"""Arguments of `PPO`: short rollouts of 64 steps per environment."""
 
 
 class Curve(BaseCallback):
-    """Writes a row of the learning curve after every collection of samples.
+    """Callback that writes a row of the learning curve after each rollout.
 
     Args:
-        file: The file, which is written anew.
+        file: CSV file to write. An existing file is overwritten.
     """
 
     def __init__(self, file: Path):
@@ -71,23 +72,23 @@ class Curve(BaseCallback):
 
 
 def make(env: str, num_envs: int, seed: int, **settings: Any) -> VecNormalize:
-    """Environments whose observations and rewards are normalised."""
+    """Vector environment with normalised observations and rewards."""
     envs = StepperVecEnv(env, num_envs, infos="ended", **settings)
     envs.seed(seed)
     return VecNormalize(envs, gamma=SETTINGS["gamma"])
 
 
 def train(env: str, folder: Path, *, steps: int, num_envs: int = 128, seed: int = 1, threads: int = 1, **settings: Any) -> PPO:
-    """Trains a task.
+    """Train a policy for a task.
 
     Args:
-        env: Its name, "stepper/HalfCheetah-v5".
+        env: Name of the environment, such as "stepper/HalfCheetah-v5".
         folder: Folder for curve.csv, model.zip, normalize.pkl and policy.npz.
-        steps: Environment steps.
-        num_envs: Environments that step together.
-        seed: Of everything that is random.
-        threads: Threads of the physics and of the learner.
-        settings: Of the environment: contact, precision, those of the task.
+        steps: Number of environment steps in all.
+        num_envs: Number of environments.
+        seed: Seed of all random numbers.
+        threads: Number of threads of the physics and of PyTorch.
+        settings: Arguments of the environment: contact, precision, and those of the task.
     """
     torch.set_num_threads(threads)
     folder.mkdir(parents=True, exist_ok=True)
@@ -101,11 +102,11 @@ def train(env: str, folder: Path, *, steps: int, num_envs: int = 128, seed: int 
 
 
 def policy_of(model: PPO, training: dict[str, Any]) -> Policy:
-    """What was learned, in NumPy: the mean of the actions, with the normalisation of the observations.
+    """Learned policy as a NumPy policy: the mean of the actions, with the normalisation of the observations.
 
     Args:
-        model: Whose policy has two networks of tanh, as `MlpPolicy` has them.
-        training: What is said of the training.
+        model: Trained model with an `MlpPolicy`, whose activation is tanh.
+        training: Entries for the field `training` of the policy.
     """
     envs: VecNormalize = model.get_env()
     modules = [*model.policy.mlp_extractor.policy_net, model.policy.action_net]
@@ -113,7 +114,7 @@ def policy_of(model: PPO, training: dict[str, Any]) -> Policy:
     layers = [(layer.weight.detach().numpy().T.copy(), layer.bias.detach().numpy().copy()) for layer in linear]
     space = envs.action_space
     middle, half = (space.high + space.low) / 2.0, (space.high - space.low) / 2.0
-    # Stable-Baselines3 clips actions to their bounds, and a `Policy` stretches -1 to 1 to them.
+    # Stable-Baselines3 outputs actions in their units, a `Policy` outputs -1 to 1 and scales it to the bounds.
     weight, bias = layers[-1]
     layers[-1] = (weight / half, (bias - middle) / half)
     return Policy(
@@ -130,7 +131,7 @@ def policy_of(model: PPO, training: dict[str, Any]) -> Policy:
 
 
 def evaluate(model: PPO, env: str, *, episodes: int = 20, **settings: Any) -> Array:
-    """Returns of fresh episodes, (episodes,), by Stable-Baselines3's own function."""
+    """Returns of fresh episodes, (episodes,), by Stable-Baselines3's `evaluate_policy`."""
     trained: VecNormalize = model.get_env()
     fresh = make(env, episodes, FRESH, **settings)
     fresh.training, fresh.norm_reward, fresh.obs_rms = False, False, trained.obs_rms
@@ -139,17 +140,17 @@ def evaluate(model: PPO, env: str, *, episodes: int = 20, **settings: Any) -> Ar
 
 
 def main() -> None:
-    """Trains, evaluates, films."""
+    """Train, evaluate and film a policy."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("env", nargs="?", default="stepper/HalfCheetah-v5")
+    parser.add_argument("env", nargs="?", default="stepper/HalfCheetah-v5", help="name of the environment [stepper/HalfCheetah-v5]")
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--steps", type=int, default=2_000_000)
-    parser.add_argument("--num-envs", type=int, default=128)
-    parser.add_argument("--contact", choices=("mujoco", "hard"), help="law of contact; the task's by default")
+    parser.add_argument("--steps", type=int, default=2_000_000, help="number of environment steps in all [2000000]")
+    parser.add_argument("--num-envs", type=int, default=128, help="number of environments [128]")
+    parser.add_argument("--contact", choices=("mujoco", "hard"), help="contact law [that of the task]")
     parser.add_argument("--precision", choices=("f64", "f32"), default="f32")
     parser.add_argument("--threads", type=int, default=1)
-    parser.add_argument("--out", type=Path, help="folder of the run; one in out/train_sb3 by default")
-    parser.add_argument("--film", type=Path, metavar="FILE", help="an mp4 of another episode")
+    parser.add_argument("--out", type=Path, help="folder for the results [out/train_sb3/ENV/seedN]")
+    parser.add_argument("--film", type=Path, metavar="FILE", help="mp4 file for a film of one more episode")
     given = parser.parse_args()
     settings = {"precision": given.precision} | ({"contact": given.contact} if given.contact else {})
     folder = given.out or Path("out/train_sb3", given.env.replace("/", "_"), f"seed{given.seed}")
@@ -158,7 +159,7 @@ def main() -> None:
     model = train(given.env, folder, steps=given.steps, **options, **settings)
     seconds, spent = time.perf_counter() - begun, time.process_time() - spent
     returns = evaluate(model, given.env, **settings)
-    print(f"{model.num_timesteps:,} steps in {seconds:.0f} s, {spent:.0f} s of processor time; the run is in {folder}")
+    print(f"{model.num_timesteps:,} steps in {seconds:.0f} s, {spent:.0f} s of processor time; wrote the results to {folder}")
     print(f"{given.env}: {returns.mean():.1f} mean return of {len(returns)} episodes, worst {returns.min():.1f}, best {returns.max():.1f}")
     if given.film is not None:
         film(load(folder / "policy.npz"), given.env, given.film, seed=FRESH, **settings)

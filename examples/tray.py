@@ -1,7 +1,7 @@
-"""An object on a tray, pushed sideways: it stays if and only if the push is at most mu N, whatever the time step.
+"""Sliding threshold of an object on a tray: pushed sideways, it slides if and only if the force exceeds mu N, at any time step.
 
-0.3 kg weigh 2.94 N. Pushed with 2 N, the object stays at mu = 1.0 (friction carries up to 2.94 N), and slides at mu = 0.55 (up to 1.62 N)
-with a = F/m - mu g. The step is 5 ms in the first case and 8 ms in the second; the answers are the same at any other.
+The object of 0.3 kg weighs 2.94 N. A push of 2 N does not move it at mu = 1.0, where friction carries up to 2.94 N. At mu = 0.55 friction
+carries up to 1.62 N, and the object slides with a = F/m - mu g. The script compares the result with this theory at several time steps.
 
     python examples/tray.py               # both cases, and the force at which the object begins to slide
 """
@@ -16,7 +16,7 @@ import stepper
 G = 9.81
 MASS, PUSH = 0.3, 2.0
 CASES = ((1.0, 0.005), (0.55, 0.008))
-"""Friction and time step in s."""
+"""Cases: friction coefficient, and time step in s."""
 
 SCENE = """
 <mujoco model="tray">
@@ -32,12 +32,12 @@ SCENE = """
 
 @dataclass(frozen=True)
 class Pushed:
-    """What a push did.
+    """Result of a push.
 
     Attributes:
-        speed: At the end, m/s.
-        acceleration: Mean, m/s^2.
-        residual: Largest of all steps, m/s.
+        speed: Speed at the end, m/s.
+        acceleration: Mean acceleration, m/s^2.
+        residual: Largest solver residual of all steps, m/s.
     """
 
     speed: float
@@ -46,7 +46,7 @@ class Pushed:
 
 
 def push(mu: float, dt: float, force: float = PUSH, seconds: float = 1.0) -> Pushed:
-    """Lets the object come to rest and pushes it, at an angle to the axes, at its centre of mass."""
+    """Let the object come to rest, and push it horizontally at its centre of mass, at an angle to the axes."""
     sim = stepper.Stepper(stepper.load(SCENE.format(dt=dt, g=G, mu=mu, mass=MASS)))
     steps = round(seconds / dt)
     sim.step(nstep=steps)
@@ -60,7 +60,7 @@ def push(mu: float, dt: float, force: float = PUSH, seconds: float = 1.0) -> Pus
 
 
 def threshold(mu: float, dt: float) -> float:
-    """The force in N at which the object begins to slide, by bisection."""
+    """Force at which the object begins to slide, N, by bisection."""
     low, high = 0.0, 2 * mu * MASS * G
     for _ in range(30):
         middle = (low + high) / 2
@@ -69,15 +69,15 @@ def threshold(mu: float, dt: float) -> float:
 
 
 def main() -> None:
-    """Prints both cases at several time steps."""
+    """Print theory and simulation of both cases at several time steps."""
     print(f"{MASS} kg on a tray, pushed with {PUSH} N for 1 s\n")
-    print("  mu   dt s    mu N, N   expected m/s^2   found m/s^2   residual m/s   slides from, N")
+    print("  mu   dt s    mu N, N   theory m/s^2   simulated m/s^2   residual m/s   threshold N")
     for mu, usual in CASES:
         for dt in sorted({usual, 0.001, 0.002, 0.02}):
             done = push(mu, dt)
             expected = max(0.0, PUSH / MASS - mu * G)
-            found = f"{done.acceleration:14.6f} {done.residual:14.1e} {threshold(mu, dt):14.5f}"
-            print(f"{mu:5} {dt:6} {mu * MASS * G:9.4f} {expected:14.6f} {found}")
+            simulated = f"{done.acceleration:17.6f} {done.residual:14.1e} {threshold(mu, dt):13.5f}"
+            print(f"{mu:5} {dt:6} {mu * MASS * G:9.4f} {expected:14.6f} {simulated}")
 
 
 if __name__ == "__main__":

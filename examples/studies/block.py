@@ -1,9 +1,8 @@
-"""A falling block with a horizontal velocity "that loses 10 % at each touch", and which line of that is friction.
+"""Falling block with a horizontal velocity: a textbook exercise lets each impact take 10 % of it, and Coulomb friction does not.
 
-The exercise's recursion has, at each touch, v_z <- -e v_z and v_x <- 0.9 v_x. The first line is restitution, and the second one is no
-friction: Coulomb's impulse is mu (1 + e) |v_z| in all, whatever v_x is, so that a touch takes a fixed speed and not a fixed share of
-it. It takes 10 % of 1 m/s at the first touch for one mu, more than 10 % of what is slower, and less at every further touch, which is
-softer.
+The exercise applies v_z <- -e v_z and v_x <- 0.9 v_x at each impact. The first rule is restitution. The second one is not Coulomb friction:
+an impact with Coulomb friction reduces v_x by the fixed speed mu (1 + e) |v_z|, not by a fixed share. One value of mu gives 10 % of 1 m/s
+at the first impact. With this mu, slower blocks lose more than 10 %, and later, softer impacts take less speed.
 
     stepper sweep examples/studies/block.py
 """
@@ -18,9 +17,9 @@ import stepper
 
 G, HEIGHT, DOWN, SPEED, RESTITUTION, LOSS = 9.81, 0.20, 0.10, 1.0, 0.5, 0.1
 IMPACT = math.sqrt(DOWN**2 + 2 * G * HEIGHT)
-"""Vertical speed at the first touch, m/s."""
+"""Vertical speed at the first impact, m/s."""
 THEORY = LOSS * SPEED / ((1 + RESTITUTION) * IMPACT)
-"""Friction with which the first touch takes 10 % of 1 m/s."""
+"""Friction coefficient at which the first impact takes 10 % of 1 m/s."""
 
 MODEL = f"""
 <mujoco model="block">
@@ -35,18 +34,18 @@ MODEL = f"""
 
 
 def model() -> stepper.Model:
-    """The scene; MJCF has no restitution."""
+    """Model of the scene. Restitution is set here, as MJCF has no attribute for it."""
     return stepper.load(MODEL).replace(geom_restitution=[0.0, RESTITUTION])
 
 
 def thrown(now: Any, _: list[np.random.Generator]) -> tuple[Any, Any]:
-    """Starts at the height, downwards and sideways."""
+    """Initial qpos and qvel: at the given height, moving downwards and sideways."""
     n = now.num_envs
     return np.tile([0.0, HEIGHT], (n, 1)), np.stack([now.theta["speed"].astype(float), np.full(n, -DOWN)], axis=1)
 
 
 def lost(now: Any) -> np.ndarray[Any, Any]:
-    """Share of the horizontal speed that is gone."""
+    """Share of the horizontal speed that the impact has taken."""
     gone: np.ndarray[Any, Any] = 1.0 - now.read("qvel", "x")[:, 0] / now.theta["speed"]
     return gone
 
@@ -61,7 +60,7 @@ study = stepper.lab.Study(
         "speed": stepper.lab.Parameter("drive", nominal=SPEED, low=0.5, high=2.0, unit="m/s", source="the exercise"),
         "restitution": stepper.lab.Parameter("geom_restitution[block]", low=0.3, high=0.5, source="the exercise"),
     },
-    seconds=0.3,  # after the first touch at 0.19 s, before the second at 0.39 s
+    seconds=0.3,  # after the first impact at 0.19 s, before the second at 0.39 s
     control=0.01,
     episodes=1,
 )

@@ -1,13 +1,13 @@
-"""Perfect sensors inflate scores: a policy that balances two poles, with encoders that have noise, drift and delay.
+"""Effect of encoder noise, drift and delay on a policy that balances a double pendulum.
 
-The policy was trained in Gymnasium's InvertedDoublePendulum-v5, where it sees the state itself. Here it sees what sensors say of the same
-numbers. encoders_trained.py has the same episodes with a policy that was trained on such sensors:
+The policy was trained in Gymnasium's InvertedDoublePendulum-v5, where it observes the true state. In this study it observes sensor readings
+instead. encoders_trained.py is the same study of a policy that was trained on sensor readings:
 
     stepper report examples/studies/encoders.py
     stepper report examples/studies/encoders_trained.py
-    python examples/studies/encoders.py    # both: a table, and one picture, out/encoders.png or what is named
+    python examples/studies/encoders.py [FILE]   # both: prints a table, writes a figure to FILE [out/encoders.png]
 
-encoders_task.py trains the second one.
+encoders_task.py trains the second policy.
 """
 
 from __future__ import annotations
@@ -26,11 +26,11 @@ HERE = Path(__file__).resolve().parent
 POLICIES = HERE.parent / "policies"
 ANGLES, RATES = ("angle1", "angle2"), ("rate1", "rate2")
 TIP = 1.0
-"""m: the poles have fallen below it."""
+"""Height of the tip below which the poles count as fallen, m."""
 
 
 def model() -> Any:
-    """Gymnasium's model, with encoders and rate sensors on its three joints."""
+    """Gymnasium's model, with position and velocity sensors on its three joints."""
     spec = mujoco.MjSpec.from_file(str(Path(gymnasium.__file__).parent / "envs/mujoco/assets/inverted_double_pendulum.xml"))
     for kind, names in (("JOINTPOS", ("place", *ANGLES)), ("JOINTVEL", ("speed", *RATES))):
         for name, joint in zip(names, ("slider", "hinge", "hinge2"), strict=True):
@@ -39,13 +39,13 @@ def model() -> Any:
 
 
 def seen(readings: Any) -> Any:
-    """The observation of the task, (num_envs, 9), of the readings; the force of the cart's limit, which no encoder sees, is 0."""
+    """Observations of the task, (num_envs, 9), from sensor readings. The constraint force, which no encoder measures, is 0."""
     place, angles, velocities = readings[:, :1], readings[:, 1:3], np.clip(readings[:, 3:], -10.0, 10.0)
     return np.concatenate([place, np.sin(angles), np.cos(angles), velocities, np.zeros_like(place)], axis=1)
 
 
 def encoders() -> Any:
-    """What the second policy was trained with: noise of 0.02 rad and 0.2 rad/s, drift, and 10 ms of delay."""
+    """Sensor model in the training of the second policy: noise of 0.02 rad and 0.2 rad/s, drift, and 10 ms of delay."""
     angle = stepper.Transfer(noise_std=0.02, drift_std=0.005, delay=0.01)
     rate = stepper.Transfer(noise_std=0.2, delay=0.01)
     named = dict.fromkeys(ANGLES, angle) | dict.fromkeys(RATES, rate)
@@ -53,14 +53,14 @@ def encoders() -> Any:
 
 
 class Balance:
-    """A policy behind the sensors.
+    """Controller that applies a policy to the sensor readings.
 
     Args:
-        file: Of `stepper.policies`.
+        file: File name of the policy in examples/policies.
     """
 
     def __init__(self, file: str):
-        import stepper.policies  # noqa: PLC0415, the training does not need it
+        import stepper.policies  # noqa: PLC0415, unused in the training
 
         self.policy = stepper.policies.load(POLICIES / file)
         self.file = file
@@ -71,7 +71,7 @@ class Balance:
 
 
 def balancing(name: str, file: str) -> Any:
-    """The study of a policy: 10 s upright."""
+    """Study of a policy: whether the poles stay upright for 10 s."""
     return stepper.lab.Study(
         name=name,
         model=model,
@@ -90,7 +90,7 @@ def balancing(name: str, file: str) -> Any:
                 "sensor.noise_std[rate1,rate2]", low=0.0, high=0.6, unit="rad/s", source="differences of encoders over 5 to 20 ms"
             ),
             "drift": stepper.lab.Parameter(
-                "sensor.drift_std[angle1,angle2]", low=0.0, high=0.03, unit="rad/sqrt(s)", source="angles that are integrated"
+                "sensor.drift_std[angle1,angle2]", low=0.0, high=0.03, unit="rad/sqrt(s)", source="angles from integrated rates"
             ),
             "delay": stepper.lab.Parameter("sensor.delay[*]", low=0.0, high=0.04, unit="s", source="buses and filters: 1 to 50 ms"),
         },
@@ -108,7 +108,7 @@ trained = balancing("encoders_trained", "inverted_double_pendulum_encoders.npz")
 
 
 def table() -> None:
-    """Prints how often each policy stays upright with ideal sensors, and with those of the training."""
+    """Print how often each policy keeps the poles upright, with ideal sensors and with `encoders()`."""
     for own in (study, trained):
         for kind, sensors in (("ideal sensors", None), ("encoders", encoders())):
             given = replace(own, name=f"{own.name}_{kind}".replace(" ", "_"), sensors=sensors, parameters={}, episodes=64)
@@ -118,7 +118,7 @@ def table() -> None:
 
 
 def picture(file: str) -> None:
-    """Both policies, a panel for every error."""
+    """Plot the share of successes of both policies, with one panel per sensor error."""
     from matplotlib.figure import Figure  # noqa: PLC0415
 
     figure = Figure(figsize=(10, 2.9), dpi=130, layout="constrained")

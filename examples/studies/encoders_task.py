@@ -1,4 +1,4 @@
-"""Trains the policy of encoders_trained.py: the task of Gymnasium's InvertedDoublePendulum-v5, by what encoders say.
+"""Training of the policy of encoders_trained.py: the task InvertedDoublePendulum-v5, observed through noisy encoders.
 
     python examples/studies/encoders_task.py stepper/Encoders-v0 --steps 6000000 --threads 1
 
@@ -24,23 +24,23 @@ from stepper.envs.tasks.inverted_double_pendulum import InvertedDoublePendulum  
 
 @dataclass(frozen=True, kw_only=True)
 class Encoders(InvertedDoublePendulum):
-    """Keep the tip above 1 m by what encoders with noise, drift and delay say."""
+    """Task of keeping the tip above 1 m, observed through encoders with noise, drift and delay."""
 
     def model(self) -> Any:
-        """The scene with its sensors."""
+        """Model of the scene with its sensors."""
         return stepper.load(encoders.model(), strict=False)
 
     def sensors(self) -> Any:
-        """Those of the study's table."""
+        """Sensor model: that of the training, `encoders.encoders`."""
         return encoders.encoders()
 
     def observations(self) -> Any:
-        """What the policy of the study sees: (9,)."""
+        """Observation of the policy, (9,)."""
         return (Observation("encoders", func=lambda now: encoders.seen(now.sensordata)),)
 
 
 def register() -> None:
-    """As stepper/Encoders-v0."""
+    """Register the task as stepper/Encoders-v0."""
     gymnasium.register(
         "stepper/Encoders-v0",
         entry_point="stepper.envs.single:StepperEnv",
@@ -53,7 +53,7 @@ def register() -> None:
 if __name__ == "__main__":
     from stepper.policies import ppo
 
-    # Under its own name, so that a checkpoint finds the class when it is read.
+    # The module name must not be __main__, so that checkpoints can be unpickled elsewhere.
     sys.modules["encoders_task"] = sys.modules["__main__"]
     Encoders.__module__ = "encoders_task"
     register()

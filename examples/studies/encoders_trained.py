@@ -1,4 +1,4 @@
-"""The episodes of encoders.py, with a policy that was trained on encoders with noise, drift and delay.
+"""Study of encoders.py with a policy that was trained on encoders with noise, drift and delay.
 
 stepper report examples/studies/encoders_trained.py
 """

@@ -1,7 +1,7 @@
-"""Friction decides a grasp: two pads close on a box and lift it by 10 cm; below mu = m (g + a) / (2 F) it slips.
+"""Friction threshold of a grasp: two pads close on a box and lift it by 10 cm; below mu = m (g + a) / (2 F) it slips.
 
-m is the box's mass, a the acceleration of the lift, F the force at each pad. The friction is that of both geoms of a contact: a pair
-takes the larger one, so that a swept box between pads of friction 1 would not be swept at all.
+m is the mass of the box, a the acceleration of the lift, F the force of each pad. A contact uses the larger friction of its two geoms.
+So the study varies box and pads together: varied alone, the box has no effect below the friction of the pads.
 
     stepper sweep examples/studies/grasp.py
 """
@@ -16,9 +16,9 @@ import stepper
 G, MASS, FORCE = 9.81, 0.8, 10.0
 HAND, FINGER = 1.0, 0.1
 CLOSE, LIFT, HEIGHT = 0.2, 0.4, 0.1
-"""s, s, m"""
+"""Time of closing, s; duration of the lift, s; height of the lift, m."""
 ACCELERATION = 4.0 * HEIGHT / LIFT**2
-"""m/s^2: upwards for the first half of the lift, downwards for the second."""
+"""Acceleration of the lift, m/s^2: upwards in its first half, downwards in its second."""
 THEORY = MASS * (G + ACCELERATION) / (2.0 * FORCE)
 
 MODEL = f"""
@@ -42,7 +42,7 @@ MODEL = f"""
 
 
 def lift(now: Any) -> np.ndarray[Any, Any]:
-    """Closes with a force, then lifts with the force that gives all of it the acceleration."""
+    """Controls (3,), N: the pads close first; then the hand lifts with the force that accelerates hand, pads and box."""
     t = now.time[0] + 1e-9
     if t < CLOSE:
         vertical = (HAND + 2 * FINGER) * G
@@ -54,7 +54,7 @@ def lift(now: Any) -> np.ndarray[Any, Any]:
 
 
 def slip(now: Any) -> np.ndarray[Any, Any]:
-    """How far the box is below where the hand holds it, m."""
+    """Slip of the box: its distance below the hand, m."""
     fallen: np.ndarray[Any, Any] = now.read("xpos", "hand")[:, 2] - now.read("xpos", "box")[:, 2]
     return fallen
 

@@ -1,12 +1,12 @@
-"""A Panda picks a cube by a script: at which friction does it slip out, with how many iterations, in which law and engine?
+"""Scripted picking of a cube by a Panda arm: friction at which the cube slips, by solver iterations, contact law and engine.
 
-The arm and the gripper are robosuite's (`pip install --no-deps robosuite`), with position servos that a script moves: above the cube, down,
-close, up by 15 cm. Each finger presses with 20 N, give or take the 1 N of its dry friction. The friction that is swept is that of cube and
-fingers:
+The arm and the gripper are robosuite's (`pip install --no-deps robosuite`), with position servos. A script moves the hand above the cube
+and down, closes the fingers, and lifts by 15 cm. Each finger presses with 20 N, plus or minus 1 N of dry joint friction. The study varies
+the friction of cube and fingers together:
 
     stepper report examples/studies/panda.py
 
-panda_trained.py has a policy that has learned it.
+panda_trained.py has a learned policy instead of the script.
 """
 
 from __future__ import annotations
@@ -20,30 +20,34 @@ import numpy as np
 import stepper
 
 MASS, HALF = 1.6, 0.025
-"""kg, m: of the cube."""
+"""Mass of the cube, kg, and half its edge length, m."""
 PLACE = (0.5, 0.0)
-"""m"""
+"""Position of the cube in x and y, m."""
 G, FORCE = 9.81, 20.0
-"""m/s^2, N: of a finger's servo at its bound."""
+"""Gravity, m/s^2, and force bound of a finger's servo, N."""
 RISE = 0.15
+"""Height of the lift, m."""
 DRY = 1.0
-"""N: dry friction of a finger's joint, which adds to what the servo presses with or takes from it."""
+"""Dry friction of a finger's joint, N. It can add to the pressing force or reduce it."""
 THEORY = MASS * G / (2.0 * (FORCE + DRY)), MASS * (G + 6 * RISE) / (2.0 * (FORCE - DRY))
-"""Friction below which the cube slips even once it is held still, and above which it does not slip even where the lift begins, with an
-acceleration of 6 RISE / s^2: 0.374 and 0.451."""
+"""Bounds of the friction threshold, 0.374 and 0.451.
+
+Below the first, the cube slips even when the hand holds still. Above the second, it does not slip even at the beginning of the lift, whose
+acceleration is 6 RISE / s^2.
+"""
 TIMES, HEIGHTS = (0.0, 0.6, 1.2, 1.6, 2.6, 3.2), (0.15, 0.15, 0.0, 0.0, RISE, RISE)
-"""s, m: of the fingers above the cube's middle; they close from 1.2 s to 1.6 s."""
+"""Waypoints of the fingers: times, s, and heights above the centre of the cube, m. The fingers close from 1.2 s to 1.6 s."""
 
 
 def _assets() -> Path:
     found = importlib.util.find_spec("robosuite")
     if found is None or found.origin is None:
-        raise ModuleNotFoundError("robosuite has the robot: pip install --no-deps robosuite")
+        raise ModuleNotFoundError("package robosuite, which has the model of the Panda, is missing: pip install --no-deps robosuite")
     return Path(found.origin).parent / "models/assets"
 
 
 def drawing() -> Any:
-    """Arm, gripper, floor and cube, before they are compiled."""
+    """Model specification (`MjSpec`) of arm, gripper, floor and cube."""
     arm = mujoco.MjSpec.from_file(str(_assets() / "robots/panda/robot.xml"))
     hand = mujoco.MjSpec.from_file(str(_assets() / "grippers/panda_gripper.xml"))
     for spec in (arm, hand):
@@ -69,12 +73,15 @@ def drawing() -> Any:
 
 
 def scene() -> Any:
-    """The model."""
+    """Compiled MuJoCo model of the scene."""
     return drawing().compile()
 
 
 def reach(model: Any, place: Any, begin: Any, close: float = 0.0) -> Any:
-    """Angles of the arm with the fingers at a place, pointing down: damped least squares, until the error (m, rad) is below `close`."""
+    """Joint angles (7,) of the arm with the fingers at a position, pointing down.
+
+    Inverse kinematics by damped least squares from the angles `begin`, until the error (m, rad) is below `close`.
+    """
     data, site = mujoco.MjData(model), model.site("hand_grip_site").id
     data.qpos[:7] = begin
     down = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
@@ -91,19 +98,19 @@ def reach(model: Any, place: Any, begin: Any, close: float = 0.0) -> Any:
         j = jacobian[:, :7]
         data.qpos[:7] += j.T @ np.linalg.solve(j @ j.T + 1e-4 * np.eye(6), error)
     if np.abs(error).max() > 1e-5:
-        raise ValueError(f"the arm does not reach {place}: {error}")
+        raise ValueError(f"the arm does not reach {place}, error {error} (m, rad): give a position within its workspace")
     return data.qpos[:7].copy()
 
 
 def way(time: float) -> tuple[int, float]:
-    """Which way between two of `TIMES`, and what share of it is done; each begins and ends at rest."""
+    """Index of the current segment between two waypoints, and the share of it that is done. Each begins and ends at rest."""
     k = min(max(0, int(np.searchsorted(TIMES, time, side="right")) - 1), len(TIMES) - 2)
     s = float(np.clip((time - TIMES[k]) / (TIMES[k + 1] - TIMES[k]), 0.0, 1.0))
     return k, 3 * s**2 - 2 * s**3
 
 
 class Pick:
-    """Joint angles between those of the way's ends, and the fingers."""
+    """Scripted controller that interpolates joint angles between the waypoints."""
 
     def __init__(self) -> None:
         model, ready = scene(), np.array([0.0, 0.3, 0.0, -2.2, 0.0, 2.5, 0.785])
@@ -113,12 +120,12 @@ class Pick:
             self.angles.append(ready)
 
     def arm(self, time: float) -> Any:
-        """Angles at a time."""
+        """Joint angles at a time, (7,)."""
         k, done = way(time)
         return self.angles[k] + done * (self.angles[k + 1] - self.angles[k])
 
     def __call__(self, now: Any) -> Any:
-        """Targets of seven joints and two fingers."""
+        """Servo targets of seven joints and two fingers, (9,)."""
         closed = now.time[0] >= TIMES[2]
         return np.array([*self.arm(now.time[0]), *((0.0, 0.0) if closed else (0.04, -0.04))])
 
@@ -127,7 +134,7 @@ pick = Pick()
 
 
 def start(now: Any, _: Any) -> Any:
-    """Ready above the cube."""
+    """Initial qpos and qvel: at rest, with open fingers above the cube."""
     qpos = np.tile(np.asarray(now.model.qpos0, float), (now.num_envs, 1))
     qpos[:, :7], qpos[:, 7], qpos[:, 8] = pick.angles[0], 0.04, -0.04
     return qpos, np.zeros((now.num_envs, now.model.nv))
@@ -151,7 +158,7 @@ study = stepper.lab.Study(
         "friction": stepper.lab.Parameter(
             "geom_friction[cube,hand_finger*][0]",
             values=(0.3, 0.4, 0.5, 0.7, 0.95, 1.2),
-            source="0.3 to 1.2: the task",
+            source="range of the task, 0.3 to 1.2",
         )
     },
     settings={

@@ -1,4 +1,4 @@
-"""Why the policy of panda_trained.py drops cubes in MuJoCo at a friction of 0.5: its episodes with both of MuJoCo's friction cones.
+"""Effect of MuJoCo's friction cones on the policy of panda_trained.py, which drops cubes in MuJoCo at a friction of 0.5.
 
 stepper sweep examples/studies/panda_cones.py --no-cliffs
 """
@@ -21,7 +21,7 @@ PYRAMIDAL = {"engine": "mujoco", "cone": "pyramidal"}
 
 
 def scene() -> Any:
-    """The scene with elliptic cones, which MuJoCo's law has in stepper too."""
+    """Scene with elliptic cones, so that MuJoCo and stepper with MuJoCo's contact law have the same cone."""
     model = hand.scene()
     model.opt.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
     return model

@@ -1,6 +1,7 @@
-"""The hand that panda_trained.py and panda_scripted.py move: a target for its fingers, which point down, in place of the angles of joints.
+"""Cartesian control of the hand in panda_trained.py and panda_scripted.py: a target position of the fingers, which point down.
 
-Arm, gripper and cube are those of panda.py; the cube lies anywhere within 4 cm, and sensors say where it is from the hand.
+Arm, gripper and cube are those of panda.py. The cube lies at a random place within ±4 cm, and sensors measure its position relative to the
+hand.
 """
 
 from __future__ import annotations
@@ -21,19 +22,19 @@ sys.path.insert(0, str(HERE))
 import panda  # type: ignore[import-not-found]  # noqa: E402
 
 SPREAD = 0.04
-"""m: the cube is this far from its place in x and y at the most."""
+"""Largest distance of the cube from its nominal position in x and in y, m."""
 ABOVE = 0.15
-"""m: the fingers above the cube's middle at the start."""
+"""Initial height of the fingers above the centre of the cube, m."""
 MOVE, HOLD = 0.02, 0.05
-"""m, s: how far an action moves the hand's target along each axis, and how long it is held."""
+"""Largest displacement of the hand's target along each axis per action, m, and duration of an action, s."""
 LOW, HIGH = np.array([0.42, -0.08, 0.02]), np.array([0.58, 0.08, 0.25])
-"""m: bounds of the target."""
+"""Bounds of the hand's target, m."""
 OPEN = 0.04
-"""m: a finger that is open."""
+"""Joint position of an open finger, m."""
 
 
 def scene() -> Any:
-    """The model of panda.py with what the policy sees: the hand, the cube from the hand, and the fingers."""
+    """Model of panda.py with the sensors of the policy: position of the hand, of the cube relative to the hand, and of the fingers."""
     spec = panda.drawing()
     for own in [*spec.sensors]:
         spec.delete(own)
@@ -54,7 +55,7 @@ def scene() -> Any:
 
 
 def _terms(place: Any) -> Any:
-    """Products of up to four coordinates (n, 3) about the middle of the box: (n, 35)."""
+    """Monomials up to degree 4, (n, 35), of positions (n, 3) scaled to -1 to 1 within the bounds of the target."""
     x = (place - (LOW + HIGH) / 2) / ((HIGH - LOW) / 2)
     powers = [p for p in itertools.product(range(5), repeat=3) if sum(p) <= 4]
     return np.stack([np.prod(x**p, axis=1) for p in powers], axis=1)
@@ -62,7 +63,7 @@ def _terms(place: Any) -> Any:
 
 @functools.cache
 def _inverse() -> Any:
-    """Coefficients (35, 7) of the arm's angles, which point the fingers down at a place: fitted to damped least squares on a grid."""
+    """Polynomial coefficients (35, 7) of the inverse kinematics with fingers that point down, fitted to `panda.reach` on a grid."""
     model, ready = panda.scene(), np.array([0.0, 0.3, 0.0, -2.2, 0.0, 2.5, 0.785])
     middle = panda.reach(model, (LOW + HIGH) / 2, ready, 1e-9)
     grid = np.array(list(itertools.product(*np.linspace(LOW, HIGH, 5).T)))
@@ -71,43 +72,46 @@ def _inverse() -> Any:
 
 
 def arm(target: Any) -> Any:
-    """Angles (n, 7) with the fingers at targets (n, 3), pointing down, to half a millimetre."""
+    """Joint angles (n, 7) with the fingers at targets (n, 3), pointing down. The error is at most 0.5 mm."""
     return _terms(target) @ _inverse()
 
 
 def controls(target: Any, closed: Any) -> Any:
-    """Targets of seven joints and two fingers, (n, 9): for the hand's target (n, 3), and whether the fingers close, (n,)."""
+    """Servo targets of seven joints and two fingers, (n, 9), from the hand's target (n, 3) and the closing command (n,)."""
     finger = np.where(closed, 0.0, OPEN)[:, None]
     return np.concatenate([arm(target), finger, -finger], axis=1)
 
 
 def moved(target: Any, action: Any) -> Any:
-    """The hand's target (n, 3) after an action (n, 4)."""
+    """Target of the hand (n, 3) after an action (n, 4)."""
     return np.clip(target + MOVE * np.clip(action[:, :3], -1.0, 1.0), LOW, HIGH)
 
 
 def seen(readings: Any, target: Any, closed: Any) -> Any:
-    """What the policy sees, (n, 10): the cube from the hand, the target from the hand, the hand's height, the fingers and their command."""
+    """Observations of the policy, (n, 10).
+
+    Positions of the cube and of the target relative to the hand, height of the hand, positions of both fingers, and closing command.
+    """
     hand, rest = readings[:, :3], readings[:, 3:]
     return np.concatenate([rest[:, :3], target - hand, hand[:, 2:], rest[:, 3:5], closed[:, None]], axis=1)
 
 
 def ready(qpos: Any, aside: Any) -> None:
-    """Configurations (n, nq), changed in place: open fingers above the middle, and the cube `aside` (n, 2) of it."""
+    """Set initial configurations qpos (n, nq) in place: open fingers above the nominal position, the cube displaced by `aside` (n, 2)."""
     qpos[:, :7] = arm(np.array([[*panda.PLACE, panda.HALF + ABOVE]]))
     qpos[:, 7], qpos[:, 8] = OPEN, -OPEN
     qpos[:, 9:11] += aside
 
 
 def start(now: Any, rng: Any) -> Any:
-    """Ready above the middle, the cube anywhere within 4 cm of it."""
+    """Initial qpos and qvel: open fingers above the nominal position, the cube within ±4 cm of it."""
     qpos = np.tile(np.asarray(now.model.qpos0, float), (now.num_envs, 1))
     ready(qpos, np.array([g.uniform(-SPREAD, SPREAD, 2) for g in rng]))
     return qpos, np.zeros((now.num_envs, now.model.nv))
 
 
 def picking(name: str, drive: Any, control: float) -> Any:
-    """The study of a drive: 4 s, and the cube 10 cm above where it lay."""
+    """Study of a controller: success is a cube lifted by 10 cm within 4 s."""
     return stepper.lab.Study(
         name=name,
         model=scene,

@@ -1,4 +1,4 @@
-"""Where cubes slip at a friction of 0.46, softly held: what a stiffer friction (impratio) and a smaller time step change in both engines.
+"""Effect of stiffer friction (impratio) and smaller time steps on the slip of cubes at a friction of 0.46, in both engines.
 
 stepper sweep examples/studies/panda_impratio.py --no-cliffs
 """

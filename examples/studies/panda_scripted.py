@@ -1,4 +1,4 @@
-"""The episodes of panda_trained.py by the script of panda.py, which is told where the cube lies at the start.
+"""Study of panda_trained.py with the script of panda.py, which gets the initial position of the cube.
 
 stepper report examples/studies/panda_scripted.py
 """
@@ -18,15 +18,15 @@ import panda_hand as hand  # type: ignore[import-not-found]
 
 
 class Scripted:
-    """The way of panda.py to where the cube lies at the start: above it, down, close, up by 15 cm."""
+    """Scripted controller with the waypoints of panda.py, shifted to the initial position of the cube."""
 
     def begin(self, now: Any) -> None:
-        """Sees the hand and the cube, which lies along the hand's y and x from it."""
+        """Store the positions of hand and cube. World x and y are the hand's y and x."""
         self._hand = now.read("sensordata", "hand")[:, :2].copy()
         self._aside = now.read("sensordata", "cube")[:, [1, 0]].copy()
 
     def __call__(self, now: Any) -> Any:
-        """Targets of seven joints and two fingers."""
+        """Servo targets of seven joints and two fingers, (n, 9)."""
         k, done = panda.way(now.time[0])
         height = panda.HALF + panda.HEIGHTS[k] + done * (panda.HEIGHTS[k + 1] - panda.HEIGHTS[k])
         place = self._hand + (done if k == 0 else 1.0) * self._aside

@@ -1,4 +1,4 @@
-"""Trains the policy of panda_trained.py: to pick up a cube that lies anywhere within 4 cm, with friction of 0.4 to 1.2.
+"""Training of the policy of panda_trained.py: picking a cube at a random place within ±4 cm, with friction of 0.4 to 1.2.
 
     python examples/studies/panda_task.py stepper/PandaPick-v0 --threads 1
 
@@ -24,7 +24,7 @@ import stepper  # noqa: E402
 from stepper.envs.task import Observation, Task  # noqa: E402
 
 LENGTH = 80
-"""Actions of an episode: 4 s."""
+"""Number of actions in an episode of 4 s."""
 SETTINGS = {
     "steps": 400_000,
     "num_envs": 128,
@@ -35,45 +35,45 @@ SETTINGS = {
     "gamma": 0.98,
     "initial_std": 0.6,
 }
-"""Of the training, in place of those of `stepper train`."""
+"""Hyperparameters that replace the defaults of `stepper train`."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class PandaPick(Task):
-    """Close the fingers around the cube and lift it by 15 cm.
+    """Task of closing the fingers around a cube and lifting it by 15 cm.
 
-    An action moves the target of the hand along x, y and z, by up to 2 cm at -1 and 1. Its last number closes the fingers above 0, and
-    opens them otherwise.
+    Action (4,): the first three numbers, -1 to 1, move the target of the hand by up to 2 cm along x, y and z. The fingers close if the last
+    number is above 0, and open otherwise.
     """
 
     frame_skip: int = 25
     friction: tuple[float, float] = (0.4, 1.2)
 
     def model(self) -> Any:
-        """The scene of the study."""
+        """Model of panda_hand.py."""
         with warnings.catch_warnings():
-            # Of the softness of two pads; contact is hard here.
+            # The warning is about solref and solimp of the finger pads, which hard contact does not use.
             warnings.simplefilter("ignore", stepper.ModelWarning)
             return stepper.load(lab.scene())
 
     def action_bounds(self, model: Any) -> Any:
-        """Of the moves and of the fingers."""
+        """Bounds of the actions, (4,) each."""
         return -np.ones(4), np.ones(4)
 
     def observations(self) -> Any:
-        """What the policy of the study sees: (10,)."""
+        """Observation of the policy, (10,)."""
         return (Observation("seen", func=lambda now: lab.seen(now.sensordata, now.episode_state["target"], now.episode_state["closed"])),)
 
     def episode_state(self, num_envs: int) -> Any:
-        """The target of the hand, and whether the fingers close."""
+        """Target of the hand (num_envs, 3), m, and closing command of the fingers (num_envs,), 0 or 1."""
         return {"target": np.zeros((num_envs, 3)), "closed": np.zeros(num_envs)}
 
     def sample_state(self, qpos: Any, qvel: Any, rng: Any) -> None:
-        """Above the middle, the cube beside it."""
+        """Place the fingers above the nominal position, and the cube at random within ±4 cm of it."""
         lab.ready(qpos, rng.uniform(-lab.SPREAD, lab.SPREAD, 2))
 
     def on_reset(self, sim: Any, episode_state: Any, mask: Any, rng: Any) -> None:
-        """A friction of the cube and the fingers."""
+        """Reset the target, and draw the friction of cube and fingers."""
         episode_state["target"][mask], episode_state["closed"][mask] = np.array([*panda.PLACE, panda.HALF + lab.ABOVE]), 0.0
         model = sim.model
         grips = [k for k, name in enumerate(model.geom_names) if name == "cube" or name.startswith("hand_finger")]
@@ -84,18 +84,18 @@ class PandaPick(Task):
         sim.randomize(mask, geom_friction=rows)
 
     def advance(self, now: Any) -> None:
-        """Moves the target, and steps with the servos that follow it."""
+        """Move the target by the action, and step while the servos follow it."""
         episode_state = now.episode_state
         episode_state["target"][:] = lab.moved(episode_state["target"], now.action)
         episode_state["closed"][:] = now.action[:, 3] > 0.0
         now.sim.step(lab.controls(episode_state["target"], episode_state["closed"]), self.frame_skip)
 
     def healthy(self, now: Any) -> Any:
-        """The cube is within reach."""
+        """Whether the cube is within reach, (num_envs,)."""
         return np.abs(now.qpos[:, 9:11] - panda.PLACE).max(axis=1) < 0.15
 
     def reward(self, now: Any) -> Any:
-        """For fingers about the cube, for a cube between them that stops them, and for its height; less the size of moves."""
+        """Reward for fingers near the cube, a grasped cube and its height, less a cost of the motion."""
         readings = now.sensordata
         distance = np.linalg.norm(readings[:, 3:6], axis=1)
         height = np.clip((now.qpos[:, 11] - panda.HALF) / panda.RISE, 0.0, 1.0)
@@ -111,7 +111,7 @@ class PandaPick(Task):
 
 
 def register() -> None:
-    """As stepper/PandaPick-v0."""
+    """Register the task as stepper/PandaPick-v0."""
     gymnasium.register(
         "stepper/PandaPick-v0",
         entry_point="stepper.envs.single:StepperEnv",
@@ -124,7 +124,7 @@ def register() -> None:
 if __name__ == "__main__":
     from stepper.policies import ppo, ppo_settings
 
-    # Under its own name, so that a checkpoint finds the class when it is read.
+    # The module name must not be __main__, so that checkpoints can be unpickled elsewhere.
     sys.modules["panda_task"] = sys.modules["__main__"]
     PandaPick.__module__ = "panda_task"
     register()

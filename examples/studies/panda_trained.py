@@ -1,14 +1,14 @@
-"""A Panda picks a cube by a policy that has learned it: where does it fail, with how many iterations, in which law?
+"""Picking of a cube by a Panda arm with a learned policy: success by friction, solver iterations, contact law and engine.
 
-The cube lies anywhere within 4 cm. Every 50 ms the policy sees where it is from the hand, how far the fingers are open, and where the hand
-is to go. It moves that place by up to 2 cm, and opens or closes the fingers:
+The cube lies at a random place within ±4 cm. Every 50 ms the policy observes the positions of cube, target and fingers (panda_hand.py). It
+moves the target of the hand by up to 2 cm, and opens or closes the fingers:
 
     stepper report examples/studies/panda_trained.py
 
-panda_task.py trains it. The same episodes by a script, which is told where the cube lies, are in panda_scripted.py:
+panda_task.py trains the policy. panda_scripted.py is the same study with a script, which gets the initial position of the cube:
 
     stepper report examples/studies/panda_scripted.py
-    python examples/studies/panda_trained.py    # a table of both, and one picture, out/panda.png or what is named
+    python examples/studies/panda_trained.py [FILE]   # both: prints a table, writes a figure to FILE [out/panda.png]
 """
 
 from __future__ import annotations
@@ -30,17 +30,17 @@ POLICY = HERE.parent / "policies/panda_pick.npz"
 
 
 class Trained:
-    """The policy, with what it remembers: the hand's target and the fingers' command."""
+    """Controller that applies the policy, and stores the hand's target and the closing command."""
 
     def __init__(self) -> None:
         self.policy = stepper.policies.load(POLICY)
 
     def begin(self, now: Any) -> None:
-        """The target is where the hand is."""
+        """Set the target to the position of the hand."""
         self._target, self._closed = now.read("sensordata", "hand").copy(), np.zeros(now.num_envs)
 
     def __call__(self, now: Any) -> Any:
-        """Targets of seven joints and two fingers."""
+        """Servo targets of seven joints and two fingers, (n, 9)."""
         action = self.policy(hand.seen(now.sensordata, self._target, self._closed))
         self._target, self._closed = hand.moved(self._target, action), (action[:, 3] > 0.0).astype(float)
         return hand.controls(self._target, self._closed)
@@ -50,22 +50,22 @@ study = hand.picking("panda_trained", Trained(), hand.HOLD)
 
 
 def both() -> dict[str, Any]:
-    """Sweeps by the policy and by the script."""
+    """Sweeps of the policy and of the script, by name."""
     from panda_scripted import study as scripted  # type: ignore[import-not-found]  # noqa: PLC0415
 
     return {name: stepper.lab.sweep(own, cliffs=False).sweep for name, own in (("policy", study), ("script", scripted))}
 
 
 def table(sweeps: Any) -> None:
-    """Prints how many cubes each picks at each friction."""
+    """Print how many cubes the policy and the script pick at each friction."""
     for name, found in sweeps.items():
         for setting in ("stepper", *found.study.settings):
             shares = ", ".join(f"{level.value:g}: {level.successes}" for level in found.levels_of("friction", setting))
-            print(f"{name}, {setting}: picked of {found.study.episodes}, by friction: {shares}")
+            print(f"{name}, {setting}: cubes picked of {found.study.episodes}, by friction: {shares}")
 
 
 def picture(sweeps: Any, file: str) -> None:
-    """A panel each for the policy and the script: shares over friction, with Wilson's intervals."""
+    """Plot the share of picked cubes over friction with Wilson intervals, in one panel each for the policy and the script."""
     from matplotlib.figure import Figure  # noqa: PLC0415
 
     figure = Figure(figsize=(9, 3.2), dpi=130, layout="constrained")

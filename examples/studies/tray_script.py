@@ -1,27 +1,27 @@
-"""What pushes the object of tray.toml, and where that is at any time."""
+"""Push on the object of tray.toml, and the exact motion of the object."""
 
 from typing import Any
 
 import numpy as np
 
 CONTROL, MASS, GRAVITY = 0.008, 0.3, 9.81
-"""s that a push is held, as in tray.toml, kg and m/s^2."""
+"""Control period of tray.toml, s; mass of the object, kg; gravity, m/s^2."""
 
 
 def force(now: Any, time: Any) -> Any:
-    """Of the push at a time, N."""
+    """Force of the push at a time, N. The control period in which the gripper reacts has the mean force over the period."""
     return now.theta["push"] * np.clip((now.theta["reaction"] - time) / CONTROL, 0.0, 1.0)
 
 
 def push(now: Any) -> None:
-    """Pushes until the gripper reacts; in the control in which it does, for the share of the time that is left."""
+    """Push the object until the gripper reacts."""
     now.xfrc_applied[:, now.model.body("object").id, 0] = force(now, now.time)
 
 
 def exact(now: Any, time: Any) -> Any:
-    """Configurations and velocities at times of controls. In each of them the force less the friction is constant, until the object stands.
+    """Exact qpos and qvel at the times of the controls. Within a control period, force and friction are constant until the object stops.
 
-    The millionths of a metre a second with which it begins are gone in 1e-7 s, and have no part in it.
+    The initial velocity is neglected: it is about 1e-6 m/s, and friction stops it within 1e-7 s.
     """
     rubs = now.theta["friction"] * GRAVITY
     mass = MASS * now.theta["mass"]
@@ -31,7 +31,7 @@ def exact(now: Any, time: Any) -> Any:
     for k in range(1, len(time)):
         span = time[k] - time[k - 1]
         a = force(now, float(time[k - 1])) / mass - rubs
-        # What stands stays where it is unless the push is above the friction, and what is slowed down stops within the control or after it.
+        # An object at rest moves only if the push exceeds the friction. A decelerating object stops at v / -a or later than this control.
         moves = np.where(a < 0, np.minimum(span, v / np.maximum(-a, 1e-300)), span)
         x, v = x + v * moves + 0.5 * a * moves**2, v + a * moves
         qpos[k, :, 0], qvel[k, :, 0] = now.qpos[:, 0] + x, v

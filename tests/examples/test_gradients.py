@@ -56,7 +56,7 @@ def test_functions_that_are_not_the_tasks_are_refused():
 
 
 def test_horizons_that_do_not_fit_and_models_with_quaternions_are_refused():
-    with pytest.raises(ValueError, match="must be whole horizons of 7"):
+    with pytest.raises(ValueError, match="no multiple of the horizon 7"):
         learner_of("stepper/Swimmer-v5", horizon=7)
     with pytest.raises(ValueError, match="without quaternions"):
         learner_of("stepper/Ant-v5", shac.TASKS["stepper/Swimmer-v5"])

@@ -1,7 +1,8 @@
-"""Environment steps per second through each adapter, beside the vector environment that all of them are made over; and what overlap saves.
+"""Speed of the adapters to other libraries, compared with the vector environment that they wrap.
 
-Random actions, all on one core, by turns: a round is some steps of each; figures are medians over rounds. Libraries that are not
-installed are left out; `make adapters` installs them. The second table has two cores: a policy acts on one, environments step on the other.
+The first table has environment steps per second with random actions, on one core. The adapters take turns; figures are medians over rounds.
+Libraries that are not installed are skipped; `make adapters` installs them. The second table shows the time that overlapping saves on two
+cores: a policy acts on one core while environments step on the other.
 
     python benches/adapters.py                          # HalfCheetah and Ant with 1,024 environments
     python benches/adapters.py Humanoid --num-envs 256
@@ -25,15 +26,15 @@ from stepper.envs import TASKS
 from stepper.shared.machine import cpu_name, one_core
 
 STEPS = 6
-"""Steps of a round."""
+"""Steps of each adapter per round."""
 SETTINGS: dict[str, Any] = {"precision": "f32", "autoreset_mode": "SameStep"}
-"""Of all of them, but for those that choose the autoreset themselves."""
+"""Settings of all adapters. Some set the autoreset mode themselves."""
 
 Step = Callable[[], Any]
 
 
 def native(name: str, num_envs: int) -> Step:
-    """The vector environment itself."""
+    """Vector environment without an adapter."""
     envs = make_native(name, num_envs, **SETTINGS)
     action = _action(envs.single_action_space, num_envs)
     envs.reset(seed=0)
@@ -41,7 +42,7 @@ def native(name: str, num_envs: int) -> Step:
 
 
 def envpool(name: str, num_envs: int) -> Step:
-    """EnvPool's calls, with a quarter of the environments in a batch."""
+    """Adapter with EnvPool's interface, with a quarter of the environments in a batch."""
     pool = StepperPool(name, num_envs, num_envs // 4, seed=0, precision="f32")
     action = _action(pool.action_space, num_envs)
     pool.async_reset()
@@ -58,7 +59,7 @@ def envpool(name: str, num_envs: int) -> Step:
 
 
 def sb3(infos: str) -> Callable[[str, int], Step]:
-    """Stable-Baselines3's `VecEnv`."""
+    """Adapter to Stable-Baselines3's `VecEnv`."""
 
     def make(name: str, num_envs: int) -> Step:
         from stepper.adapters.sb3 import StepperVecEnv  # noqa: PLC0415
@@ -72,7 +73,7 @@ def sb3(infos: str) -> Callable[[str, int], Step]:
 
 
 def pytorch(name: str, num_envs: int) -> Step:
-    """PyTorch's tensors."""
+    """Vector environment with PyTorch tensors."""
     import torch  # noqa: PLC0415
     from stepper.adapters.torch import TorchVectorEnv  # noqa: PLC0415
 
@@ -83,7 +84,7 @@ def pytorch(name: str, num_envs: int) -> Step:
 
 
 def torchrl(name: str, num_envs: int) -> Step:
-    """TorchRL's step and reset of what is over."""
+    """Adapter to TorchRL, with `step_and_maybe_reset`."""
     import torch  # noqa: PLC0415
     from stepper.adapters.torchrl import StepperTorchRLEnv  # noqa: PLC0415
 
@@ -100,7 +101,7 @@ def torchrl(name: str, num_envs: int) -> Step:
 
 
 def rllib(name: str, num_envs: int) -> Step:
-    """What RLlib's env runner wraps around the batch: a dictionary of infos for each environment."""
+    """Vector environment in the wrapper of RLlib's env runner, which makes a dictionary of infos for each environment."""
     from gymnasium.wrappers.vector import DictInfoToList  # noqa: PLC0415
 
     envs = DictInfoToList(make_native(name, num_envs, precision="f32", dtype="float32"))
@@ -110,7 +111,7 @@ def rllib(name: str, num_envs: int) -> Step:
 
 
 def pufferlib(name: str, num_envs: int) -> Step:
-    """PufferLib's `PufferEnv`."""
+    """Adapter to PufferLib's `PufferEnv`."""
     from stepper.adapters.pufferlib import StepperPufferEnv  # noqa: PLC0415
 
     env = StepperPufferEnv(name, num_envs, precision="f32")
@@ -120,7 +121,7 @@ def pufferlib(name: str, num_envs: int) -> Step:
 
 
 def ray(name: str, num_envs: int) -> Step:
-    """One actor of Ray, which has the environments in four blocks."""
+    """Adapter to Ray with one actor that has the environments in four blocks, stepped by one remote call per step."""
     import ray  # noqa: PLC0415
     from stepper.adapters.ray import RayVectorEnv  # noqa: PLC0415
 
@@ -133,7 +134,7 @@ def ray(name: str, num_envs: int) -> Step:
 
 
 def ray_rollout(name: str, num_envs: int) -> Step:
-    """The same, which steps without a call for each."""
+    """Adapter to Ray with one actor that has the environments in four blocks, stepped by one remote call per rollout."""
     import ray  # noqa: PLC0415
     from stepper.adapters.ray import RayVectorEnv  # noqa: PLC0415
 
@@ -165,11 +166,11 @@ CONTESTANTS: dict[str, tuple[str | None, Callable[[str, int], Step]]] = {
     "`ray.RayVectorEnv.step`, one actor": ("ray", ray),
     "`ray.RayVectorEnv.rollout`, one actor": ("ray", ray_rollout),
 }
-"""By name: the library that it needs, and what makes it."""
+"""Adapters by name: required library, and function that makes the step to measure."""
 
 
 def race(name: str, num_envs: int, rounds: int) -> dict[str, tuple[float, float]]:
-    """Of each, steps of environments per second, and the same as a ratio to those of the first in the same round: medians."""
+    """Environment steps per second of each adapter, and the ratio to the first one in the same round: medians over rounds."""
     made = {label: make(name, num_envs) for label, (library, make) in CONTESTANTS.items() if library is None or find_spec(library)}
     times: dict[str, list[float]] = {label: [] for label in made}
     for k in range(rounds + 2):
@@ -187,7 +188,7 @@ def race(name: str, num_envs: int, rounds: int) -> dict[str, tuple[float, float]
 
 
 def overlap(name: str, num_envs: int, rounds: int) -> tuple[float, float, float, float]:
-    """Seconds of a policy, of the environments, of both in turn, and of both through `StepperPool`: two batches, one thread."""
+    """Times per step, s: policy alone, environments alone, both in sequence, and both through `StepperPool` with two batches."""
     envs = make_native(name, num_envs, **SETTINGS)
     pool = StepperPool(name, num_envs, num_envs // 2, seed=0, precision="f32")
     width, size = envs.single_observation_space.shape[0], envs.single_action_space.shape[0]  # type: ignore[index]
@@ -216,7 +217,7 @@ def overlap(name: str, num_envs: int, rounds: int) -> tuple[float, float, float,
         for _ in range(2 * (STEPS - 1)):
             ahead, *_, infos = pool.recv()
             pool.send(act(ahead), infos["env_id"])
-        seen = [pool.recv() for _ in range(2)]  # Nothing goes on while the others are measured.
+        seen = [pool.recv() for _ in range(2)]  # No batch steps while the others are measured.
         times.append((acting, between - begin - acting, between - begin, time.perf_counter() - between))
     policy, steps, both, pooled = (statistics.median(part) / STEPS for part in zip(*times[2:], strict=True))
     return policy, steps, both, pooled
@@ -229,7 +230,7 @@ def _action(space: Any, num_envs: int) -> Any:
 
 
 def main() -> None:
-    """Prints the tables."""
+    """Print the tables."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("names", nargs="*", default=("HalfCheetah", "Ant"), metavar="TASK", help=f"one of {', '.join(sorted(TASKS))}")
     parser.add_argument("--num-envs", type=int, default=1024)
@@ -240,12 +241,12 @@ def main() -> None:
     with one_core():
         rates = [race(name, given.num_envs, given.rounds) for name in ids]
     print(f"{given.num_envs} environments, f32, one core, {cpu_name()}\n")
-    print("| | " + " | ".join(f"{name}, steps/s | beside it" for name in given.names) + " |")
+    print("| | " + " | ".join(f"{name}, steps/s | ratio" for name in given.names) + " |")
     print("|---" * (1 + 2 * len(ids)) + "|")
     for label in rates[0]:
         print(f"| {label} | " + " | ".join(f"{rate[label][0]:,.0f} | {rate[label][1]:.2f}" for rate in rates) + " |")
-    print("\nA policy of 256 x 256 on one core, environments on one thread; ms of a step of all\n")
-    print("| task | policy | environments | in turn | `StepperPool`, two batches | in turn beside it |\n|---|---|---|---|---|---|")
+    print("\nA policy of 256 x 256 on one core, environments on one thread; ms per step of all environments\n")
+    print("| task | policy | environments | in sequence | `StepperPool`, two batches | speedup |\n|---|---|---|---|---|---|")
     for name, task in zip(given.names, ids, strict=True):
         policy, steps, both, pooled = overlap(task, given.num_envs, given.rounds)
         figures = " | ".join(f"{1e3 * value:.2f}" for value in (policy, steps, both, pooled))

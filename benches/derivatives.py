@@ -1,7 +1,7 @@
-"""Figures of docs/benchmarks/derivatives.md: agreement of differences, the horizon of a hopper, and time. One process, one pinned core.
+"""Accuracy and time of `Stepper.linearize`, for docs/benchmarks/derivatives.md. Uses one process on one pinned core.
 
-python benches/derivatives.py                 # all
-python benches/derivatives.py agreement time  # of agreement, implicit, smoothness, horizon, time, effort
+python benches/derivatives.py                 # all tables
+python benches/derivatives.py agreement time  # some of: agreement, implicit, smoothness, horizon, time, effort
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ WRT = ("qpos", "qvel", "act", "ctrl")
 
 
 def path_of(robot: str) -> str:
-    """The file of a robot of an installed package."""
+    """MJCF file of a robot, "PACKAGE/NAME", in an installed package."""
     package, name = robot.split("/")
     spec = find_spec(package)
     assert spec is not None and spec.submodule_search_locations
@@ -51,7 +51,7 @@ def path_of(robot: str) -> str:
 
 
 def touching(robot: str, options: Options, num_envs: int, amplitude: float = 0.3) -> tuple[stepper.Stepper, Array]:
-    """Robots that touch the floor after ten seconds' worth of random controls, and controls."""
+    """Stepper with robots on the floor after ten seconds of random controls, and random controls for the next step."""
     model, rng = stepper.load(path_of(robot), strict=False), np.random.default_rng(0)
     sim = stepper.Stepper(model, num_envs, options=options)
     for _ in range(10):
@@ -60,19 +60,19 @@ def touching(robot: str, options: Options, num_envs: int, amplitude: float = 0.3
 
 
 def matrix(lin: Linearization) -> Array:
-    """A and B, (num_envs, n, n + nu)."""
+    """Matrices [A B] side by side, (num_envs, n, n + nu)."""
     return np.concatenate([lin.A, lin.B], axis=2)
 
 
 def noise(sim: stepper.Stepper, lin: Linearization) -> Array:
-    """Noise of an entry, (num_envs,): residual and rounding of velocities over the step."""
+    """Noise of an entry of A or B, (num_envs,): solver residual and rounding of velocities, divided by the difference step."""
     floor: Array = 4.0 * (lin.residual + 2.0**-52 * np.maximum(np.abs(sim.qvel).max(axis=1), 1.0)) / lin.step
     return floor
 
 
 def agreement() -> None:
-    """Entries that are the same by two steps of differences, and how many columns are near a kink."""
-    print("| robot | law | contacts | environments near a kink | columns near a kink | entries that agree | away from kinks |")
+    """Print the share of entries that agree for two sizes of the difference step, and the share of columns near a kink."""
+    print("| robot | options | contacts | environments near a kink | columns near a kink | entries that agree | away from kinks |")
     print("|---|---|---|---|---|---|---|")
     for robot in ROBOTS:
         for law, options in SETTINGS.items():
@@ -107,8 +107,8 @@ SMOOTH: dict[str, dict[str, Any]] = {
 
 
 def implicit(num_envs: int = 24) -> None:
-    """Implicit derivatives beside extrapolated central differences of whole steps."""
-    print("| robot | law | environments | columns away from kinks | within 1e-6 or the differences' own error | median | 99 % |")
+    """Print the relative error of implicit derivatives, compared with extrapolated central differences of whole steps."""
+    print("| robot | options | environments | columns away from kinks | error below max(1e-6, that of fd) | median | 99 % |")
     print("|---|---|---|---|---|---|---|")
     laws = {
         "split, Euler": Options(integrator="euler"),
@@ -130,7 +130,7 @@ def implicit(num_envs: int = 24) -> None:
             apart = [np.abs(a - b)[:, rows].max(axis=1) for rows in (slice(0, nv), slice(nv, None))]
             off = np.max([d / size for d, size in zip(apart, largest, strict=True)], axis=0)
             error = np.concatenate([differences.errors[name] for name in WRT], axis=-1).max(axis=1)
-            # What a contact is damped by where equalities move it ends without a kink that differences see.
+            # Kinks of both methods: differences miss the end of the damping of a contact that equalities move.
             kinks = np.concatenate([differences.kinks[name] | own.kinks[name] for name in WRT], axis=-1)
             smooth = (kinks == 0) & own.implicit[:, None]
             good = ((off < 1e-6) | (off < error))[smooth].mean()
@@ -142,7 +142,7 @@ def implicit(num_envs: int = 24) -> None:
 
 
 def smoothness(num_envs: int = 64, points: int = 33, width: float = 1e-6) -> None:
-    """Deviation of a step's outcome from two parabolas, on both sides of a state, along random directions through it."""
+    """Print the roughness of a step: the deviation of q+ and v+ from a parabola on each side of a state, along random directions."""
     print("| robot | options | tolerance, m/s | q+: median | 90 % | v+: median | 90 % |")
     print("|---|---|---|---|---|---|---|")
     places = np.linspace(-width, width, points)
@@ -175,8 +175,8 @@ def smoothness(num_envs: int = 64, points: int = 33, width: float = 1e-6) -> Non
 
 
 def horizon(steps: int = 32) -> None:
-    """Gradients over a horizon of a hopper, taken back step by step and by differences of whole rollouts."""
-    print("| law | gradient by | cosine: median | worst of 8 | difference of length, median | below 0.999999 | of these near a kink |")
+    """Print the agreement of rollout gradients of a hopper: backward through the steps, and by differences of whole rollouts."""
+    print("| options | gradient by | cosine: median | worst of 8 | norm error, median | below 0.999999 | of these near a kink |")
     print("|---|---|---|---|---|---|---|")
     for law, options in SETTINGS.items():
         sim, _ = touching("gymnasium/hopper", options, 8)
@@ -205,7 +205,7 @@ def horizon(steps: int = 32) -> None:
 
 
 def by_whole_rollouts(sim: stepper.Stepper, ctrl: Array, weights: Array, speeds: Array, h: float = 1e-6) -> tuple[Array, Array]:
-    """Central differences of whole rollouts: by controls (num_envs, T nu), by the first state (num_envs, 2 nv)."""
+    """Central differences of whole rollouts by the controls, (num_envs, T nu), and by the first state, (num_envs, 2 nv)."""
     model, n = sim.model, len(sim.qpos)
     options = Options(**{**vars(sim.options), "tolerance": 1e-13})
     size = ctrl.shape[0] * model.nu
@@ -225,7 +225,7 @@ def by_whole_rollouts(sim: stepper.Stepper, ctrl: Array, weights: Array, speeds:
 
 
 def median_time(call: Callable[[], Any], count: int, before: Callable[[], Any] = lambda: None) -> float:
-    """Processor time of a call, s: median of some, after one that is not counted. `before` is called before each, and not timed."""
+    """Processor time of a call, s: median of `count` calls, after a warm-up call. `before` runs before each call, untimed."""
     before()
     call()
     times = []
@@ -238,12 +238,10 @@ def median_time(call: Callable[[], Any], count: int, before: Callable[[], Any] =
 
 
 def cost(num_envs: int = 32) -> None:
-    """Time of A and B of robots in contact, by differences and implicitly, central and to one side, beside a step and mjd_transitionFD."""
-    print(
-        "| robot | law | contacts | columns | a step, us | central, us | in steps | mjd_transitionFD | of it | one side, us | in steps |",
-        end="",
-    )
-    print(" mjd_transitionFD | of it | implicit, us | in steps | implicit, one side, us | in steps |")
+    """Print the time of A and B of robots in contact, by finite differences (fd) and implicitly, compared with mjd_transitionFD."""
+    fd = " in steps | mjd_transitionFD, us | speedup |"
+    print(f"| robot | options | contacts | columns | step, us | central fd, us |{fd} one-sided fd, us |{fd}", end="")
+    print(" implicit central, us | in steps | implicit one-sided, us | in steps |")
     print("|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|")
     per = 1e6 / num_envs
     for robot in ("gymnasium/ant", "dm_control/quadruped", "gymnasium/hopper"):
@@ -267,7 +265,7 @@ def cost(num_envs: int = 32) -> None:
                 theirs = transition_time(robot, sim, ctrl, centered)
                 line += f" {ours * per:.0f} | {ours / stepped:.0f} | {theirs * 1e6:.0f} | {theirs * num_envs / ours:.1f} |"
             for centered in (True, False):
-                # Of Runge and Kutta's method, which is the other one of MuJoCo's law here, there are none.
+                # Implicit derivatives do not exist for the integrator rk4.
                 if sim.options.contact == "mujoco" and sim.options.integrator != "implicitfast":
                     line += " | |"
                     continue
@@ -277,13 +275,17 @@ def cost(num_envs: int = 32) -> None:
 
 
 def linearization_time(sim: stepper.Stepper, ctrl: Array, method: Literal["fd", "implicit"], centered: bool) -> float:
-    """Processor time of A and B of all environments, s."""
+    """Processor time of `linearize` for all environments, s."""
     return median_time(lambda: sim.linearize(ctrl=ctrl, method=method, centered=centered), 9)
 
 
 def effort(num_envs: int = 32) -> None:
-    """Time that copies take to step, and what of it the solver does: beside steps that end after one sweep, or one step of Newton's."""
-    print("| robot | law | step of a copy, us | sweeps, Newton steps | from the solution | with one sweep or step, us | share of solving |")
+    """Print the time of the perturbed steps of finite differences, and the solver's share of it.
+
+    The share comes from steps whose solver stops after one iteration. "Warm-started" counts the iterations from the solution of the
+    unperturbed step.
+    """
+    print("| robot | options | step, us | sweeps, Newton steps | warm-started | step with one iteration, us | share of the solver |")
     print("|---|---|---|---|---|---|---|")
     for robot in ("gymnasium/ant", "dm_control/quadruped", "gymnasium/hopper"):
         for law, options in SETTINGS.items():
@@ -307,7 +309,7 @@ def effort(num_envs: int = 32) -> None:
                 again()
                 times.append(float(np.median([again() for _ in range(15)])) / len(part.ctrl) * 1e6)
                 counts.append(mean_effort(copies))
-                # Once more from where each began, but from the impulses that solve the step of the environment that it is a copy of.
+                # Again from the same perturbed states, but with the impulses of the unperturbed step as warm start.
                 solved, where = copies.get_state(), np.arange(len(part.ctrl)) // part.count
                 copies.set_state(state)
                 before = [np.array(getattr(copies, name)) for name in ("qpos", "qvel", "act")]
@@ -326,13 +328,13 @@ def effort(num_envs: int = 32) -> None:
 
 
 def mean_effort(copies: stepper.Stepper) -> tuple[float, float]:
-    """Sweeps and Newton steps of the last solution, mean over copies."""
+    """Mean numbers of sweeps and of Newton steps in the last step."""
     newton_steps = float(np.asarray(copies.newton_steps).mean())
     return float(np.asarray(copies.iterations).mean()) - newton_steps, newton_steps
 
 
 def transition_time(robot: str, sim: stepper.Stepper, ctrl: Array, centered: bool) -> float:
-    """Processor time of MuJoCo's A and B, s: median over environments, the model's settings but the integrator."""
+    """Processor time of mjd_transitionFD for one environment, s: median over environments, with the integrator implicitfast."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         model = mujoco.MjModel.from_xml_path(path_of(robot))

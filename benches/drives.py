@@ -1,6 +1,6 @@
-"""What drives cost: a humanoid's step with a drive on every actuator, over its step without; medians of interleaved calls on one core.
+"""Cost of drives: step time of a humanoid with a drive on each actuator, divided by the time without; medians of interleaved calls.
 
-Both begin every call at the same state, of a run without drives under random control: a robot that moves otherwise costs otherwise.
+All variants start each call from the same states, those of a run without drives under random control: step time depends on the motion.
 
     taskset -c 1 python benches/drives.py
 """
@@ -35,11 +35,11 @@ STAGES = {
     "the same, friction": replace(CHAIN, friction=0.005, motor=replace(MOTOR, efficiency=0.85)),
 }
 ROUGH = "MJCF's frictionloss"
-"""Dry friction of 0.3 N m on every hinge, to compare."""
+"""Name of the row for comparison: dry friction of 0.3 N m on every hinge, without drives."""
 
 
 def main() -> None:
-    """Prints a table."""
+    """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--num-envs", type=int, default=128)
     parser.add_argument("--calls", type=int, default=200)
@@ -50,14 +50,14 @@ def main() -> None:
     n = options.num_envs
     rng = np.random.default_rng(0)
     controls = rng.uniform(-1, 1, (options.calls, n, model.nu))
-    # Every one beside the same without a drive, call by call, in the same states: it is set to them before each call.
+    # Each variant alternates with one without drives, call by call. Both are set to the same state before each call.
     plain = Stepper(model, n, precision=options.precision)
     states = []
     for ctrl in controls:
         states.append((plain.qpos, plain.qvel))
         plain.step(ctrl, nstep=options.nstep)
     print(f"{n} humanoids, {options.precision}, {options.calls} calls of {options.nstep} steps")
-    print(f"{'drive on all actuators':<26}{'us a step':>10}{'ratio':>8}")
+    print(f"{'drive on all actuators':<26}{'us/step':>10}{'ratio':>8}")
     rough = model.replace(dof_frictionloss=np.where(np.arange(model.nv) < 6, 0.0, 0.3))
     for name, drive in (*STAGES.items(), (ROUGH, None)):
         scene = rough if name == ROUGH else model
@@ -71,7 +71,7 @@ def main() -> None:
                 sim.step(ctrl, nstep=options.nstep)
                 clock.append((time.process_time() - start) / n / options.nstep * 1e6)
             pairs.append((clock[0], clock[1]))
-        late = pairs[options.calls // 4 :]  # They have fallen by then.
+        late = pairs[options.calls // 4 :]  # The humanoids have fallen by then.
         print(f"{name:<26}{median(b for _, b in late):>10.2f}{median(b / a for a, b in late):>8.3f}", flush=True)
 
 

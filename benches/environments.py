@@ -1,11 +1,15 @@
-"""Environment steps per second, observations, rewards and resets included, and how much of the time is not physics.
+"""Environment steps per second, with observations, rewards and resets, and the overhead besides physics.
 
-Random actions, with the autoreset of Gymnasium's default, on one core. Beside them stand EnvPool's environments of the same name, with one
-thread and as many environments as it is fastest with, and Gymnasium's own in its `SyncVectorEnv`, of fewer environments, as each takes the
-same time; and the same task code over `mujoco.batch`, and over mjbatch where an environment with it is named. They step by turns, and
-figures are medians over the calls of processor time: what else a machine does slows all of them alike.
+All engines run the same tasks with random actions, Gymnasium's default autoreset mode and one core:
 
-    pip install envpool imageio                         # imageio is for Gymnasium's; what is not installed is left out
+* stepper's vector environments;
+* EnvPool, with one thread and the number of environments at which it is fastest;
+* Gymnasium's environments in a `SyncVectorEnv`, with few environments, as its speed does not depend on their number;
+* stepper's task code over `mujoco.batch`, and over mjbatch if `--mjbatch` gives a Python that has it.
+
+The engines take turns, and figures are medians of processor time, so that other load on the machine affects all of them alike.
+
+    pip install envpool imageio                         # Gymnasium needs imageio; missing libraries are skipped
     python -m venv .venv-mjbatch && .venv-mjbatch/bin/pip install mjbatch gymnasium
     python benches/environments.py                      # HalfCheetah, Hopper, Ant, Humanoid with 1,024 environments
     python benches/environments.py --mjbatch .venv-mjbatch/bin/python
@@ -37,20 +41,20 @@ from stepper.shared.machine import cpu_name, one_core
 
 NAMES = ("HalfCheetah", "Hopper", "Ant", "Humanoid")
 GYMNASIUMS, ENVPOOLS = 16, 256
-"""Environments of Gymnasium's own and of EnvPool, whose speed does not grow beyond that."""
+"""Numbers of environments of Gymnasium and EnvPool. More do not increase their speed."""
 LIMIT = 1000
-"""Actions of an episode."""
+"""Number of actions in an episode."""
 BESIDE = ("EnvPool", "mujoco.batch", "Gymnasium's own")
-"""Whose rate the others' are divided by, a column for each."""
+"""Reference engines: the table has a column with the speed relative to each."""
 TURN = 0.15
 """Processor time of a turn, s."""
 
 
 class Timed(Protocol):
-    """Something that steps by turns."""
+    """Batch of environments that is measured in turns."""
 
     def turn(self) -> None:
-        """Steps for some time."""
+        """Step for the time of a turn."""
 
     @property
     def rate(self) -> float:
@@ -58,20 +62,20 @@ class Timed(Protocol):
 
     @property
     def layer(self) -> tuple[float, float]:
-        """What is not physics: its ratio to the physics, and microseconds for each step of an environment; NaN where nobody knows."""
+        """Overhead besides physics: ratio to the physics time, and microseconds per environment step; NaN if unknown."""
 
 
 class Contender:
-    """A batch of environments that is timed.
+    """Batch of environments in this process, with its step times.
 
     Args:
-        envs: The batch.
+        envs: Vector environment.
         num_envs: Number of its environments.
-        physics: The list to which each step adds how long its physics took, s.
+        physics: List to which each step appends its physics time, s. None if unknown.
     """
 
     def __init__(self, envs: Any, num_envs: int, physics: list[float] | None = None):
-        # Of EnvPool's batches `action_space` is that of one environment.
+        # EnvPool's `action_space` is that of a single environment.
         space = getattr(envs, "single_action_space", envs.action_space)
         self._actions = np.random.default_rng(0).uniform(space.low, space.high, (50, num_envs, *space.shape)).astype(space.dtype)
         self._envs, self._num_envs, self._physics = envs, num_envs, [float("nan")] if physics is None else physics
@@ -80,9 +84,9 @@ class Contender:
         envs.reset()
 
     def turn(self) -> None:
-        """Steps for some time."""
+        """Step for the time of a turn."""
         end = time.process_time() + TURN
-        # Of each turn the first step finds nothing of its own in the caches.
+        # The first step of each turn is not counted: its data are not in the CPU caches.
         self._step()
         timed = 0
         while time.process_time() < end or not timed:
@@ -103,14 +107,14 @@ class Contender:
 
     @property
     def layer(self) -> tuple[float, float]:
-        """What is not physics: its ratio to the physics, and microseconds for each step of an environment."""
+        """Overhead besides physics: ratio to the physics time, and microseconds per environment step."""
         physics = np.array(self._inner)
         layer = np.array(self._times) - physics
         return float(np.median(layer / physics)), float(np.median(layer)) / self._num_envs * 1e6
 
 
 def ours(name: str, num_envs: int, contact: str, precision: str) -> Contender:
-    """A batch of stepper's. Its physics is `Task.advance`."""
+    """Batch of stepper's environments. The time of `Task.advance` counts as physics."""
     kind: Any = TASKS[name]
     times: list[float] = []
 
@@ -125,10 +129,10 @@ def ours(name: str, num_envs: int, contact: str, precision: str) -> Contender:
 
 
 class Elsewhere:
-    """The task over mjbatch in another process, whose Python has mjbatch.
+    """Batch over mjbatch in another process.
 
     Args:
-        python: That Python.
+        python: Python interpreter that has mjbatch.
         name: Name of the task.
         num_envs: Number of environments.
     """
@@ -149,11 +153,11 @@ class Elsewhere:
     def _answer(self) -> Any:
         line = self._process.stdout.readline() if self._process.stdout else ""
         if not line:
-            raise RuntimeError(f"the process of mjbatch ended with {self._process.wait()}: its message is above")
+            raise RuntimeError(f"the mjbatch process exited with code {self._process.wait()}: see its error message above")
         return json.loads(line)
 
     def turn(self) -> None:
-        """Steps for some time."""
+        """Step for the time of a turn."""
         if self._process.stdin:
             print(TURN, file=self._process.stdin, flush=True)
         self._times += self._answer()
@@ -165,33 +169,33 @@ class Elsewhere:
 
 
 def batches(name: str, num_envs: int) -> Contender:
-    """The same task code over `mujoco.batch`."""
+    """Batch of stepper's task code over `mujoco.batch`."""
     return Contender(mujoco_vector.MujocoVectorEnv(name, num_envs, max_episode_steps=LIMIT), num_envs)
 
 
 def envpools(name: str) -> Contender:
-    """EnvPool's environments, on one thread."""
+    """Batch of EnvPool's environments, on one thread."""
     envpool: Any = importlib.import_module("envpool")
     return Contender(envpool.make_gymnasium(f"{name}-v5", num_envs=ENVPOOLS, num_threads=1, seed=0), ENVPOOLS)
 
 
 def gymnasiums(name: str) -> Contender:
-    """Gymnasium's own environments, one after the other."""
+    """Batch of Gymnasium's environments in a `SyncVectorEnv`."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         return Contender(SyncVectorEnv([lambda: gymnasium.make(f"{name}-v5", disable_env_checker=True)] * GYMNASIUMS), GYMNASIUMS)
 
 
 def main() -> None:
-    """Prints the table."""
+    """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("names", nargs="*", default=NAMES, metavar="TASK", help=f"one of {', '.join(sorted(TASKS))}")
     parser.add_argument("--num-envs", type=int, default=1024)
-    parser.add_argument("--seconds", type=float, default=5.0, help="processor time of each row")
-    parser.add_argument("--mjbatch", metavar="PYTHON", help="a Python that has mjbatch and gymnasium")
+    parser.add_argument("--seconds", type=float, default=5.0, help="processor time of each row, s [5]")
+    parser.add_argument("--mjbatch", metavar="PYTHON", help="Python interpreter that has mjbatch and gymnasium")
     given = parser.parse_args()
     print(f"{given.num_envs} environments, one core of {cpu_name()}\n")
-    print("| task | contact | precision | steps/s | beside EnvPool | beside mujoco.batch | beside Gymnasium's | layer | layer, us a step |")
+    print("| task | contact | precision | steps/s | x EnvPool | x mujoco.batch | x Gymnasium | overhead / physics | overhead, us/step |")
     print("|---|---|---|---|---|---|---|---|---|")
     peers: dict[str, tuple[str, Callable[[str], Contender]]] = {
         "Gymnasium's own": ("imageio", gymnasiums),

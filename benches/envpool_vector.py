@@ -1,6 +1,6 @@
-"""EnvPool's environments as a vector environment of Gymnasium's, with the autoreset that `stepper train` asks for.
+"""EnvPool's environments as a Gymnasium vector environment with autoreset within the step, as `stepper train` needs it.
 
-EnvPool begins an episode with the call of `step` after the one that ended the last, where the learner wants it within that step.
+EnvPool resets a finished environment in the next call of `step`. This wrapper resets it within the step that ends the episode.
 """
 
 from __future__ import annotations
@@ -18,18 +18,18 @@ Array = NDArray[Any]
 
 
 class EnvPoolVectorEnv(VectorEnv[Array, Array, Array]):
-    """EnvPool's environments of one task, which it steps itself on threads of its own.
+    """Vector environment of one of EnvPool's tasks, stepped by EnvPool's threads.
 
     Args:
-        name: Of EnvPool's task: "HalfCheetah-v5".
+        name: Name of EnvPool's task, such as "HalfCheetah-v5".
         num_envs: Number of environments.
-        num_threads: Threads of EnvPool.
-        autoreset_mode: SAME_STEP.
+        num_threads: Number of EnvPool's threads.
+        autoreset_mode: Autoreset mode; only SAME_STEP is available.
     """
 
     def __init__(self, name: str, num_envs: int, *, num_threads: int = 1, autoreset_mode: AutoresetMode = AutoresetMode.SAME_STEP):
         if autoreset_mode != AutoresetMode.SAME_STEP:
-            raise ValueError(f"autoreset_mode is {autoreset_mode}, must be {AutoresetMode.SAME_STEP}")
+            raise ValueError(f"autoreset_mode is {autoreset_mode}, must be {AutoresetMode.SAME_STEP}: EnvPoolVectorEnv has no other mode")
         self.metadata = {"autoreset_mode": autoreset_mode}
         self._name, self._threads, self.num_envs = name, num_threads, num_envs
         self._envs = self._make(seed=0)
@@ -44,16 +44,16 @@ class EnvPoolVectorEnv(VectorEnv[Array, Array, Array]):
     def reset(
         self, *, seed: int | list[int | None] | np.integer[Any] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Array, dict[str, Any]]:
-        """Begins all episodes. EnvPool takes a seed where it makes its environments: with one they are made anew."""
+        """Reset all environments. A seed recreates them, as EnvPool accepts seeds at construction alone."""
         super().reset(seed=None)
         if isinstance(seed, int | np.integer):
             self._envs = self._make(int(seed))
         elif seed is not None:
-            raise ValueError(f"seed is {seed!r}, must be one whole number: EnvPool takes one for all environments")
+            raise ValueError(f"seed is {seed!r}, must be one integer: EnvPool has one seed for all environments")
         return self._envs.reset()[0], {}
 
     def step(self, actions: Array) -> tuple[Array, Array, Array, Array, dict[str, Any]]:
-        """Steps all environments, and begins episodes where one is over: info has "final_obs" of those."""
+        """Step all environments and reset the finished ones; info["final_obs"] has their last observations."""
         observation, reward, terminated, truncated, _ = self._envs.step(np.ascontiguousarray(actions, dtype=np.float64))
         over = terminated | truncated
         if not over.any():
@@ -62,13 +62,13 @@ class EnvPoolVectorEnv(VectorEnv[Array, Array, Array]):
         final = np.full(self.num_envs, None, dtype=object)
         final[ended] = np.fromiter(observation[ended], dtype=object, count=len(ended))
         first, info = self._envs.reset(ended)
-        observation = observation.copy()  # EnvPool may give it again.
+        observation = observation.copy()  # EnvPool may reuse the array.
         observation[info["env_id"]] = first
         return observation, reward, terminated, truncated, {"final_obs": final, "_final_obs": over, "final_info": {}, "_final_info": over}
 
 
 def register(name: str) -> str:
-    """Has Gymnasium know EnvPool's task of a name, "HalfCheetah-v5", as "envpool/HalfCheetah-v5", which it returns."""
+    """Register EnvPool's task "NAME" with Gymnasium as "envpool/NAME". Returns this name."""
     known = f"envpool/{name}"
     if known not in gymnasium.registry:
         gymnasium.register(known, vector_entry_point=f"{__name__}:{EnvPoolVectorEnv.__name__}", kwargs={"name": name})

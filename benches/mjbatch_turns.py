@@ -1,7 +1,7 @@
-"""A task over mjbatch, stepped turn by turn: what benches/environments.py runs in an environment of its own.
+"""Process that steps a task over mjbatch, started by benches/environments.py.
 
-mjbatch asks for another version of MuJoCo than stepper's reader of MJCF, so that both cannot be in one process. A line of its input is the
-processor time of a turn in s; its answer is a line with the times of the steps, as JSON.
+mjbatch and stepper's MJCF loader need different versions of MuJoCo, so they cannot share a process. Each line of standard input is the
+processor time of a turn in s. The answer is a line with the times of its steps in s, as a JSON list.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from stepper.envs.assets import model_file
 
 
 def main() -> None:
-    """Takes the name of a task, the number of environments, and the file of stepper's model, which was saved."""
+    """Serve turns. Arguments: name of the task, number of environments, file of the saved stepper model."""
     name, num_envs, saved = sys.argv[1], int(sys.argv[2]), sys.argv[3]
     task: Any = TASKS[name]()
     path = model_file(task.xml_file)
@@ -43,7 +43,7 @@ def main() -> None:
             envs.step(actions[count % len(actions)])
             times.append(time.process_time() - begin)
             count += 1
-        print(json.dumps(times[1:]), flush=True)  # Of each turn the first step finds nothing of its own in the caches.
+        print(json.dumps(times[1:]), flush=True)  # Without the first step, whose data are not in the CPU caches.
 
 
 if __name__ == "__main__":

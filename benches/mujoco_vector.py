@@ -1,11 +1,10 @@
-"""Tasks of `stepper.envs` on MuJoCo: the same code of observations, rewards and resets over `mujoco.batch`, or over mjbatch.
+"""Tasks of `stepper.envs` with MuJoCo's physics: the same observations, rewards and resets over `mujoco.batch` or mjbatch.
 
-    python benches/environments.py        # steps of whole environments, beside stepper's
-    python benches/training.py go1        # the Go1 learns in both engines
+    python benches/environments.py        # speed of whole environments, compared with stepper
+    python benches/training.py engines    # the Go1 learns in both engines
 
-The stepper of a batch of environments is replaced by `MujocoSim`, which has what tasks read and call. Models are those that stepper's were
-loaded from. Places and velocities of bodies are those of MuJoCo's last evaluation, as Gymnasium's own environments have them, so that
-nothing is computed twice.
+`MujocoSim` replaces the `Stepper` of a vector environment. It has the attributes and methods that tasks use. It steps the MuJoCo model from
+which stepper's model was loaded. Positions and velocities of bodies are those of MuJoCo's last evaluation, as in Gymnasium's environments.
 """
 
 from __future__ import annotations
@@ -32,7 +31,7 @@ _READ = {
     "sensordata_ideal": "sensordata",
     "sensordata": "sensordata",
 }
-"""Quantities of stepper and MuJoCo's names of them."""
+"""Attributes of `Stepper`, each with MuJoCo's name."""
 _DERIVED = {"body_mass", "body_inertia", "body_ipos", "dof_armature"}
 """Parameters from which MuJoCo derives constants."""
 
@@ -43,29 +42,29 @@ def reads_contact_forces(task: Task) -> bool:
 
 
 def mujoco_model(model: Model, *, with_contact_forces: bool) -> Any:
-    """MuJoCo's model of a scene, of what stepper's was loaded from.
+    """MuJoCo model from the same source as a stepper model.
 
     Args:
-        model: stepper's.
-        with_contact_forces: Whether a step computes `cfrc_ext`, which it does for a sensor of accelerations.
+        model: stepper's model.
+        with_contact_forces: Whether each step computes `cfrc_ext`. An added accelerometer makes MuJoCo compute it.
 
     Raises:
-        ValueError: The source of the model is not known.
+        ValueError: The model was not loaded from MJCF in this process.
     """
     mujoco: Any = importlib.import_module("mujoco")
     origin = origin_of(model)
     if origin is None:
-        raise ValueError(f"model {model.name!r} was not loaded from MJCF here: MuJoCo cannot step it")
+        raise ValueError(f"model {model.name!r} was not loaded from MJCF in this process: load it with stepper.load")
     if not with_contact_forces:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore", UserWarning)  # Whoever loaded the model has seen them.
+            warnings.simplefilter("ignore", UserWarning)  # stepper.load has already issued these warnings.
             return copy.copy(compile_source(origin.source, origin.package_dirs))
     source = origin.source
     return with_an_acceleration(mujoco.MjSpec.from_file(source) if origin.is_file else mujoco.MjSpec.from_string(source))
 
 
 def with_an_acceleration(spec: Any) -> Any:
-    """The compiled model of a `mujoco.MjSpec` with a sensor of its first body's acceleration."""
+    """Compiled model of a `mujoco.MjSpec`, with an added sensor of the acceleration of its first body."""
     mujoco: Any = importlib.import_module("mujoco")
     sensor = spec.add_sensor(name="acceleration", type=mujoco.mjtSensor.mjSENS_FRAMELINACC)
     sensor.objtype, sensor.objname = mujoco.mjtObj.mjOBJ_XBODY, spec.bodies[1].name
@@ -73,19 +72,19 @@ def with_an_acceleration(spec: Any) -> Any:
 
 
 class MujocoSim(MujocoCrowd):
-    """A batch of MuJoCo's with what tasks read of a `stepper.Stepper`, and what they call.
+    """Batch of MuJoCo environments with the part of `Stepper`'s interface that tasks use.
 
     Args:
         model: stepper's model of the scene.
         num_envs: Number of environments.
         engine: "mujoco.batch" or "mjbatch".
-        threads: Threads that step.
-        m: MuJoCo's model; None is made of `model`.
+        threads: Number of threads.
+        m: MuJoCo's model. None compiles the source of `model`.
     """
 
     def __init__(self, model: Model, num_envs: int, *, engine: str = "mujoco.batch", threads: int = 1, m: Any = None):
         if engine not in ("mujoco.batch", "mjbatch"):
-            raise ValueError(f"engine is {engine!r}, must be 'mujoco.batch' or 'mjbatch'")
+            raise ValueError(f"engine is {engine!r}, must be 'mujoco.batch' or 'mjbatch': give one of these")
         m = mujoco_model(model, with_contact_forces=False) if m is None else m
         super().__init__(m, num_envs, threads=threads, library=engine)
         self.model = model
@@ -94,21 +93,21 @@ class MujocoSim(MujocoCrowd):
         self.randomized: dict[str, Array] = {}
 
     def __getattr__(self, name: str) -> Any:
-        # Called for what is not an attribute only.
+        # Python calls this method for missing attributes only.
         if name not in _READ:
-            raise AttributeError(f"MuJoCo's batch has no {name!r}: benches/mujoco_vector.py has what tasks read of it")
+            raise AttributeError(f"MujocoSim has no attribute {name!r}: add it to _READ in benches/mujoco_vector.py")
         known = _READ[name] in self._bound
         values = self.bind(_READ[name])
         if not known:
-            # What is asked for the first time is computed from the state as it is.
+            # The first read computes the quantity from the current state.
             self._batch.forward()
         return np.array(values)
 
-    # The reset of a `Stepper`, as tasks call it.
+    # Signature of `Stepper.reset` as tasks call it.
     def reset(  # type: ignore[override]
         self, envs: Array | None = None, *, qpos: Array | None = None, qvel: Array | None = None, seed: Any = None
     ) -> None:
-        """Begins episodes in the environments of a mask; there is nothing that a seed is for."""
+        """Reset the environments of a mask. The seed is ignored: MuJoCo's physics has no random numbers."""
         ids = np.arange(self.num_envs) if envs is None else np.flatnonzero(envs)
         self._batch.reset(ids)
         self.set_state(qpos, qvel, None if envs is None else np.asarray(envs))
@@ -122,7 +121,7 @@ class MujocoSim(MujocoCrowd):
         act: Array | None = None,
         keep_warmstart: bool = False,
     ) -> None:
-        """Sets configurations, velocities and activations. Derived quantities follow unless `keep_warmstart`, as Gymnasium's do."""
+        """Set positions, velocities and activations. Recomputes derived quantities, as Gymnasium does, unless `keep_warmstart`."""
         ids = np.arange(self.num_envs) if envs is None else np.flatnonzero(envs)
         for name, given in (("qpos", qpos), ("qvel", qvel), ("act", act)):
             if given is not None:
@@ -132,7 +131,7 @@ class MujocoSim(MujocoCrowd):
             self._batch.forward(ids)
 
     def randomize(self, envs: Array | None = None, **fields: Array) -> None:
-        """Gives environments parameters of their own."""
+        """Set parameters of each environment, as `Stepper.randomize`."""
         ids = np.arange(self.num_envs) if envs is None else np.flatnonzero(envs)
         for name, values in fields.items():
             self._batch.expand(name)[ids] = values[ids]
@@ -142,15 +141,15 @@ class MujocoSim(MujocoCrowd):
 
 
 class MujocoVectorEnv(VectorEnv[Array, Array, Array]):
-    """Environments of a task of `stepper.envs` whose physics is MuJoCo's. It does not pickle.
+    """Vector environment of a task of `stepper.envs` with MuJoCo's physics. It cannot be pickled.
 
     Args:
-        task: A task, its class, or its name.
+        task: Task, task class, or name of a task.
         num_envs: Number of environments.
         engine: "mujoco.batch" or "mjbatch".
-        threads: Threads that step.
-        m: MuJoCo's model; None is made of the task's.
-        settings: Of `StepperVectorEnv`: autoreset mode, limit of episodes; and arguments of the task.
+        threads: Number of threads.
+        m: MuJoCo's model. None compiles the source of the task's model.
+        settings: Arguments of `StepperVectorEnv`, such as autoreset_mode and max_episode_steps, and of the task.
     """
 
     def __init__(
@@ -174,21 +173,21 @@ class MujocoVectorEnv(VectorEnv[Array, Array, Array]):
         self.observation_space, self.action_space = envs.observation_space, envs.action_space
 
     def reset(self, *, seed: Any = None, options: dict[str, Any] | None = None) -> tuple[Array, dict[str, Any]]:
-        """As of `StepperVectorEnv`, with its starts."""
+        """Reset environments, as `StepperVectorEnv.reset`, with the same initial states."""
         super().reset(seed=seed if isinstance(seed, int) else None)
         return self._envs.reset(seed=seed, options=options)
 
     def step(self, actions: Array) -> tuple[Array, Array, Array, Array, dict[str, Any]]:
-        """As of `StepperVectorEnv`."""
+        """Step all environments, as `StepperVectorEnv.step`."""
         return self._envs.step(actions)
 
     def set_state(self, qpos: Array, qvel: Array, envs: Any = None) -> Array:
-        """As of `StepperVectorEnv`."""
+        """Set states, as `StepperVectorEnv.set_state`."""
         return self._envs.set_state(qpos, qvel, envs)
 
 
 def register(name: str) -> str:
-    """Has Gymnasium know a task of stepper's, "Go1Velocity-v0", on MuJoCo's batch as "mujoco_batch/Go1Velocity-v0", which it returns."""
+    """Register the task "stepper/NAME" over `mujoco.batch` with Gymnasium as "mujoco_batch/NAME". Returns this name."""
     known = f"mujoco_batch/{name}"
     if known not in gymnasium.registry:
         spec = gymnasium.spec(f"stepper/{name}")

@@ -1,4 +1,4 @@
-"""What quantities of all environments cost on one pinned core: mass matrices and the like, and rays beside MuJoCo's.
+"""Cost of derived quantities of all environments on one pinned core: mass matrix, forces, accelerations, and rays.
 
 python benches/quantities.py
 """
@@ -20,11 +20,11 @@ ENVS = 256
 RAYS = 187
 SUITE = Path(next(iter((find_spec("dm_control") or find_spec("stepper")).submodule_search_locations))) / "suite"
 SCENES = {"dm_control/humanoid": SUITE / "humanoid.xml", "dm_control/quadruped": SUITE / "quadruped.xml"}
-"""A humanoid of capsules on a plane, and a quadruped in a field of 201 by 201 heights."""
+"""Scenes: a humanoid of capsules on a plane, and a quadruped on a height field of 201 by 201 points."""
 
 
 def dynamics(sim: stepper.Stepper) -> list[float]:
-    """Mass matrices, forces of bias, accelerations without constraints, inverse dynamics: us an environment."""
+    """Times of mass_matrix, qfrc_bias, qacc_smooth and inverse_dynamics, us per environment."""
     zeros = np.zeros(sim.model.nv)
     calls = [
         sim.mass_matrix,
@@ -36,7 +36,7 @@ def dynamics(sim: stepper.Stepper) -> list[float]:
 
 
 def rays(sim: stepper.Stepper, m: mujoco.MjModel) -> list[float]:
-    """Rays of all environments at once, and of `mj_multiRay`, which has one environment and one point for all rays: ns each."""
+    """Times per ray, ns: `Stepper.rays` for all environments at once, and `mj_multiRay` for one environment and one origin."""
     points = np.random.default_rng(0).uniform(-1, 1, (RAYS, 3)) * [0.8, 0.5, 0.0] + [0, 0, 2.0]
     down = np.tile([0.0, 0.0, -1.0], (RAYS, 1))
     data, geoms, distances = mujoco.MjData(m), np.empty(RAYS, np.int32), np.empty(RAYS)
@@ -47,8 +47,8 @@ def rays(sim: stepper.Stepper, m: mujoco.MjModel) -> list[float]:
 
 
 def main() -> None:
-    """Prints the tables."""
-    print(f"{cpu_name()}, CPU level {cpu_levels()[-1]}, {ENVS} environments, {RAYS} rays of each\n")
+    """Print the table."""
+    print(f"{cpu_name()}, CPU level {cpu_levels()[-1]}, {ENVS} environments, {RAYS} rays per environment\n")
     print("| | mass_matrix, us | qfrc_bias, us | qacc_smooth, us | inverse_dynamics, us | rays, ns each | mj_multiRay, ns each |")
     print("|---|---|---|---|---|---|---|")
     with one_core(), warnings.catch_warnings():

@@ -1,4 +1,4 @@
-"""Gradients of rollouts beside finite differences of whole rollouts: the table of docs/benchmarks/derivatives.md.
+"""Accuracy of rollout gradients, compared with finite differences of whole rollouts, for docs/benchmarks/derivatives.md.
 
 python benches/rollout_gradients.py                    # random scenes, then the models of all registered tasks
 python benches/rollout_gradients.py scenes --count 20  # the first twenty scenes
@@ -28,34 +28,35 @@ WIDTHS = (1e-4, 1e-5, 1e-6)
 """Half widths of the differences of whole rollouts, for coordinates in SI units."""
 
 SAME = 0.01
-"""Relative difference within which two derivatives agree. Over the widest difference a stiff contact (1e4 / s^2) bends a slope by as much;
-a gradient method does not feel it: Adam divides by the size of the gradient."""
+"""Relative difference within which two derivatives agree. The curvature of a stiff contact (1e4 / s^2) changes a slope by as much over the
+widest difference. Gradient methods are insensitive to it: Adam divides by the size of the gradient."""
 
 FLOOR = 1e-3
-"""Difference between gradient and differences that counts as none, relative to the largest derivative of the same scene and kind, or to 1:
-it turns the gradient by a thousandth."""
+"""Absolute tolerance of the agreement, relative to the largest derivative of the same scene and kind, or to 1. An error of this size
+rotates the gradient by a thousandth of a radian."""
 
 NOISE = 1e-5
-"""Noise of the narrowest difference, relative as in `FLOOR`. Its rollouts are solved to 1e-13 m/s."""
+"""Noise of the narrowest difference, relative as in `FLOOR`. The rollouts are solved to 1e-13 m/s."""
 
 LAWS = {"hard": Options(tolerance=1e-13), "mujoco": Options(contact="mujoco", tolerance=1e-13)}
-"""Both laws with their defaults, solved as tightly as derivatives are: rollouts and differences are of one map."""
+"""Options by contact law: the defaults with the solver tolerance of `linearize`, so that gradients and differences belong to one
+function."""
 
 AXES = {"x": "1 0 0", "y": "0 1 0", "z": "0 0 1"}
 
 START = {"rest": 250, "sliding": 250, "impact": 0, "separation": 250}
-"""Steps that a scene takes before its rollout begins."""
+"""Kinds of motion, each with the number of steps before the rollout begins."""
 
 
 @dataclass(frozen=True)
 class Scene:
-    """Where a rollout begins.
+    """Initial state and controls of a rollout.
 
     Attributes:
-        name: Motion and bodies.
-        sim: The stepper, at the first state.
+        name: Motion and bodies of the scene.
+        sim: Stepper at the first state.
         ctrl: Controls, (T, num_envs, nu).
-        nstep: Steps of a control.
+        nstep: Simulation steps per control.
     """
 
     name: str
@@ -65,7 +66,7 @@ class Scene:
 
 
 def bodies_on_a_floor(seed: int, options: Options, steps: int = 15) -> Scene:
-    """A random scene: one to three boxes, spheres and capsules with motors, that rest, slide, strike the floor or leave it."""
+    """Random scene: one to three boxes, spheres and capsules with motors, which rest, slide, collide with the floor or leave it."""
     rng = np.random.default_rng(seed)
     motion = list(START)[seed % len(START)]
     kinds = [str(kind) for kind in rng.choice(["box", "sphere", "capsule"], size=rng.integers(1, 4))]
@@ -74,7 +75,7 @@ def bodies_on_a_floor(seed: int, options: Options, steps: int = 15) -> Scene:
         a, b, c = rng.uniform(0.05, 0.15, 3)
         size, up = {"box": (f"{a} {b} {c}", c), "sphere": (f"{a}", a), "capsule": (f"{a} {b}", a)}[kind]
         turn = ' euler="90 0 0"' if kind == "capsule" else ""
-        # Every other body lies on the one below it, the others beside it.
+        # Every second body lies on the previous one, the others next to it.
         on_top = i > 0 and rng.random() < 0.5 and kinds[i - 1] == "box"
         height = height + up if on_top else up
         x = f"{0.5 * i}" if not on_top else f"{0.5 * (i - 1)}"
@@ -92,7 +93,7 @@ def bodies_on_a_floor(seed: int, options: Options, steps: int = 15) -> Scene:
     )
     sim = stepper.Stepper(model, 1, options=options)
     if motion == "impact":
-        # The first strikes within the rollout, the others soon after it.
+        # The first body collides within the rollout, the others soon after it.
         qpos = np.array(sim.qpos)
         qpos[0, [7 * i + 2 for i in range(len(kinds))]] += rng.uniform(0.01, 0.04)
         sim.set_state(qpos)
@@ -114,7 +115,7 @@ def bodies_on_a_floor(seed: int, options: Options, steps: int = 15) -> Scene:
 
 
 def robots(seed: int, model: stepper.Model, name: str, options: Options, *, num_envs: int = 2, steps: int = 10) -> Scene:
-    """A robot on its floor after random controls."""
+    """Scene with a robot on the floor after random controls."""
     rng = np.random.default_rng(seed)
     sim = stepper.Stepper(model, num_envs, options=options)
     low, high = np.clip(model.actuator_ctrlrange, -1.0, 1.0).T
@@ -126,25 +127,25 @@ def robots(seed: int, model: stepper.Model, name: str, options: Options, *, num_
 
 @dataclass
 class Judged:
-    """Derivatives of some scenes by what differences of whole rollouts say of them.
+    """Comparison of derivatives with differences of whole rollouts.
 
     Attributes:
-        counts: By kind ("no kink", "near a kink") and verdict.
-        worst: Names and numbers of what disagrees.
+        counts: Number of derivatives by kind ("no kink", "near a kink") and verdict.
+        worst: Descriptions of the derivatives that disagree.
     """
 
     counts: Counter[tuple[str, str]]
     worst: list[str]
 
     def row(self, kind: str) -> list[int]:
-        """Derivatives of a kind: all, those that differences can judge, those that agree, those of the wrong sign."""
+        """Numbers of derivatives of a kind: all, those with a reliable difference, those that agree, those of the wrong sign."""
         own = {verdict: count for (k, verdict), count in self.counts.items() if k == kind}
         judged = sum(own.get(v, 0) for v in ("agrees", "differs", "wrong sign"))
         return [sum(own.values()), judged, own.get("agrees", 0), own.get("wrong sign", 0)]
 
 
 def directions(scene: Scene, rng: np.random.Generator, count: int) -> Iterator[tuple[str, Array, Array]]:
-    """Coordinates of the first state and the controls to differentiate by: kind, displacement of the state, (2 nv,), and of controls."""
+    """Yield random coordinates to differentiate by: kind, and unit displacements of the first state (2 nv,) and of the controls."""
     nv, (T, _, nu) = scene.sim.model.nv, scene.ctrl.shape
     for _ in range(count):
         for kind, first in (("qpos", 0), ("qvel", nv)):
@@ -158,7 +159,7 @@ def directions(scene: Scene, rng: np.random.Generator, count: int) -> Iterator[t
 
 
 def judge(scene: Scene, seed: int, into: Judged, count: int = 4) -> None:
-    """Compares derivatives of a random function of the last state with differences of whole rollouts."""
+    """Compare derivatives of a random function of the last state with differences of whole rollouts."""
     sim, model, rng = scene.sim, scene.sim.model, np.random.default_rng(seed)
     n, nv = len(sim.qpos), model.nv
     made = rollout(sim, scene.ctrl, scene.nstep)
@@ -187,7 +188,10 @@ def judge(scene: Scene, seed: int, into: Judged, count: int = 4) -> None:
 
 
 def verdict_of(ours: float, central: Array, sides: Array, scale: float) -> str:
-    """Verdict on a derivative by central (3,) and one-sided (2, 3) differences of all widths; `scale` is the largest derivative."""
+    """Verdict on a derivative, from central (3,) and one-sided (2, 3) differences of all widths.
+
+    `scale` is the largest derivative of the same scene and kind.
+    """
     size, noise, floor = max(np.abs(central).max(), np.abs(sides).max()), NOISE * scale, FLOOR * scale
     if np.ptp(central) > SAME * size + noise:
         return "differences differ"
@@ -202,7 +206,7 @@ def verdict_of(ours: float, central: Array, sides: Array, scale: float) -> str:
 def differences(
     scene: Scene, env: int, chosen: list[tuple[str, Array, Array]], weights: tuple[Array, Array], end: Array
 ) -> list[tuple[Array, Array]]:
-    """Differences of whole rollouts along some coordinates, at all widths: central, and to both sides."""
+    """Differences of whole rollouts along each chosen coordinate, at all widths: central (3,) and one-sided (2, 3)."""
     sim, model = scene.sim, scene.sim.model
     nv, sizes = model.nv, np.array([sign * h for h in WIDTHS for sign in (1, -1)])
     moves = np.concatenate([[np.zeros(2 * nv)], *(sizes[:, None] * state for _, state, _ in chosen)])
@@ -220,13 +224,13 @@ def differences(
 
 
 def task_models() -> dict[str, stepper.Model]:
-    """Models of the registered tasks, each once."""
+    """Models of the registered tasks, without duplicates."""
     found: dict[str, stepper.Model] = {}
     for name in sorted(name for name in gymnasium.registry if name.startswith("stepper/")):
         try:
             env: Any = gymnasium.make(name, disable_env_checker=True).unwrapped
         except ImportError as error:
-            print(f"{name} is left out: {error}")
+            print(f"skipped {name}: {error}")
             continue
         if env.sim.model not in found.values():
             found[name] = env.sim.model
@@ -234,10 +238,10 @@ def task_models() -> dict[str, stepper.Model]:
 
 
 def main() -> None:
-    """Prints the table, and what disagrees."""
+    """Print the table and the derivatives that disagree."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("parts", nargs="*", default=["scenes", "tasks"])
-    parser.add_argument("--count", type=int, default=100, help="random scenes [100]")
+    parser.add_argument("--count", type=int, default=100, help="number of random scenes [100]")
     given = parser.parse_args()
     warnings.filterwarnings("ignore")
     models = task_models() if "tasks" in given.parts else {}

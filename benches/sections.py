@@ -7,7 +7,7 @@ from pathlib import Path
 
 
 def section_of(page: Path, name: str) -> str:
-    """Present text of a section.
+    """Text of a section of a page.
 
     Raises:
         ValueError: The page has no section of that name.
@@ -16,7 +16,7 @@ def section_of(page: Path, name: str) -> str:
 
 
 def write_section(page: Path, name: str, text: str) -> None:
-    """Replaces a section of a page.
+    """Replace the text of a section of a page.
 
     Raises:
         ValueError: The page has no section of that name.
@@ -27,7 +27,7 @@ def write_section(page: Path, name: str, text: str) -> None:
 
 
 def _parts(page: Path, name: str) -> tuple[str, str, str]:
-    """Text up to the section, the section, and the text from its end on."""
+    """Text before the section, text of the section, and text after it."""
     mark, text = re.escape(name), page.read_text(encoding="utf-8")
     found = re.fullmatch(rf"(.*<!-- {mark}(?:: [^\n]*?)? -->)(.*)(<!-- end of {mark} -->.*)", text, re.DOTALL)
     if found is None:

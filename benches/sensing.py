@@ -1,8 +1,8 @@
-"""What sensors cost: the time of a humanoids' step with them over the time without, one markdown table.
+"""Cost of sensors: step time of humanoids with sensors, divided by the time without them, as a markdown table.
 
-dm_control's humanoid has the 66 readings of its file (IMU, forces and torques at the joints of the legs, touch); "with joints" adds
-position and velocity of all joints and an orientation. Batches take turns along the same random controls, in one process on one core;
-processor time; the median over turns counts. See docs/benchmarks/components.md.
+dm_control's humanoid has 66 readings (IMU, forces and torques at the leg joints, touch). The variant "with joints" adds position and
+velocity of all joints and an orientation. All batches get the same random controls, in turns, in one process on one core. Figures are
+medians of processor time over turns. See docs/benchmarks/components.md.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ FULL = Transfer(
     limits=(-1e3, 1e3), period=0.005, delay=0.01, jitter=0.002, dropout=0.01,
 )  # fmt: skip
 TRANSFERS = {
-    "nothing is read": None,
+    "sensors not read": None,
     "ideal": None,
     "a bias": Transfer(bias_std=0.01),
     "noise": Transfer(noise_std=0.01),
@@ -36,7 +36,7 @@ TRANSFERS = {
 
 
 def equipped(model: Model, transfer: Transfer | None) -> SensorModel | None:
-    """A transfer function on every sensor; a unit quaternion has no scale, misalignment and limits."""
+    """Sensor model with a transfer function on every sensor. Unit quaternions get no scale, misalignment and limits."""
     if transfer is None:
         return None
     turned = replace(transfer, scale_std=0.0, misalignment_std=0.0, limits=None)
@@ -44,7 +44,7 @@ def equipped(model: Model, transfer: Transfer | None) -> SensorModel | None:
 
 
 def with_joints() -> Model:
-    """The humanoid with encoders and an orientation besides the sensors of its file."""
+    """Humanoid with added joint encoders and an orientation sensor."""
     mujoco = require("mujoco", "to add sensors to the humanoid")
     spec = mujoco.MjSpec.from_file(humanoid_path())
     objects, kinds = mujoco.mjtObj, mujoco.mjtSensor
@@ -57,7 +57,7 @@ def with_joints() -> Model:
 
 
 def measure(model: Model, plan: Plan, precision: Precision) -> dict[str, list[float]]:
-    """Microseconds per step and environment of every turn, by what the sensors have."""
+    """Microseconds per environment step of each turn, by sensor errors."""
     sims = {
         name: Stepper(model, plan.num_envs, sensors=equipped(model, transfer), precision=precision) for name, transfer in TRANSFERS.items()
     }
@@ -69,21 +69,21 @@ def measure(model: Model, plan: Plan, precision: Precision) -> dict[str, list[fl
             start = time.process_time()
             for k in steps:
                 sim.step(control[k // plan.hold])
-                if name != "nothing is read":
-                    sim.sensordata  # noqa: B018  (reading is what is timed)
+                if name != "sensors not read":
+                    sim.sensordata  # noqa: B018  (the read is timed)
             times[name].append(1e6 * (time.process_time() - start) / (len(steps) * plan.num_envs))
     return times
 
 
 def main() -> None:
-    """Reads the arguments, measures, prints."""
+    """Measure all variants and print the table."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--num-envs", type=int, default=128, help="humanoids; default: 128")
-    parser.add_argument("--steps", type=int, default=1000, help="steps of random control; default: 1000")
+    parser.add_argument("--num-envs", type=int, default=128, help="number of humanoids [128]")
+    parser.add_argument("--steps", type=int, default=1000, help="number of steps with random controls [1000]")
     args = parser.parse_args()
     plan = Plan(num_envs=args.num_envs, steps=args.steps)
     with one_core():
-        print("| humanoid | readings | precision | sensors | us a step | over nothing | over ideal |\n|---|---|---|---|---|---|---|")
+        print("| humanoid | readings | precision | errors | us/step | vs not read | vs ideal |\n|---|---|---|---|---|---|---|")
         for title, model in (("of the file", load(Path(humanoid_path()))), ("with joints", with_joints())):
             for precision in get_args(Precision):
                 times = {name: np.array(row) for name, row in measure(model, plan, precision).items()}

@@ -1,7 +1,7 @@
-"""What it costs to keep a state and to go back to it, beside a step: dm_control's quadruped on the floor, one pinned core.
+"""Cost of saving and restoring states, compared with a step: dm_control's quadruped on the floor, one pinned core.
 
-python benches/states.py          # whole states
-python benches/states.py --some   # states of some environments: docs/benchmarks/components.md
+python benches/states.py          # states of the whole batch: docs/benchmarks/performance.md
+python benches/states.py --some   # states of single environments: docs/benchmarks/components.md
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from stepper.shared.machine import cpu_name, one_core
 
 
 def some(num_envs: int = 256) -> None:
-    """Prints what states of some environments cost."""
+    """Print the cost of states of single environments."""
     sim, ctrl = touching("dm_control/quadruped", Options(), num_envs)
     begin, kept = sim.get_state(), [sim.get_state(env) for env in range(num_envs)]
     sources = np.random.default_rng(0).integers(0, num_envs, num_envs)
@@ -38,15 +38,15 @@ def some(num_envs: int = 256) -> None:
         "sim.get_state()": sim.get_state,
         "sim.set_state(kept)": back,
     }
-    print(f"| {num_envs} environments | us for each |\n|---|---|")
+    print(f"| {num_envs} environments | us per environment |\n|---|---|")
     for name, call in rows.items():
         print(f"| {name} | {1e6 * median_time(call, 31, back) / num_envs:.1f} |", flush=True)
 
 
 def main() -> None:
-    """Prints the table."""
+    """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--some", action="store_true", help="states of some environments")
+    parser.add_argument("--some", action="store_true", help="measure states of single environments")
     given = parser.parse_args()
     if given.some:
         with one_core(), warnings.catch_warnings():
@@ -54,7 +54,7 @@ def main() -> None:
             some()
         return
     print(f"{cpu_name()}, CPU level {cpu_levels()[-1]}\n")
-    print("| environments | bytes of a state, each | a step, us each | get_state() | set_state(state) | set_state(qpos, qvel) |")
+    print("| environments | state, bytes each | step, us each | get_state() | set_state(state) | set_state(qpos, qvel) |")
     print("|---|---|---|---|---|---|")
     with one_core(), warnings.catch_warnings():
         warnings.simplefilter("ignore", stepper.ModelWarning)

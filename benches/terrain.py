@@ -1,4 +1,4 @@
-"""Cost of ground: processor time of a step of one ball that rolls over each kind.
+"""Cost of terrain: processor time of a step of one ball that rolls over each kind of ground.
 
 python -m terrain
 """
@@ -15,7 +15,7 @@ POINTS, SIDE, STEPS = 101, 10.0, 2000
 
 
 def main() -> None:
-    """Prints a row for every kind of ground."""
+    """Print the time of a step for each kind of ground."""
     for name, model in _grounds().items():
         sim = stepper.Stepper(model)
         sim.set_state(qvel=[1.0, 0.3, 0, 0, 0, 0])

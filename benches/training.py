@@ -1,15 +1,15 @@
-"""Learning curves and the transfer of policies between engines and laws of contact: docs/benchmarks/training.md.
+"""Learning curves, and transfer of policies between engines and contact laws: docs/benchmarks/training.md.
 
-    python benches/training.py curves                       # from the runs in out/train: learning_curves.csv and .png
-    python benches/training.py evaluate                     # fresh episodes of their policies
-    python benches/training.py follow                       # how far Go1 and G1 are from the velocities that they are commanded
-    python benches/training.py transfer                     # examples/policies/ in other environments, from the same starts
-    python benches/training.py race                         # HalfCheetah here, in EnvPool and in Gymnasium's own: learning_race.png
-    python benches/training.py engines                      # the Go1 learns here and on mujoco.batch, with the same task and learner
+    python benches/training.py curves                       # learning_curves.csv and .png from the runs in out/train
+    python benches/training.py evaluate                     # returns of the policies of these runs in fresh episodes
+    python benches/training.py follow                       # velocity errors of Go1 and G1, which follow commanded velocities
+    python benches/training.py transfer                     # policies of examples/policies in other engines and contact laws
+    python benches/training.py race                         # training time of HalfCheetah in stepper, EnvPool and Gymnasium
+    python benches/training.py engines                      # training of the Go1 in stepper and mujoco.batch, with the same task
 
-Tables go into a copy of docs/benchmarks/training.md in out/training, and with --update-docs into the page itself. `curves` adds to the
-rows of learning_curves.csv: runs may be made one after the other.
-`race` and `engines` train themselves, and go on where they were stopped; EnvPool is left out where it is not installed.
+The script writes tables into a copy of docs/benchmarks/training.md in out/training, or with --update-docs into the page itself. `curves`
+adds rows to learning_curves.csv, so that runs can be added one by one. `race` and `engines` train by themselves, and resume interrupted
+runs. `race` skips EnvPool if it is not installed.
 """
 
 from __future__ import annotations
@@ -42,15 +42,15 @@ POLICIES = EXAMPLES / "policies"
 RUNS = Path("out/train")
 COLORS = {"stepper, MuJoCo's law": "C0", "stepper, hard contact": "C1", "MuJoCo": "C2"}
 FRESH = 20
-"""Fresh episodes of a run."""
+"""Number of evaluation episodes of a run."""
 KEPT = 50
-"""Rows of a run that are kept."""
+"""Number of rows per run in learning_curves.csv."""
 COLUMNS = ("run", "seed", "steps", "seconds", "processor", "return", "length")
 
 
 @dataclass(frozen=True)
 class Report:
-    """Files that hold the results: the page with its tables, the rows of learning curves, and the folder of pictures."""
+    """Output files: page with the tables, CSV file with the learning curves, and folder of the figures."""
 
     page: Path
     curves: Path
@@ -58,19 +58,19 @@ class Report:
 
     @classmethod
     def of_docs(cls) -> Report:
-        """Files of the documentation."""
+        """Output files in the documentation."""
         return cls(DOCS / "benchmarks/training.md", DOCS / "benchmarks/learning_curves.csv", DOCS / "images")
 
     @classmethod
     def copied(cls) -> Report:
-        """Copies of them in out/training, so that a trial changes no documentation."""
+        """Output files in out/training: copies of those of the documentation, which stays unchanged."""
         docs = cls.of_docs()
         OUT.mkdir(parents=True, exist_ok=True)
         return cls(Path(shutil.copy(docs.page, OUT)), Path(shutil.copy(docs.curves, OUT)), OUT)
 
 
 def collect(runs: Path, curves: Path) -> list[dict[str, str]]:
-    """Rows of learning curves: those of a file, with the runs of a folder in place of those of the same name."""
+    """Rows of the learning curves: those of a file, where the runs in a folder replace those of the same name."""
     rows: list[dict[str, str]] = []
     if curves.exists():
         with curves.open() as file:
@@ -80,7 +80,7 @@ def collect(runs: Path, curves: Path) -> list[dict[str, str]]:
         if not _is_known(run):
             continue
         with curve.open() as file:
-            # Episodes of the same length end together: rows in between repeat the returns.
+            # Episodes of equal length end together; rows in between repeat the returns and are dropped.
             rows_by_episodes = {row["episodes"]: row for row in reversed(list(csv.DictReader(file))) if row["return"] != "nan"}
             own = list(rows_by_episodes.values())[::-1]
         every = max(1, len(own) // KEPT)
@@ -96,7 +96,7 @@ def collect(runs: Path, curves: Path) -> list[dict[str, str]]:
 
 
 def draw(rows: list[dict[str, str]], path: Path) -> None:
-    """Draws returns against steps, a panel for each task and a line for each seed."""
+    """Plot returns over steps, with a panel for each task and a line for each seed."""
     plt = require("matplotlib.pyplot", "to draw learning curves")
     tasks: dict[str, dict[str, dict[str, list[dict[str, str]]]]] = {}
     for row in rows:
@@ -131,18 +131,21 @@ def draw(rows: list[dict[str, str]], path: Path) -> None:
 
 
 def _is_known(run: str) -> bool:
-    """Whether the environment of a folder of runs is registered; says so where it is not: a study's, say."""
+    """Whether the environment of a folder of runs is registered. Prints a line if it is not."""
     known = re.sub(r"^stepper_", "stepper/", re.sub(r"(-v\d+)_\w+$", r"\1", run)) in gymnasium.registry
     if not known:
-        print(f"{run} is left out: its environment is not registered")
+        print(f"skipped {run}: its environment is not registered")
     return known
 
 
 def _named(run: str) -> tuple[str, str]:
-    """Engine with its law, and task, of the name of a folder of runs: "stepper_Hopper-v5", "stepper_Hopper-v5_hard", "Hopper-v5"."""
+    """Engine with contact law, and task, from the name of a folder of runs.
+
+    Examples of names are "stepper_Hopper-v5", "stepper_Hopper-v5_hard" and "Hopper-v5".
+    """
     match = re.fullmatch(r"(stepper_)?(.+?-v\d+)(?:_(\w+))?", run)
     if match is None:
-        raise ValueError(f"{run} is no folder of a run of stepper train")
+        raise ValueError(f"{run} is not the name of a folder of stepper train: give a folder as stepper_Hopper-v5")
     if match[1] is None:
         return "MuJoCo", match[2]
     task = gymnasium.spec(f"stepper/{match[2]}").kwargs["task"]
@@ -151,7 +154,7 @@ def _named(run: str) -> tuple[str, str]:
 
 
 def table_of_runs(page: Path, runs: Path, episodes: int) -> str:
-    """Time, steps and fresh episodes of every run, a row each: those of the page, with the runs of a folder in place of the same ones."""
+    """Table of training time, steps and evaluation of each run. Runs in the folder replace rows of the page."""
     head, line, *kept = section_of(page, "evaluate").split("\n")
     rows = {tuple(_cells(row)[:3]): row for row in kept}
     for file in sorted(runs.glob("*/seed*/policy.npz")):
@@ -172,12 +175,12 @@ def table_of_runs(page: Path, runs: Path, episodes: int) -> str:
 
 
 def _digits(mean: float) -> int:
-    """Places after the point that a table shows of returns about a mean."""
+    """Number of decimals of returns in a table, by their mean."""
     return 0 if abs(mean) > 100.0 else 2
 
 
 def _spent(run: Path) -> list[str]:
-    """Million steps of a run, minutes by the clock, and minutes of processor time."""
+    """Table cells of a run: million steps, minutes of wall time, and minutes of processor time."""
     with (run / "curve.csv").open() as file:
         last = list(csv.DictReader(file))[-1]
     return [f"{float(last[name]) / scale:.1f}" for name, scale in (("steps", 1e6), ("seconds", 60.0), ("processor", 60.0))]
@@ -192,10 +195,10 @@ VELOCITY_TASKS: dict[str, type[VelocityTask]] = {
 
 
 def table_of_following(page: Path, runs: Path, episodes: int, only: str) -> str:
-    """Fresh episodes of every run of a robot that follows commands, a row each, of tasks that have `only` in their names; other rows stay.
+    """Table of velocity errors and falls in evaluation episodes of robots that follow commanded velocities.
 
-    How far they are from the commanded velocity, and how often they fall, under the law of contact that they were trained in and then under
-    the other; beside one that stands still.
+    Each policy has a row for the contact law of its training and one for the other law. For comparison, each task has a row for a robot
+    that stands still. Only rows of tasks with `only` in their names are computed; the others are those of the page.
     """
     head, line, *kept = section_of(page, "follow").split("\n")
     table = {tuple(_cells(row)[:3]): row for row in kept}
@@ -222,7 +225,7 @@ def table_of_following(page: Path, runs: Path, episodes: int, only: str) -> str:
 
 
 def _law(policy: Policy) -> str:
-    """The law of contact that a policy was trained in."""
+    """Contact law in which a policy was trained."""
     return str(policy.environment["options"]["contact"])
 
 
@@ -231,20 +234,21 @@ TRANSFERS: dict[str, tuple[str, dict[str, Any]]] = {
     "stepper, hard contact": ("stepper/{}", {"contact": "hard"}),
     "MuJoCo": ("{}", {}),
 }
-"""Environments that policies are tried in: what they are called, name of the environment, arguments."""
+"""Environments of the transfer, by label: pattern of the environment's name, arguments."""
 
 
 def table_of_transfers(page: Path, episodes: int, only: str) -> str:
-    """Policies of examples/policies/ where they were trained and elsewhere, from the same starts, all in 64 bits.
+    """Table of the returns of the policies in examples/policies, in the environment of their training and in others.
 
-    Rows of the page stay unless they are made again: `only` is in the names of the files whose rows are.
+    All episodes are in 64 bits and start from the same states. Only rows of files with `only` in their names are computed; the others are
+    those of the page.
     """
     head, line, *kept = section_of(page, "transfer").split("\n")
     rows = {tuple(_cells(row)[:3]): row for row in kept}
     for file in sorted(POLICIES.glob(f"*{only}*.npz")):
         policy = load(file)
         task = str(policy.training["env"]).removeprefix("stepper/")
-        if task not in gymnasium.registry:  # Those of robots that follow commands are stepper's alone.
+        if task not in gymnasium.registry:  # Tasks with commanded velocities exist in stepper only.
             continue
         engine = "MuJoCo" if task == policy.training["env"] else f"stepper, {_LAWS[_law(policy)]}"
         home = TRANSFERS[engine]
@@ -261,7 +265,7 @@ def table_of_transfers(page: Path, episodes: int, only: str) -> str:
             cells += [f"{share * low:+.2f} % to {share * high:+.2f} %", both.verdict]
             rows[task, engine, column] = "| " + " | ".join(cells) + " |"
             print(rows[task, engine, column], flush=True)
-    # Where it was trained comes first.
+    # The environment of the training comes first.
     return "\n".join([head, line, *(rows[name] for name in sorted(rows, key=lambda name: (*name[:2], name[1] != name[2], name[2])))])
 
 
@@ -271,25 +275,25 @@ RACERS: dict[str, tuple[str, dict[str, Any]]] = {
     "EnvPool": ("envpool/{}", {}),
     "Gymnasium's own": ("{}", {}),
 }
-"""Whose environments the learner is put to: what a row is called, name of the environment, settings. All have MuJoCo's law."""
+"""Environments of the race, by label: pattern of the environment's name, arguments. All have MuJoCo's contact law."""
 RACE: dict[str, Any] = {"num_envs": 128, "horizon": 64, "minibatch": 1024, "epochs": 8, "threads": 1}
-"""Settings of a race: fewer environments than those of the task, so that returns of whole episodes are seen early."""
+"""Hyperparameters of the race. With few environments, the first whole episodes end early in the training."""
 RACE_SEEDS = (1, 2, 3)
 
 
 def race(task: str, steps: int, runs: Path, report: Report) -> str:
-    """Trains in the same task of every engine, with the same learner, settings and seeds, on one core and one thread.
+    """Train a task in each engine with the same learner, hyperparameters and seeds, on one core and one thread.
 
-    Policies are evaluated in Gymnasium's own environment. Draws learning_race.png.
+    Policies are evaluated in Gymnasium's environment. Writes the figure learning_race.png.
 
     Args:
-        task: Gymnasium's name of it.
+        task: Gymnasium's name of the task.
         steps: Environment steps of each run.
         runs: Folder of the runs.
-        report: Where the picture goes, and the page with the head of the table.
+        report: Output files; the page has the head of the table.
 
     Returns:
-        A table, a row for each engine.
+        Table with a row for each engine.
     """
     train: Any = importlib.import_module("train")
     curves: dict[str, list[list[dict[str, str]]]] = {}
@@ -300,7 +304,7 @@ def race(task: str, steps: int, runs: Path, report: Report) -> str:
         for name, (env, own) in RACERS.items():
             if name == "EnvPool":
                 if not find_spec("envpool"):
-                    print("EnvPool is left out: it is not installed")
+                    print("skipped EnvPool: it is not installed")
                     continue
                 envpool_vector.register(task)
             times, returns, curves[name] = [], [], []
@@ -326,25 +330,25 @@ ENGINES: dict[str, tuple[str, dict[str, Any]]] = {
     "stepper, MuJoCo's law": ("stepper/{}", {"contact": "mujoco"}),
     "mujoco.batch": ("mujoco_batch/{}", {}),
 }
-"""Engines that the same task of a robot is put to: what a row is called, name of the environment, settings."""
+"""Environments of the command `engines`, by label: pattern of the environment's name, arguments."""
 
 
 def engines(task: str, runs: Path, episodes: int, steps: int | None = None) -> str:
-    """Trains a robot that follows commands in every engine, with the same task, learner, settings and seed, on one core and one thread.
+    """Train a robot to follow velocities in each engine, with the same task, learner, hyperparameters and seed, on one thread.
 
     Args:
-        task: Name of the task, one of `VELOCITY_TASKS`.
+        task: Name of the task in `VELOCITY_TASKS`.
         runs: Folder of the runs.
-        episodes: Fresh episodes of each policy in each engine.
-        steps: Environment steps of each run; None is those of the task.
+        episodes: Number of evaluation episodes of each policy in each engine.
+        steps: Environment steps of each run. None is the default of the task.
 
     Returns:
-        A table, a row for each engine that trained: processor time, and the errors and falls in each engine.
+        Table with a row for each engine of the training: processor time, and velocity errors and falls in each engine.
     """
     train: Any = importlib.import_module("train")
     mujoco_vector.register(task)
     columns = " | ".join(f"error in {name}, m/s | falls" for name in ENGINES)
-    rows = [f"| trained in | million steps | minutes of processor | {columns} |", "|" + "---|" * (3 + 2 * len(ENGINES))]
+    rows = [f"| trained in | million steps | processor min | {columns} |", "|" + "---|" * (3 + 2 * len(ENGINES))]
     with one_core():
         for name, (env, own) in ENGINES.items():
             folder = runs / re.sub(r"\W+", "_", f"{task} {name}")
@@ -363,7 +367,7 @@ def engines(task: str, runs: Path, episodes: int, steps: int | None = None) -> s
 
 
 def draw_race(curves: dict[str, list[list[dict[str, str]]]], task: str, path: Path) -> None:
-    """Draws returns in training against processor time, a line for each seed."""
+    """Plot returns during training over processor time, with a line for each seed."""
     plt = require("matplotlib.pyplot", "to draw learning curves")
     figure, axis = plt.subplots(figsize=(6.0, 3.5), layout="constrained")
     for color, (name, seeds) in enumerate(curves.items()):
@@ -372,8 +376,8 @@ def draw_race(curves: dict[str, list[list[dict[str, str]]]], task: str, path: Pa
             seconds, returns = ([float(row[column]) for row in changed] for column in ("processor", "return"))
             axis.plot(seconds, returns, f"C{color}", marker="o", ms=3, lw=1, label=None if k else name)
     axis.set_xlim(left=0.0)
-    axis.set_xlabel("seconds of processor")
-    axis.set_ylabel("return in training")
+    axis.set_xlabel("processor time, s")
+    axis.set_ylabel("return during training")
     axis.set_title(task, fontsize=10)
     axis.grid(alpha=0.3)
     axis.legend(fontsize=8, frameon=False)
@@ -388,17 +392,17 @@ def _cells(row: str) -> list[str]:
 
 
 def main() -> None:
-    """Makes what is asked for."""
+    """Run one of the commands."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("what", choices=("curves", "evaluate", "follow", "transfer", "race", "engines"))
-    parser.add_argument("--runs", type=Path, default=RUNS, help="folder of the runs; those of a race are in its folder race")
-    parser.add_argument("--episodes", type=int, help="20 of each run, 200 of each transfer and of each robot that follows commands")
+    parser.add_argument("--runs", type=Path, default=RUNS, help=f"folder of the runs; race and engines use its subfolders [{RUNS}]")
+    parser.add_argument("--episodes", type=int, help="number of evaluation episodes per policy [evaluate: 20, others: 200]")
     parser.add_argument(
-        "--only", default="", metavar="NAME", help="files of policies (transfer) or tasks (follow) that have this in their names"
+        "--only", default="", metavar="NAME", help="compute only policies (transfer) or tasks (follow) with NAME in their names"
     )
-    parser.add_argument("--task", help="of a race [HalfCheetah-v5], or of engines [Go1Velocity-v0]")
-    parser.add_argument("--steps", type=int, help="of each run of a race [400000], or of engines [those of the task]")
-    parser.add_argument("--update-docs", action="store_true", help=f"write into the documentation; default: into copies in {OUT}")
+    parser.add_argument("--task", help="task of race [HalfCheetah-v5] or of engines [Go1Velocity-v0]")
+    parser.add_argument("--steps", type=int, help="environment steps per run of race [400000] or of engines [default of the task]")
+    parser.add_argument("--update-docs", action="store_true", help=f"write into the documentation instead of copies in {OUT}")
     given = parser.parse_args()
     report = Report.of_docs() if given.update_docs else Report.copied()
     page = report.page

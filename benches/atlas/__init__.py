@@ -1,5 +1,5 @@
-"""The failure atlas: scenes with known answers where methods fail, in every engine and setting, over time steps.
+"""Failure atlas: difficult scenes with known answers, simulated by several engines and settings at several time steps.
 
-`scene` says what a scene is, `scenes` holds them, `world` and `engines` how to run them; `run` sweeps, `report` and `picture` write
-the report, `known` says what stepper does not hold and why.
+`scene` defines the class `Scene`, and `scenes` has all of them. `world` and `engines` run a scene in an engine. `run` makes the sweep,
+`report` and `picture` write the page, and `known` lists the known failures of stepper with their reasons.
 """

@@ -25,16 +25,18 @@ PAGES = Path("docs/benchmarks")
 
 
 def main() -> None:
-    """Reads the arguments, sweeps, writes."""
+    """Run the sweep and write the report."""
     parser = argparse.ArgumentParser(prog="atlas", description=__doc__)
     numbers = list(dict.fromkeys(s.number for s in scenes.ALL))
-    parser.add_argument("scenes", nargs="*", choices=[*numbers, []], metavar="scene", help=f"number, of {', '.join(numbers)}; default: all")
-    parser.add_argument("--out", type=Path, default=Path("out/atlas"), help="folder; default: out/atlas")
-    parser.add_argument("--limit", type=float, default=10.0, help="processor time of one run at the most, s")
-    parser.add_argument("--ours", action="store_true", help="stepper alone")
+    parser.add_argument(
+        "scenes", nargs="*", choices=[*numbers, []], metavar="scene", help=f"number of a scene, one of {', '.join(numbers)} [all]"
+    )
+    parser.add_argument("--out", type=Path, default=Path("out/atlas"), help="folder for the report [out/atlas]")
+    parser.add_argument("--limit", type=float, default=10.0, help="largest processor time of one run, s [10]")
+    parser.add_argument("--ours", action="store_true", help="run stepper without the other engines")
     parser.add_argument("--add", action="store_true", help="with --update-docs: replace these rows and keep all others")
-    parser.add_argument("--update-docs", action="store_true", help=f"write into {PAGES} in place of --out")
-    parser.add_argument("--from-csv", action="store_true", help="do not run anything: write the report again from atlas.csv")
+    parser.add_argument("--update-docs", action="store_true", help=f"write into {PAGES} instead of --out")
+    parser.add_argument("--from-csv", action="store_true", help="write the report from atlas.csv, without running scenes")
     args = parser.parse_args()
     chosen = [s for s in scenes.ALL if not args.scenes or s.number in args.scenes]
     if args.update_docs and (args.scenes or args.ours) and not args.add:
@@ -59,7 +61,7 @@ def main() -> None:
 
 
 def _added(rows: list[Row], notes: dict[str, object], data: Path) -> tuple[list[Row], dict[str, object]]:
-    """Rows and notes of a report to which some scenes are added, or in which they are renewed."""
+    """Rows and notes of the existing report, with new rows added or replaced."""
     kept, before = read_csv(data)
     renewed = {(row.number, row.engine) for row in rows}
     numbers = [scene.number for scene in scenes.ALL]

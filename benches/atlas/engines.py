@@ -1,4 +1,4 @@
-"""The columns of the table: stepper's default and its alternatives, MuJoCo's default and two tunings, rapier's default."""
+"""Engines with their settings, the columns of the table: stepper, MuJoCo and rapier."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from atlas.world import NOT_FINITE, Array, CannotRunError, DivergedError, Touch,
 
 @dataclass(frozen=True)
 class Stepper:
-    """Ours.
+    """Engine stepper with a setting.
 
     Attributes:
-        name: As in the table.
-        options: The setting; the time step is the scene's.
+        name: Name in the table.
+        options: Options; the scene replaces their time step.
         precision: "f64" or "f32".
     """
 
@@ -30,7 +30,7 @@ class Stepper:
     precision: str = "f64"
 
     def start(self, mjcf: str, dt: float, num_envs: int = 1, *, restitution: float | None = None, iterations: int | None = None) -> World:
-        """See `atlas.scene.Engine`."""
+        """Load a scene, as `atlas.scene.Engine.start`."""
         options = dataclasses.replace(self.options, timestep=dt)
         if iterations is not None:
             options = dataclasses.replace(options, iterations=iterations)
@@ -88,12 +88,12 @@ class _StepperWorld(World):
 
 @dataclass(frozen=True)
 class Mujoco:
-    """MuJoCo.
+    """Engine MuJoCo with a setting.
 
     Attributes:
-        name: As in the table.
+        name: Name in the table.
         settings: Integrator, cone, solver, impratio.
-        solref: Time constant of contacts, limits and equalities in time steps; None leaves the model's.
+        solref: Time constant of contacts, limits and equalities, in time steps. None keeps that of the model.
     """
 
     name: str
@@ -101,7 +101,7 @@ class Mujoco:
     solref: float | None = None
 
     def start(self, mjcf: str, dt: float, num_envs: int = 1, *, restitution: float | None = None, iterations: int | None = None) -> World:
-        """See `atlas.scene.Engine`."""
+        """Load a scene, as `atlas.scene.Engine.start`."""
         return _MujocoWorld(self, mjcf, dt, num_envs, restitution=restitution, iterations=iterations)
 
 
@@ -110,7 +110,7 @@ class _MujocoWorld(World):
         super().__init__(mjcf, dt, num_envs)
         model = self.model
         if self.surfaces.any():
-            raise CannotRunError("MuJoCo takes a mesh for its hull")
+            raise CannotRunError("MuJoCo replaces meshes by their convex hulls")
         configured(model, engine.settings).opt.timestep = dt
         if iterations is not None:
             model.opt.iterations = iterations
@@ -147,18 +147,18 @@ class _MujocoWorld(World):
 
     def _check(self) -> None:
         if self._crowd.restarted.any():
-            raise DivergedError("MuJoCo restarted an environment with a bad state")
+            raise DivergedError("MuJoCo reset an environment because of a bad state")
 
 
 ELASTIC_STEPS = 10.0
-"""Time steps that an elastic impact of tuned MuJoCo is spread over: its contact is a spring."""
+"""Duration of an elastic impact of tuned MuJoCo, in time steps. Its contact is a spring."""
 
 
 def _stiffen(model: mujoco.MjModel, time_constant: float, restitution: float | None) -> None:
-    """Contacts as stiff as the time step allows (solref = 2 dt, as the documentation's section "Solver parameters" advises).
+    """Set contacts as stiff as the time step allows: solref = 2 dt, as advised in section "Solver parameters" of MuJoCo's documentation.
 
-    With restitution, the direct format (-stiffness, -damping) that it offers for bouncing: a spring whose half period is `ELASTIC_STEPS`
-    time steps, and the damping ratio that gives that coefficient: e = exp(-pi zeta / sqrt(1 - zeta^2)).
+    With restitution e, solref has the direct format (-stiffness, -damping). Half a period of the spring is `ELASTIC_STEPS` time steps, and
+    the damping ratio zeta follows from e = exp(-pi zeta / sqrt(1 - zeta^2)).
     """
     reference = np.array([time_constant, 1.0])
     model.jnt_solref[:] = reference
@@ -175,19 +175,19 @@ def _stiffen(model: mujoco.MjModel, time_constant: float, restitution: float | N
 
 @dataclass(frozen=True)
 class Rapier:
-    """Rapier by its Python wheel, in 32 bits, with its default settings; friction combined as in MuJoCo (the larger)."""
+    """Engine rapier: its Python wheel in 32 bits, with default settings. A contact has the larger friction of its geoms, as in MuJoCo."""
 
     name: str
 
     def start(self, mjcf: str, dt: float, num_envs: int = 1, *, restitution: float | None = None, iterations: int | None = None) -> World:
-        """See `atlas.scene.Engine`."""
+        """Load a scene, as `atlas.scene.Engine.start`."""
         from atlas.rapier import RapierWorld  # noqa: PLC0415  (optional)
 
         return RapierWorld(mjcf, dt, num_envs, restitution, iterations)
 
 
 def stepper_engines() -> list[Stepper]:
-    """Ours: the default first."""
+    """Settings of stepper, the default first."""
     settings = {
         "euler": {"integrator": "euler"},
         "baumgarte": {"stabilization": "baumgarte"},
@@ -202,7 +202,7 @@ def stepper_engines() -> list[Stepper]:
 
 
 def peers() -> list[Stepper | Mujoco | Rapier]:
-    """MuJoCo's law in stepper; MuJoCo as it comes and tuned as its guide advises, with two integrators; rapier where it is installed."""
+    """Other engines: stepper with MuJoCo's contact law, MuJoCo with defaults and with two tunings, and rapier if it is installed."""
     tuned = {"cone": "ELLIPTIC"}
     out: list[Stepper | Mujoco | Rapier] = [
         Stepper("MuJoCo's law in stepper", stepper.Options(contact="mujoco", integrator="euler")),

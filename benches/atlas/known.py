@@ -1,4 +1,4 @@
-"""Known failures of stepper in the scenes of the atlas: their reasons for the page, and how large they are for the tests."""
+"""Known failures of stepper in the scenes of the atlas, with their reasons for the page and bounds for the tests."""
 
 from __future__ import annotations
 
@@ -48,14 +48,14 @@ class Divergence:
 
 @dataclass(frozen=True)
 class Known:
-    """Failures with one reason.
+    """Failures with a common reason.
 
     Attributes:
-        scenes: Pattern of "number name".
-        engines: Pattern of the engine's name in the table.
+        scenes: Regular expression for "number name" of the scenes.
+        engines: Regular expression for the name of the engine in the table.
         dts: Smallest and largest time step, s.
-        reason: Why.
-        size: How large the failure is. None where no test runs it.
+        reason: Reason of the failures.
+        size: Bound of the error. None if no test runs the scene.
     """
 
     scenes: str
@@ -252,7 +252,7 @@ KNOWN: tuple[Known, ...] = (
 
 
 def failure(title: str, engine: str, dt: float) -> Known | None:
-    """Known failure of a scene ("number name") with a setting at a time step in s; None where the scene should hold."""
+    """Known failure of a scene ("number name") with an engine at a time step in s; None if the scene should pass."""
     for known in KNOWN:
         low, high = known.dts
         if re.fullmatch(known.scenes, title) and re.fullmatch(known.engines, engine) and low <= dt <= high:
@@ -261,6 +261,6 @@ def failure(title: str, engine: str, dt: float) -> Known | None:
 
 
 def reason(title: str, engine: str, dt: float) -> str | None:
-    """Reason of a known failure; None where the scene should hold."""
+    """Reason of a known failure; None if the scene should pass."""
     known = failure(title, engine, dt)
     return None if known is None else known.reason

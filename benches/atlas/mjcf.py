@@ -1,4 +1,4 @@
-"""Pieces of MJCF that scenes share. SI units, radians."""
+"""Functions that make MJCF for the scenes. Units are SI and radians."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ G = 9.81
 
 
 def document(world: str, *, friction: float = 1.0, gravity: Iterable[float] = (0.0, 0.0, -G), before: str = "", after: str = "") -> str:
-    """A model: what is in its world, the friction of all geoms, gravity, and further sections."""
+    """MJCF of a scene: content of the worldbody, friction of all geoms, gravity, and sections before and after the worldbody."""
     pull = numbers(gravity)
     return f"""<mujoco><compiler angle="radian"/><option gravity="{pull}"/><default><geom friction="{friction!r} 0 0"/></default>
       {before}<worldbody>{world}</worldbody>{after}</mujoco>"""
 
 
 def numbers(values: Iterable[float]) -> str:
-    """Numbers as MJCF writes them, to the last bit."""
+    """Numbers of an MJCF attribute, exact to the last bit."""
     return " ".join(repr(float(v)) for v in values)
 
 
@@ -28,7 +28,7 @@ FLOOR = '<geom name="floor" type="plane" size="0 0 1"/>'
 
 
 def free(name: str, geom: str, pos: Iterable[float], quat: Iterable[float] = (1, 0, 0, 0), inside: str = "") -> str:
-    """A free body with one geom."""
+    """Free body with one geom."""
     return f'<body name="{name}" pos="{numbers(pos)}" quat="{numbers(quat)}"><freejoint/><geom name="{name}" {geom}/>{inside}</body>'
 
 
@@ -38,17 +38,17 @@ def box(half: Iterable[float], mass: float) -> str:
 
 
 def ball(radius: float, mass: float) -> str:
-    """Attributes of a sphere."""
+    """Attributes of a sphere: radius in m, mass in kg."""
     return f'type="sphere" size="{radius!r}" mass="{mass!r}"'
 
 
 def about_y(angle: float) -> tuple[float, float, float, float]:
-    """The quaternion of a rotation about y."""
+    """Quaternion of a rotation about y by an angle in rad."""
     return (math.cos(angle / 2), 0.0, math.sin(angle / 2), 0.0)
 
 
 def incline(geom: str, height: float, slope: float, friction: float) -> str:
-    """A body on a plane inclined about y, downhill towards +x; height from plane to centre."""
+    """Scene with a body on a plane inclined about y, downhill towards +x. `height` is the distance from plane to centre, m."""
     turn = about_y(slope)
     at = (height * math.sin(slope), 0.0, height * math.cos(slope))
     plane = f'<geom name="floor" type="plane" size="0 0 1" quat="{numbers(turn)}"/>'
@@ -56,19 +56,19 @@ def incline(geom: str, height: float, slope: float, friction: float) -> str:
 
 
 SURFACE = "surface"
-"""Name of a mesh geom that is meant as its triangles, not as their hull: MJCF has no word for it."""
+"""Name of mesh geoms that collide by their triangles instead of their convex hull. MJCF has no attribute for it."""
 
 
 def surface(half: float, heights: NDArray[np.float64], kind: str) -> tuple[str, str]:
-    """Assets and a geom: heights over a square of the half size (m), rows along y, as a height field ("hfield") or a mesh ("mesh").
+    """Asset and geom of a terrain: heights (rows along y) over a square with half size `half` (m), as "hfield" or as "mesh".
 
-    The diagonals of the cells of a height field go from their least corner, those of the mesh the other way.
+    The diagonals of a height field's cells start at the corner with the smallest x and y. Those of the mesh are the other diagonals.
     """
     rows, columns = heights.shape
     heights = heights - heights.min()
     if kind == "hfield":
         top = max(float(heights.max()), 1e-3)
-        # MuJoCo reads rows from the far side.
+        # MuJoCo's XML lists rows from the largest y.
         given = f'nrow="{rows}" ncol="{columns}" size="{half!r} {half!r} {top!r} .1" elevation="{numbers((heights[::-1] / top).ravel())}"'
         return f'<asset><hfield name="ground" {given}/></asset>', f'<geom name="{SURFACE}" type="hfield" hfield="ground"/>'
     x, y = np.meshgrid(np.linspace(-half, half, columns), np.linspace(-half, half, rows))

@@ -1,4 +1,4 @@
-"""The picture: scenes down, engines across, time steps within an engine; colour is the error over what would hold."""
+"""Figure of the atlas: a row for each scene, a column for each engine, time steps within a cell; colour is error over tolerance."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from matplotlib.patches import Patch, Rectangle
 from atlas.run import CANNOT, Row
 
 DECADES = 4.0
-"""Colours end that many powers of ten from the tolerance."""
+"""Range of the colour scale on each side of the tolerance, in powers of ten."""
 HOLDS, LIMIT_IN, LIMIT_OUT, FAILS = "#0b5d3b", "#bfe5c8", "#ffd9c2", "#a3150f"
 COLOURS = LinearSegmentedColormap.from_list("atlas", [(0.0, HOLDS), (0.5, LIMIT_IN), (0.5, LIMIT_OUT), (1.0, FAILS)])
 DIVERGED, ABSENT = "#1a1a1a", "#d9d9d9"
@@ -27,13 +27,13 @@ def _colour(row: Row) -> str | tuple[float, float, float, float]:
         return DIVERGED
     held = row.error <= row.tolerance
     ratio = math.log10(max(row.error, 1e-300) / row.tolerance) if row.tolerance > 0 else (-DECADES if held else DECADES)
-    # A hair to either side of the middle, which is two colours.
+    # Avoid the value 0 exactly: the colour map has a jump there.
     value = min(max(ratio / DECADES, -1.0), -1e-3) if held else max(min(ratio / DECADES, 1.0), 1e-3)
     return COLOURS(0.5 + 0.5 * value)
 
 
 def draw(path: Path, rows: Sequence[Row]) -> None:
-    """Draws the matrix, PNG."""
+    """Write the figure as a PNG file."""
     titles = list(dict.fromkeys(f"{r.number}  {r.name}" for r in rows))
     engines = list(dict.fromkeys(r.engine for r in rows))
     figure = Figure(figsize=(5.2 + 1.0 * len(engines), 2.0 + 0.2 * len(titles)), dpi=110)

@@ -1,19 +1,19 @@
-"""A quadruped of our own, of ANYmal's size: 12 hinges, 34 kg, primitive shapes."""
+"""Model of a quadruped of ANYmal's size: 12 hinges, 34 kg, primitive shapes."""
 
 from __future__ import annotations
 
 from atlas.mjcf import document, numbers
 
 POSE = (0.03, 0.4, -0.8, -0.03, 0.4, -0.8, 0.03, -0.4, 0.8, -0.03, -0.4, 0.8)
-"""SimBenchmark's joint angles, rad: left front, right front, left hind, right hind; hip, thigh, knee."""
+"""Joint angles of SimBenchmark, rad: left front, right front, left hind, right hind leg; each with hip, thigh, knee."""
 STAND = 0.55
-"""Height of the trunk's centre in that pose, feet 4 mm above the floor, m."""
+"""Height of the trunk's centre in that pose with the feet 4 mm above the floor, m."""
 THIGH, SHANK, FOOT = 0.25, 0.31, 0.03
 HINGE = '<joint name="{name}" type="hinge" axis="{axis}"/>'
 
 
 def _leg(name: str, front: int, left: int) -> str:
-    """Hip about x, thigh and knee about y; only the foot touches anything."""
+    """Leg with a hip about x, and thigh and knee about y. Only its foot collides."""
     hinge = {
         part: HINGE.format(name=f"{name}_{part}", axis=axis) for part, axis in (("hip", "1 0 0"), ("thigh", "0 1 0"), ("knee", "0 1 0"))
     }
@@ -34,9 +34,10 @@ LEGS = (("lf", 1, 1), ("rf", 1, -1), ("lh", -1, 1), ("rh", -1, -1))
 def quadruped(
     *, gravity: float = 9.81, beside: str = "", friction: float = 0.8, gains: tuple[float, float] | None = None, torques: bool = False
 ) -> str:
-    """The robot 2 m up, its joints free, or servos with gains (N m/rad, N m s/rad), or motors.
+    """Scene with the robot 2 m above the origin.
 
-    Feet and trunk touch what is beside, not one another.
+    Joints are free, or have servos with `gains` (N m/rad, N m s/rad), or have motors if `torques` is set. Feet and trunk collide with the
+    objects in `beside`, not with each other.
     """
     legs = "".join(_leg(*leg) for leg in LEGS)
     trunk = '<geom name="trunk" type="box" size=".265 .115 .13" mass="21.4"/>'

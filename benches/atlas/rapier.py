@@ -1,4 +1,4 @@
-"""Scenes in rapier: bodies, shapes and joints by its own MJCF loader, states in MuJoCo's layout."""
+"""Engine rapier: bodies, shapes and joints come from rapier's MJCF loader, and states have MuJoCo's layout."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ SLIDE, HINGE = int(mujoco.mjtJoint.mjJNT_SLIDE), int(mujoco.mjtJoint.mjJNT_HINGE
 
 
 class RapierWorld(World):
-    """One world per environment; joints are impulse joints, which is the loader's first way and has loops."""
+    """Batch with one rapier world per environment. Joints are impulse joints, rapier's type that supports loops."""
 
     def __init__(self, mjcf: str, dt: float, num_envs: int, restitution: float | None, iterations: int | None) -> None:
         super().__init__(mjcf, dt, num_envs)
@@ -28,26 +28,26 @@ class RapierWorld(World):
     def _refuse(self) -> None:
         m = self.model
         if m.nmocap or m.ntendon or m.nu:
-            raise CannotRunError("rapier: no mocap bodies, tendons or actuators as MJCF means them")
+            raise CannotRunError("rapier: no mocap bodies, tendons or actuators with the meaning of MJCF")
         if (m.body_jntnum > 1).any():
             raise CannotRunError("rapier: one joint per body")
         if (m.geom_type == mujoco.mjtGeom.mjGEOM_ELLIPSOID).any():
             raise CannotRunError("rapier: no ellipsoids")
         if self.surfaces.any():
-            raise CannotRunError("rapier's MJCF loader takes a mesh for its hull")
+            raise CannotRunError("rapier's MJCF loader replaces meshes by their convex hulls")
 
     @property
     def qpos(self) -> Array:
-        """See `World`."""
+        """Positions, (num_envs, nq), a copy."""
         return np.array([w.state()[0] for w in self._worlds])
 
     @property
     def qvel(self) -> Array:
-        """See `World`."""
+        """Velocities, (num_envs, nv), a copy."""
         return np.array([w.state()[1] for w in self._worlds])
 
     def set(self, qpos: ArrayLike | None = None, qvel: ArrayLike | None = None) -> None:
-        """See `World`."""
+        """Set states, as `World.set`."""
         presents = map(np.array, zip(*(w.state() for w in self._worlds), strict=True))
         states = (
             present if given is None else np.broadcast_to(np.asarray(given, float), present.shape)
@@ -57,13 +57,13 @@ class RapierWorld(World):
             world.put(q, v)
 
     def push(self, body: str, force: ArrayLike, torque: ArrayLike = (0, 0, 0)) -> None:
-        """See `World`."""
+        """Apply a lasting force, as `World.push`."""
         for env, world in enumerate(self._worlds):
             parts = (np.broadcast_to(np.asarray(part, float), (self.num_envs, 3))[env] for part in (force, torque))
             world.push(self.body(body), *parts)
 
     def touches(self, env: int = 0) -> list[Touch]:
-        """See `World`."""
+        """Contacts of the last step with a force."""
         return self._worlds[env].touches(self.dt)
 
     def _advance(self, ctrl: Array | None, nstep: int) -> None:
@@ -73,11 +73,11 @@ class RapierWorld(World):
 
     def _check(self) -> None:
         if not all(np.isfinite(w.state()[0]).all() for w in self._worlds):
-            raise DivergedError("rapier's state is not finite")
+            raise DivergedError("the state of rapier is not finite")
 
 
 class _Loaded(RapierScene):
-    """A rapier world from its MJCF loader, and the geoms of its colliders."""
+    """Rapier world from its MJCF loader, with the geom index of each collider."""
 
     def __init__(
         self, model: mujoco.MjModel, world: rp.PhysicsWorld, handles: list[rp.RigidBodyHandle | None], geoms: dict[Any, int]
@@ -91,7 +91,7 @@ class _Loaded(RapierScene):
         self._geoms = geoms
 
     def push(self, body: int, force: Array, torque: Array) -> None:
-        """A lasting force and torque."""
+        """Apply a lasting force and torque."""
         b = self.world.rigid_bodies[self.bodies[body]]
         b.reset_forces()
         b.reset_torques()
@@ -99,7 +99,7 @@ class _Loaded(RapierScene):
         b.add_torque(tuple(map(float, torque)))
 
     def touches(self, dt: float) -> list[Touch]:
-        """Points of contact with their impulse over the step."""
+        """Contact points of the last step with their mean forces."""
         out = []
         for pair in self.world.narrow_phase.contact_pairs():
             geoms = tuple(self._geoms[h.index, h.generation] for h in (pair.collider1, pair.collider2))
@@ -117,7 +117,7 @@ def _world(text: str, model: mujoco.MjModel, dt: float, restitution: float | Non
     world = rp.PhysicsWorld(gravity=tuple(map(float, model.opt.gravity)))
     names = [model.body(b).name for b in range(1, model.nbody)]
     if [name or "" for name in robot.body_names[1:]] != names:
-        raise CannotRunError("rapier's MJCF loader has other bodies than MuJoCo")
+        raise CannotRunError("the bodies of rapier's MJCF loader differ from those of MuJoCo")
     handles = robot.insert_using_impulse_joints(world.rigid_bodies, world.colliders, world.impulse_joints)
     world.integration_parameters.dt = dt
     if iterations is not None:
@@ -128,7 +128,7 @@ def _world(text: str, model: mujoco.MjModel, dt: float, restitution: float | Non
         colliders = [] if entry is None else entry.colliders
         own = [g for g in np.flatnonzero(model.geom_bodyid == b) if model.geom_contype[g] or model.geom_conaffinity[g]]
         if len(colliders) != len(own):
-            raise CannotRunError("rapier's MJCF loader has other shapes than MuJoCo")
+            raise CannotRunError("the shapes of rapier's MJCF loader differ from those of MuJoCo")
         for g, collider in zip(own, colliders, strict=True):
             geoms[collider.handle.index, collider.handle.generation] = int(g)
             shape = world.colliders[collider.handle]
@@ -140,5 +140,5 @@ def _world(text: str, model: mujoco.MjModel, dt: float, restitution: float | Non
             moving.activation = rp.RigidBodyActivation.cannot_sleep()
             moving.recompute_mass_properties_from_colliders(world.colliders)
             if abs(moving.mass - float(model.body_mass[b])) > 1e-5 * float(model.body_mass[b]):
-                raise CannotRunError("rapier's MJCF loader has other masses than MuJoCo")
+                raise CannotRunError("the masses of rapier's MJCF loader differ from those of MuJoCo")
     return _Loaded(model, world, bodies, geoms)

@@ -1,4 +1,4 @@
-"""docs/benchmarks/atlas.md and atlas.csv from the rows of a sweep."""
+"""Report of a sweep: docs/benchmarks/atlas.md and atlas.csv."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from atlas.run import CANNOT, HELD, Row
 from atlas.scene import Scene
 
 USUAL = 2e-3
-"""s: the time step whose error the summary shows."""
+"""Time step whose error the summary shows, s."""
 
 HEAD = """# The failure atlas
 
@@ -35,7 +35,7 @@ in 32 bits. MuJoCo has no coefficient of restitution, so its default cannot hold
 
 
 def write_csv(path: Path, rows: Sequence[Row], provenance: Mapping[str, object]) -> None:
-    """Every run, under comment lines that say where it comes from."""
+    """Write all rows as CSV, below comment lines with their provenance."""
     with path.open("w", newline="", encoding="utf-8") as file:
         for key, value in provenance.items():
             file.write(f"# {key}: {json.dumps(value)}\n")
@@ -45,7 +45,7 @@ def write_csv(path: Path, rows: Sequence[Row], provenance: Mapping[str, object])
 
 
 def read_csv(path: Path) -> tuple[list[Row], dict[str, object]]:
-    """What `write_csv` wrote."""
+    """Rows and provenance from a file of `write_csv`."""
     lines = path.read_text(encoding="utf-8").splitlines()
     notes = {key: json.loads(value) for key, value in (line[2:].split(": ", 1) for line in lines if line.startswith("# "))}
     numbers = {"dt", "error", "tolerance", "cost"}
@@ -56,7 +56,7 @@ def read_csv(path: Path) -> tuple[list[Row], dict[str, object]]:
 
 
 def write_markdown(path: Path, scenes: Sequence[Scene], rows: Sequence[Row], provenance: Mapping[str, object]) -> None:
-    """The page: a summary, reasons for what stepper does not hold, what the answers are, every run."""
+    """Write the page: summary, reasons of stepper's failures, right answers, and all runs."""
     engines = list(dict.fromkeys(row.engine for row in rows))
     by = {(r.number, r.name, r.dt, r.engine): r for r in rows}
     shown = [s for s in scenes if any((s.number, s.name) == (r.number, r.name) for r in rows)]
@@ -114,7 +114,7 @@ def _reasons(scenes: Sequence[Scene], by: Mapping[tuple[str, str, float, str], R
 
 
 def _grouped(where: Sequence[str]) -> list[str]:
-    """Entries of one scene on one line."""
+    """Lines that join the entries of a scene."""
     lines: dict[str, list[str]] = {}
     for entry in where:
         title, _, rest = entry.rpartition(" (")

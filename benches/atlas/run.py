@@ -1,4 +1,4 @@
-"""The sweep: every scene in every engine at every time step, errors and costs."""
+"""Sweep of all scenes, engines and time steps, with errors and costs."""
 
 from __future__ import annotations
 
@@ -15,20 +15,20 @@ HELD, FAILS, CANNOT = "holds", "fails", "cannot run"
 
 @dataclass(frozen=True)
 class Row:
-    """One run.
+    """Result of one run.
 
     Attributes:
-        number: Of the scene.
-        name: Of the scene.
-        engine: With its setting.
+        number: Number of the scene.
+        name: Name of the scene.
+        engine: Name of the engine with its setting.
         dt: Time step, s.
-        outcome: "holds", "fails" or "cannot run".
-        error: In the scene's unit; infinite if it diverged, NaN if it cannot run.
-        tolerance: Largest error that holds.
-        unit: Of both.
+        outcome: Verdict: "holds", "fails" or "cannot run".
+        error: Error in the unit of the scene. Infinite if the run diverged, NaN if the engine cannot run the scene.
+        tolerance: Largest error that counts as holding.
+        unit: Unit of error and tolerance.
         cost: Processor time per simulated second of one environment, s/s.
-        flags: What the engine said of its steps, and in how many calls of one step or up to a thousand.
-        note: Why it cannot run or how it diverged.
+        flags: Status flags of the engine, each with the number of calls (of 1 to 1000 steps) that reported it.
+        note: Reason why the scene cannot run or how it diverged.
     """
 
     number: str
@@ -45,7 +45,7 @@ class Row:
 
 
 class _Metered:
-    """An engine that remembers the worlds it started."""
+    """Engine that keeps the worlds it has started, for their costs and flags."""
 
     def __init__(self, engine: Engine) -> None:
         self.engine = engine
@@ -58,14 +58,14 @@ class _Metered:
         return world
 
     def cost(self) -> tuple[float, str]:
-        """(s of processor per simulated s of an environment, flags)."""
+        """Processor time per simulated second of an environment, s/s, and status flags with their counts."""
         seconds = sum(w.seconds * w.num_envs for w in self.worlds)
         cpu, flags = sum(w.cpu for w in self.worlds), sum((w.flags for w in self.worlds), Counter())
         return (cpu / seconds if seconds > 0.0 else math.nan), " ".join(f"{name}:{count}" for name, count in flags.items())
 
 
 def run(scene: Scene, engine: Engine, dt: float) -> Row:
-    """One scene in one engine at one time step."""
+    """Run one scene in one engine at one time step."""
     metered = _Metered(engine)
     note = ""
     try:
@@ -79,7 +79,7 @@ def run(scene: Scene, engine: Engine, dt: float) -> Row:
 
 
 def sweep(scenes: Sequence[Scene], engines: Sequence[Engine], progress: Callable[[Row], None]) -> list[Row]:
-    """All of them, scene by scene."""
+    """Run all scenes in all engines at all time steps of the scenes."""
     rows = []
     for scene in scenes:
         for dt in scene.dts:

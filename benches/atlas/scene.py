@@ -1,4 +1,4 @@
-"""What a scene of the atlas is: a setup, the right answer with its source, and a measure of how far an engine is from it."""
+"""Definition of a scene: a setup, the right answer with its source, and a measure of an engine's error."""
 
 from __future__ import annotations
 
@@ -12,44 +12,44 @@ from atlas.world import World
 LONG = (1e-4, 5e-4, 2e-3, 5e-3, 2e-2)
 """Time steps of the long sweep, s."""
 SHORT = (2e-3, 2e-2)
-"""Time steps of the short one, for scenes that take seconds."""
+"""Time steps of the short sweep, for scenes that run for seconds, s."""
 
 
 class Engine(Protocol):
-    """An engine with its settings, one column of the table."""
+    """Engine with a setting, a column of the table."""
 
     @property
     def name(self) -> str:
-        """As in the table."""
+        """Name in the table."""
 
     def start(self, mjcf: str, dt: float, num_envs: int = 1, *, restitution: float | None = None, iterations: int | None = None) -> World:
-        """Loads a scene.
+        """Load a scene.
 
         Args:
-            mjcf: The model.
-            dt: Time step in s.
-            num_envs: Copies that are stepped together.
-            restitution: Newton's coefficient of every contact; None is the engine's own default, inelastic.
-            iterations: Of the contact solver; None is the setting's own.
+            mjcf: Model in MJCF.
+            dt: Time step, s.
+            num_envs: Number of environments.
+            restitution: Newton's coefficient of restitution of every contact. None is the default of the engine, inelastic.
+            iterations: Iterations of the contact solver. None is the default of the setting.
 
         Raises:
-            CannotRunError: The engine has no such thing; the message says what.
+            CannotRunError: The engine does not support the scene; the message has the reason.
         """
 
 
 @dataclass(frozen=True)
 class Scene:
-    """One row of the table.
+    """Scene with its right answer, a row of the table.
 
     Attributes:
-        number: In the list of scenes, "1" to "35"; "S1" to "S7" are SimBenchmark's.
-        name: A few words, unique within the number.
-        answer: What is right.
-        source: Where that comes from: a closed form, statics, a law of conservation, a textbook.
-        unit: Of the error.
-        tolerance: Largest error (in `unit`) with which the scene counts as held, from the time step in s.
-        because: Where the tolerance comes from.
-        measure: From an engine and a time step in s, the error in `unit`. NaN and infinity are failures.
+        number: Number of the scene, "1" to "44", or "S1" to "S7" for the tests of SimBenchmark.
+        name: Short name, unique within the number.
+        answer: Right answer.
+        source: Source of the answer: a closed form, statics, a conservation law, a textbook.
+        unit: Unit of the error.
+        tolerance: Function from the time step (s) to the largest error that counts as holding.
+        because: Reason for the tolerance.
+        measure: Function from an engine and a time step (s) to the error in `unit`. NaN and infinity are failures.
         dts: Time steps of the long sweep, s.
         test_dts: Time steps of the test, s.
     """
@@ -67,14 +67,14 @@ class Scene:
 
     @property
     def title(self) -> str:
-        """Number and name."""
+        """Number and name of the scene."""
         return f"{self.number} {self.name}"
 
     def holds(self, error: float, dt: float) -> bool:
-        """Whether an error is none."""
+        """Whether an error is within the tolerance."""
         return math.isfinite(error) and error <= self.tolerance(dt)
 
 
 def flat(value: float) -> Callable[[float], float]:
-    """A tolerance that does not depend on the time step."""
+    """Tolerance that does not depend on the time step."""
     return lambda _dt: value

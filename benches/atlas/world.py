@@ -1,7 +1,8 @@
-"""One scene in one engine: what measures may ask of it, and how its cost is counted.
+"""Interface of a scene in an engine: states, forces, contacts, derived quantities and costs.
 
-States have MuJoCo's layout in every engine (qpos with quaternions w, x, y, z; a free joint's velocity linear in world axes, angular in the
-body's). What engines do not all report (energy, momentum, places of bodies) is computed from states by one yardstick, MuJoCo's kinematics.
+States have MuJoCo's layout in every engine: quaternions are (w, x, y, z), and a free joint has a linear velocity in world axes and an
+angular velocity in body axes. Energy, momentum and body poses are computed from the states by MuJoCo's kinematics, in the same way for all
+engines.
 """
 
 from __future__ import annotations
@@ -19,26 +20,26 @@ from atlas.mjcf import SURFACE
 
 Array = NDArray[np.float64]
 AT_ONCE = 1000
-"""Steps in one call of an engine at the most."""
+"""Largest number of steps in one call of an engine."""
 NOT_FINITE = "a step was not finite"
-"""Note of a run in which the engine itself reported a state that is not finite."""
+"""Note of a run in which the engine reported a state that is not finite."""
 
 
 class CannotRunError(Exception):
-    """An engine does not have what a scene needs; the message says what."""
+    """Error of an engine that does not support a scene; the message has the reason."""
 
 
 class DivergedError(Exception):
-    """A state is not finite, or the engine gave up on it."""
+    """Error of a run whose state is not finite, or that the engine has reset."""
 
 
 class TooSlowError(Exception):
-    """A run took more processor time than `World.limit`."""
+    """Error of a run that took more processor time than `World.limit`."""
 
 
 @dataclass(frozen=True)
 class Touch:
-    """One point of contact: the two geoms, normal (3,) from the first to the second, normal force in N."""
+    """Contact point: two geoms, normal (3,) from the first to the second, and normal force in N."""
 
     geoms: tuple[int, int]
     normal: Array
@@ -46,15 +47,15 @@ class Touch:
 
 
 class World(ABC):
-    """A batch of environments of one scene.
+    """Batch of environments of a scene in an engine.
 
     Attributes:
-        model: The scene as MuJoCo compiles it: names, masses, the yardstick.
+        model: MuJoCo's model of the scene, for names, masses and derived quantities.
         dt: Time step, s.
-        num_envs: Environments.
+        num_envs: Number of environments.
         cpu: Processor time spent in steps so far, s.
         seconds: Simulated time so far, s.
-        flags: What the engine itself said of its steps: how many calls of `step` (of any environment) had each flag.
+        flags: Status flags of the engine, each with the number of calls of `step` that reported it in any environment.
         limit: Processor time after which a world raises `TooSlowError`, s.
     """
 
@@ -71,14 +72,14 @@ class World(ABC):
 
     @property
     def surfaces(self) -> NDArray[np.bool_]:
-        """Of every geom, whether it is a mesh that is meant as its triangles."""
+        """Mask (ngeom,) of the mesh geoms that collide by their triangles."""
         m = self.model
         return np.array([m.geom_type[g] == mujoco.mjtGeom.mjGEOM_MESH and m.geom(g).name == SURFACE for g in range(m.ngeom)])
 
     @property
     @abstractmethod
     def qpos(self) -> Array:
-        """Configurations, (num_envs, nq), a copy."""
+        """Positions, (num_envs, nq), a copy."""
 
     @property
     @abstractmethod
@@ -87,26 +88,26 @@ class World(ABC):
 
     @abstractmethod
     def set(self, qpos: ArrayLike | None = None, qvel: ArrayLike | None = None) -> None:
-        """Starts from states, (num_envs, n) or (n,) for all."""
+        """Set states, (num_envs, n), or (n,) for all environments."""
 
     @abstractmethod
     def push(self, body: str, force: ArrayLike, torque: ArrayLike = (0, 0, 0)) -> None:
-        """Force (N) and torque (N m) at a body's centre of mass from now on, world axes, (num_envs, 3) or (3,) for all."""
+        """Apply a lasting force (N) and torque (N m) at a body's centre of mass, in world axes, (num_envs, 3) or (3,) for all."""
 
     @abstractmethod
     def touches(self, env: int = 0) -> list[Touch]:
-        """Contacts of the last step that bear a force."""
+        """Contacts of the last step with a force."""
 
     @abstractmethod
     def _advance(self, ctrl: Array | None, nstep: int) -> None:
-        """Makes steps; this is what is timed."""
+        """Make steps. The time of this method counts as the cost."""
 
     @abstractmethod
     def _check(self) -> None:
-        """Looks at what the steps said of themselves; raises `DivergedError` if a state is not finite."""
+        """Collect the status flags of the last steps. Raises `DivergedError` if a state is not finite."""
 
     def step(self, nstep: int = 1, ctrl: ArrayLike | None = None) -> None:
-        """Makes steps under one control, (num_envs, nu) or (nu,) for all."""
+        """Make steps with a constant control, (num_envs, nu), or (nu,) for all environments."""
         given = None if ctrl is None else np.broadcast_to(np.asarray(ctrl, float), (self.num_envs, self.model.nu))
         while nstep > 0:
             some = min(nstep, AT_ONCE)
@@ -120,19 +121,19 @@ class World(ABC):
                 raise TooSlowError(f"stopped after {self.limit:g} s of processor time and {self.seconds:g} simulated seconds")
 
     def run(self, seconds: float, ctrl: ArrayLike | None = None) -> None:
-        """As many steps as that takes, rounded, at least one."""
+        """Step for a time in s, rounded to whole steps, at least one."""
         self.step(max(1, round(seconds / self.dt)), ctrl)
 
     def body(self, name: str) -> int:
-        """A body's index."""
+        """Index of a body."""
         return int(mujoco.mj_name2id(self.model, mujoco.mjtObj.mjOBJ_BODY, name))
 
     def geom(self, name: str) -> int:
-        """A geom's index."""
+        """Index of a geom."""
         return int(mujoco.mj_name2id(self.model, mujoco.mjtObj.mjOBJ_GEOM, name))
 
     def at(self, env: int = 0) -> mujoco.MjData:
-        """MuJoCo's data at the present state of one environment: kinematics, energy and momentum, no dynamics, until the next call."""
+        """MuJoCo's data with kinematics, energy and momentum at the current state of an environment. Valid until the next call."""
         d, m = self._yard, self.model
         d.qpos[:], d.qvel[:] = self.qpos[env], self.qvel[env]
         mujoco.mj_kinematics(m, d)
@@ -145,11 +146,11 @@ class World(ABC):
         return d
 
     def energy(self) -> Array:
-        """Total energy of every environment, J."""
+        """Total energy of each environment, (num_envs,), J."""
         return np.array([self.at(env).energy.sum() for env in range(self.num_envs)])
 
     def kinetic(self) -> Array:
-        """Kinetic energy of every environment, J."""
+        """Kinetic energy of each environment, (num_envs,), J."""
         return np.array([self.at(env).energy[1] for env in range(self.num_envs)])
 
     def momentum(self, env: int = 0) -> tuple[Array, Array]:
@@ -158,9 +159,10 @@ class World(ABC):
         return d.subtree_linvel[0] * self.model.body_subtreemass[0], d.subtree_angmom[0].copy()
 
     def normal_force(self, between: tuple[str, str] | None = None, axis: ArrayLike = (0, 0, 1), env: int = 0) -> float:
-        """Sum of normal forces along an axis (N), of all contacts or those of two bodies, in the last step.
+        """Sum of the normal forces along an axis in the last step, N, over all contacts or those between two bodies.
 
-        Counted on the second body of the pair; without a pair, along the contacts' own normals from the first geom to the second.
+        The sum has the force on the second body of the pair. Without a pair, it has the forces along the normals, from the first geom to
+        the second.
         """
         total = 0.0
         for touch in self.touches(env):

@@ -1,4 +1,4 @@
-"""Every scene, by topic; `ALL` in the order of their numbers."""
+"""All scenes, in a module for each topic. `ALL` has them in the order of their numbers."""
 
 from atlas.scene import Scene
 from atlas.scenes import (
@@ -52,5 +52,5 @@ ALL: tuple[Scene, ...] = tuple(sorted((scene for topic in TOPICS for scene in to
 
 
 def of(number: str) -> tuple[Scene, ...]:
-    """The scenes of one number."""
+    """Scenes with a number."""
     return tuple(scene for scene in ALL if scene.number == number)

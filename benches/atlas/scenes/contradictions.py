@@ -1,4 +1,4 @@
-"""Scenes 36, 37 and 39: what constraints demand of positions and cannot get, or only from far away."""
+"""Scenes 36, 37 and 39: constraints with unreachable position targets, or with large initial position errors."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ import numpy as np
 from atlas.mjcf import document
 from atlas.scene import Engine, Scene, flat
 
-# Scene 36: the tip of an arm of two links is to be at a point beyond its reach; no gravity, no friction.
+# Scene 36: an equality pulls the tip of a two-link arm to a point beyond its reach; no gravity, no friction.
 
 LINK, FAR = 0.5, 1.2
 
 
 def out_of_reach() -> str:
-    """The arm begins bent; the point is at the height of its first joint."""
+    """Scene 36. The arm begins bent; the target is at the height of its first joint."""
     second = (
         f'<body pos="{LINK} 0 0"><joint axis="0 1 0" damping=".1"/><geom type="capsule" size=".02" fromto="0 0 0 {LINK} 0 0" mass="1"/>'
     )
@@ -29,9 +29,9 @@ def out_of_reach() -> str:
 
 
 def gap_left(engine: Engine, dt: float) -> float:
-    """Distance of the tip from the point after three seconds, less the least possible one (m); the speed of the arm while it moves (m/s).
+    """Error after three seconds: distance of the tip from the target less the smallest possible one (m), or speed of the arm (m/s).
 
-    The arm counts as moving above a kinetic energy of 1 mJ. Its speed is that of its mass with the same energy.
+    The speed counts if the kinetic energy is above 1 mJ. It is the speed of the arm's total mass with the same energy.
     """
     world = engine.start(out_of_reach(), dt)
     world.set(qpos=[0.6, -1.0])
@@ -50,13 +50,13 @@ ROD, ROD_MASS = 0.3, 0.5
 
 
 def hinge_in_a_ball(joint: str) -> str:
-    """The normal of the overlap passes the hinge: nothing can move along it."""
+    """Scene 37. The contact normal passes through the hinge, so that no motion can reduce the overlap."""
     rod = f'<geom type="capsule" size=".02" fromto="0 0 0 {ROD} 0 0" mass="{ROD_MASS}" condim="1"/>'
     return document(f'<geom size=".05" condim="1"/><body name="rod">{joint}{rod}</body>')
 
 
 def pendulum_gain(joint: str):
-    """Largest gain of energy within two seconds, relative to what the rod has to fall."""
+    """Measure: largest gain of energy within two seconds, relative to the potential energy of the rod."""
 
     def measure(engine: Engine, dt: float) -> float:
         world = engine.start(hinge_in_a_ball(joint), dt)
@@ -73,14 +73,14 @@ SLOT, TOO_WIDE, ASIDE = 0.1, 1e-3, 4e-4
 
 
 def narrow_slot() -> str:
-    """A box on a slide between two walls, each of which it overlaps by a millimetre when it is in the middle."""
+    """Scene 37. A box on a slide between two walls, which overlaps each wall by a millimetre in the middle."""
     walls = "".join(f'<geom type="box" size=".05 .1 .1" pos="{side * (SLOT + 0.05)} 0 0" condim="1"/>' for side in (1, -1))
     box = f'<geom type="box" size="{SLOT + TOO_WIDE} .05 .05" mass="1" condim="1"/>'
     return document(f'{walls}<body name="box"><joint type="slide" axis="1 0 0"/>{box}</body>', gravity=(0, 0, 0))
 
 
 def off_the_middle(engine: Engine, dt: float) -> float:
-    """Distance from the middle (m), or speed (m/s), after half a second from 0.4 mm aside."""
+    """Distance from the middle (m) or speed (m/s) half a second after a start 0.4 mm off the middle."""
     world = engine.start(narrow_slot(), dt)
     world.set(qpos=[ASIDE])
     world.run(max(0.5, 50 * dt))
@@ -93,13 +93,13 @@ OUTSIDE = 0.5
 
 
 def beyond_its_range() -> str:
-    """A rod on a hinge whose range ends at zero; nothing else acts."""
+    """Scene 39. A rod on a hinge whose range ends at zero, without gravity."""
     rod = '<geom type="capsule" size=".02" fromto="0 0 0 .3 0 0" mass="1"/>'
     return document(f'<body name="rod"><joint name="hinge" axis="0 1 0" limited="true" range="-60 0"/>{rod}</body>', gravity=(0, 0, 0))
 
 
 def comes_back(engine: Engine, dt: float) -> float:
-    """Angle outside (rad) half a second later, or speed (rad/s) with which it passes on inside."""
+    """Angle outside the range (rad) or speed (rad/s) after half a second."""
     world = engine.start(beyond_its_range(), dt)
     world.set(qpos=[OUTSIDE])
     world.run(0.5)

@@ -1,4 +1,4 @@
-"""Scene 38: crests, bowls and facets: what glides over a surface of triangles feels its shape, not its seams."""
+"""Scene 38: a ball glides over surfaces of triangles. The shape of the surface affects its motion, seams between triangles do not."""
 
 from __future__ import annotations
 
@@ -13,23 +13,23 @@ from atlas.scene import Engine, Scene, flat
 from atlas.world import World
 
 RADIUS, HALF = 0.1, 0.5
-"""Of the ball, and of the square that the surface covers, m."""
+"""Radius of the ball, and half size of the square surface, m."""
 CREST, BOWL = 0.5, 0.5
-"""Curvatures over two, 1/m."""
+"""Half the curvatures of crest and bowl, 1/m."""
 POINTS = 41
 SPEED = 0.5
 TENT, VALLEY = 0.1, 0.2
-"""Slopes, rad: of either side of the tent, of the far side of the valley."""
+"""Slopes of both sides of the tent, and of the far side of the valley, rad."""
 
 Heights = Callable[[NDArray[np.float64], NDArray[np.float64]], NDArray[np.float64]]
 
 
 def _start(engine: Engine, dt: float, heights: Heights, at: tuple[float, float], kind: str) -> World:
-    """A ball without friction on a surface, a hair above what it touches there."""
+    """World with a frictionless ball on a surface, 1 um above it."""
     line = np.linspace(-HALF, HALF, POINTS)
     x, y = np.meshgrid(line, line)
     z = heights(x, y)
-    # The lowest place over (x, y) where the ball overlaps nothing, of the fine surface.
+    # Lowest height at (x, y) at which the ball does not overlap the exact surface.
     fine = np.linspace(-RADIUS, RADIUS, 401)
     dx, dy = np.meshgrid(fine, fine)
     under = dx**2 + dy**2 < RADIUS**2
@@ -40,7 +40,7 @@ def _start(engine: Engine, dt: float, heights: Heights, at: tuple[float, float],
 
 
 def _share(world: World, velocity: tuple[float, float], seconds: float) -> float:
-    """What is left of the kinetic energy (and of what gravity makes of it) after some time."""
+    """Share of the initial kinetic energy that is left after some time, corrected by the potential energy."""
     world.set(qvel=[*velocity, 0, 0, 0, 0])
     before = float(world.energy()[0])
     kinetic = float(world.kinetic()[0])
@@ -49,7 +49,7 @@ def _share(world: World, velocity: tuple[float, float], seconds: float) -> float
 
 
 def crest(kind: str):
-    """Relative change of the energy of a ball that glides along a straight crest, a row of edges, for 0.6 s."""
+    """Measure: relative change of the energy of a ball that glides along a straight crest, a row of edges, for 0.6 s."""
 
     def measure(engine: Engine, dt: float) -> float:
         world = _start(engine, dt, lambda _x, y: -CREST * y**2, (-0.3, 0.0), kind)
@@ -59,7 +59,7 @@ def crest(kind: str):
 
 
 def tent(engine: Engine, dt: float) -> float:
-    """Relative change of the energy of a ball that glides up one side, over the edge, and down the other; it is too slow to take off."""
+    """Relative change of the energy of a ball that glides over a convex edge. The ball is too slow to take off."""
     world = _start(engine, dt, lambda x, _y: -math.tan(TENT) * np.abs(x), (-0.1, 0.01), "hfield")
     up = SPEED * math.cos(TENT), SPEED * math.sin(TENT)
     world.set(qvel=[up[0], 0, up[1], 0, 0, 0])
@@ -69,14 +69,14 @@ def tent(engine: Engine, dt: float) -> float:
 
 
 def valley(engine: Engine, dt: float) -> float:
-    """By how much the share of its energy that a ball keeps at a concave edge is outside of cos^2 and 1."""
+    """Distance of the share of energy that a ball keeps at a concave edge from the range [cos^2(angle), 1]."""
     world = _start(engine, dt, lambda x, _y: math.tan(VALLEY) * np.maximum(x, 0.0), (-0.2, 0.01), "hfield")
     left = _share(world, (2 * SPEED, 0.0), 0.3)
     return max(math.cos(VALLEY) ** 2 - left, left - 1.0, 0.0)
 
 
 def bowl(kind: str):
-    """Largest relative change of the energy in 1 s of a ball that is let go in a bowl whose facets bulge at their diagonals."""
+    """Measure: largest relative change of the energy of a ball in a bowl of facets within 1 s from rest."""
 
     def measure(engine: Engine, dt: float) -> float:
         sign = 1.0 if kind == "hfield" else -1.0

@@ -1,4 +1,4 @@
-"""Scenes 8 to 11: motion without contact. Energy and momentum are constant; states are those of closed forms or converged solutions."""
+"""Scenes 8 to 11: motion without contact. Energy and momentum are constant; right states are closed forms or converged solutions."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ PERIOD = 4 * float(ellipk(M)) / RATE
 
 
 def omega(t: float) -> Array:
-    """Angular velocity in the body's axes after t s; it begins as (0, SPIN, TOUCH), a quarter of a period into Jacobi's functions."""
+    """Exact angular velocity in body axes after t s, from (0, SPIN, TOUCH), by Jacobi's elliptic functions."""
     sn, cn, dn, _ = ellipj(ellipk(M) + RATE * t, M)
     a1 = math.sqrt((2 * ENERGY * I3 - L2) / (I1 * (I3 - I1)))
     a2 = math.sqrt((2 * ENERGY * I3 - L2) / (I2 * (I3 - I2)))
@@ -41,7 +41,7 @@ START = (0, 0, 0, 0, SPIN, TOUCH)
 
 
 def tumbling(engine: Engine, dt: float) -> float:
-    """Largest relative error of energy or angular momentum over a hundred periods, looked at ten times a period."""
+    """Largest relative error of energy or angular momentum over a hundred periods, sampled ten times per period."""
     world = engine.start(TUMBLER, dt)
     world.set(qvel=START)
     spin, worst = np.array([0, I2 * SPIN, I3 * TOUCH]), 0.0
@@ -52,7 +52,7 @@ def tumbling(engine: Engine, dt: float) -> float:
 
 
 def flips(engine: Engine, dt: float) -> float:
-    """Largest error of the angular velocity at every tenth of one period, over SPIN."""
+    """Largest error of the angular velocity within one period, relative to SPIN, sampled ten times."""
     world = engine.start(TUMBLER, dt)
     world.set(qvel=START)
     worst = 0.0
@@ -63,7 +63,7 @@ def flips(engine: Engine, dt: float) -> float:
 
 
 def second_order(rate: float, factor: float = 1.0):
-    """(rate h)^2: what a rule of second order loses of a motion with that angular rate."""
+    """Tolerance (rate h)^2: error of a second-order integrator for a motion with an angular rate."""
     return lambda dt: factor * (rate * dt) ** 2
 
 
@@ -90,7 +90,7 @@ def fixed_child(engine: Engine, dt: float) -> float:
 
 
 def swimming(engine: Engine, dt: float) -> float:
-    """Linear (kg m/s) and angular (kg m^2/s) momentum after ten seconds of swinging every joint, squared and added."""
+    """Sum of squares of linear (kg m/s) and angular (kg m^2/s) momentum after ten seconds of swinging all joints."""
     world = engine.start(quadruped(gravity=0.0, torques=True), dt)
     rng = np.random.default_rng(2)
     qpos = world.qpos[0]
@@ -109,7 +109,7 @@ LENGTH = 0.5
 
 
 def chain(links: int) -> str:
-    """Links of 0.5 m and 0.25 kg that hang in a plane, one hinge each."""
+    """Planar chain of links of 0.5 m and 0.25 kg, with a hinge each."""
     text = ""
     for k in range(links):
         text += f'<body pos="0 0 {-LENGTH if k else 0}"><joint axis="0 1 0"/>'
@@ -119,7 +119,7 @@ def chain(links: int) -> str:
 
 @cache
 def fastest(links: int) -> float:
-    """Highest angular rate of small swings about hanging, rad/s: from M q'' = -K q with K by differences of the bias force."""
+    """Highest natural frequency of the hanging chain, rad/s: from M q'' = -K q with K by differences of the bias force."""
     model = mujoco.MjModel.from_xml_string(chain(links))
     d, K, small = mujoco.MjData(model), np.zeros((links, links)), 1e-6
     for i in range(links):
@@ -136,7 +136,7 @@ def fastest(links: int) -> float:
 
 
 def _released(links: int) -> Array:
-    """The first link stands out sideways, the others behind it."""
+    """Initial angles: the first link is at 1.2 rad from the vertical, with the others in line."""
     qpos = np.zeros(links)
     qpos[0] = 1.2
     return qpos
@@ -144,7 +144,7 @@ def _released(links: int) -> Array:
 
 @cache
 def reference(links: int) -> Array:
-    """Angles and rates after a second, by DOP853 on MuJoCo's accelerations, rtol = atol = 1e-12."""
+    """Angles and rates after a second, by the integrator DOP853 with MuJoCo's accelerations, rtol = atol = 1e-12."""
     model = mujoco.MjModel.from_xml_string(chain(links))
     d = mujoco.MjData(model)
 
@@ -158,7 +158,7 @@ def reference(links: int) -> Array:
 
 
 def pendulum_state(links: int):
-    """Largest error of an angle after one second, rad."""
+    """Measure: largest error of an angle after one second, rad."""
 
     def measure(engine: Engine, dt: float) -> float:
         world = engine.start(chain(links), dt)
@@ -170,7 +170,7 @@ def pendulum_state(links: int):
 
 
 def pendulum_energy(links: int):
-    """Largest deviation of the energy in five seconds, over the work of lifting all links by one length."""
+    """Measure: largest deviation of the energy in five seconds, relative to the work of lifting all links by one length."""
 
     def measure(engine: Engine, dt: float) -> float:
         world = engine.start(chain(links), dt)

@@ -1,4 +1,4 @@
-"""Scenes 3 to 6 and 32: Coulomb's friction of one body on a plane or a tray."""
+"""Scenes 3 to 6 and 32: Coulomb friction of one body on a plane or a tray."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ BLOCK = box((0.2, 0.15, 0.05), 1.3)
 HEIGHT = 0.05
 STEPS = 100_000
 CREEP = 1e-9
-"""m/s: 3 cm a year. The rounding of g dt is 1e-15 m/s or less."""
+"""Speed below which a body counts as sticking, m/s: 3 cm a year. The rounding of g dt is 1e-15 m/s or less."""
 NO_CREEP = "1e-9 m/s, 3 cm a year; rounding is a millionth of that"
 SETTLE = 200
-"""Steps in which a cold start may converge and a soft contact sink in."""
+"""Steps before a measurement, in which a cold start may converge and a soft contact may settle."""
 
 
 def creep(world: World, steps: int, body: int = 0) -> float:
-    """Speed of a free body's centre from where it was to where it is after so many steps, m/s: the worst environment's."""
+    """Mean speed of a free body's centre over `steps` steps, m/s, in the worst environment."""
     at = slice(7 * body, 7 * body + 3)
     world.step(SETTLE)
     start = world.qpos[:, at]
@@ -37,17 +37,17 @@ CRITICAL = math.atan(MU_INCLINE)
 
 
 def sticking(engine: Engine, dt: float) -> float:
-    """Creep a tenth of a degree below the friction angle, in 1e5 steps."""
+    """Creep speed a tenth of a degree below the friction angle, over 1e5 steps, m/s."""
     return creep(engine.start(incline(BLOCK, HEIGHT, CRITICAL - NEAR, MU_INCLINE), dt), STEPS)
 
 
 def sticking_at_ten_degrees(engine: Engine, dt: float) -> float:
-    """Creep on the usual incline."""
+    """Creep speed on an incline of 10 degrees with friction 1, m/s."""
     return creep(engine.start(incline(BLOCK, HEIGHT, math.radians(10), 1.0), dt), 10_000)
 
 
 def penetration_at_rest(engine: Engine, dt: float) -> float:
-    """How deep the box's lowest corner is in the plane of that incline, m."""
+    """Penetration of the box's lowest corner on an incline of 10 degrees, m."""
     slope = math.radians(10)
     world = engine.start(incline(BLOCK, HEIGHT, slope, 1.0), dt)
     world.run(2.0)
@@ -58,7 +58,7 @@ def penetration_at_rest(engine: Engine, dt: float) -> float:
 
 
 def sliding(engine: Engine, dt: float) -> float:
-    """Relative error of the acceleration a tenth of a degree above the friction angle; a is a five-hundredth of g."""
+    """Relative error of the acceleration a tenth of a degree above the friction angle, where a is g / 500."""
     slope = CRITICAL + NEAR
     right = G * (math.sin(slope) - MU_INCLINE * math.cos(slope))
     world = engine.start(incline(BLOCK, HEIGHT, slope, MU_INCLINE), dt)
@@ -69,7 +69,7 @@ def sliding(engine: Engine, dt: float) -> float:
     return float(abs(np.linalg.norm(world.qvel[0, :3] - before) / (steps * dt) / right - 1.0))
 
 
-# Scenes 4 to 6. Speeds are such that friction ends after a whole number of time steps of any size, for all divide 20 ms.
+# Scenes 4 to 6. With these speeds, sliding ends after a whole number of time steps of all sizes, as all sizes divide 20 ms.
 
 COARSEST = 0.02
 MU_BOX = 0.4
@@ -78,12 +78,12 @@ STOP = SPEED**2 / (2 * MU_BOX * G)
 
 
 def extrapolated(way: Array, half: Array) -> Array:
-    """What remains when the term of order h is removed: Richardson's 2 x(h/2) - x(h)."""
+    """Richardson extrapolation 2 x(h/2) - x(h), which removes the error of order h."""
     return 2 * half - way
 
 
 def _stop(engine: Engine, dt: float, along: Array) -> Array:
-    """Places (n, 2) where a box with that start ends."""
+    """Displacements (n, 2) of boxes until they stop, m, for directions `along` (n, 2)."""
     world = engine.start(document(FLOOR + free("body", BLOCK, (0, 0, HEIGHT)), friction=MU_BOX), dt, len(along))
     world.step(SETTLE)
     start = world.qpos
@@ -95,14 +95,14 @@ def _stop(engine: Engine, dt: float, along: Array) -> Array:
 
 
 def stopping(engine: Engine, dt: float) -> float:
-    """Error of the stopping distance, m, without its term of order h."""
+    """Error of the extrapolated stopping distance, m."""
     along = np.array([[math.cos(0.5), math.sin(0.5)]])
     way = extrapolated(_stop(engine, dt, along), _stop(engine, dt / 2, along))
     return float(np.linalg.norm(way - STOP * along))
 
 
 def isotropy(engine: Engine, dt: float) -> float:
-    """Largest difference of the distances in nine directions, and largest drift to the side, m."""
+    """Largest difference of the stopping distances in nine directions, or largest sideways drift, m."""
     angles = np.radians([0, 10, 22.5, 30, 45, 60, 67.5, 80, 90])
     along = np.array([np.cos(angles), np.sin(angles)]).T
     end = _stop(engine, dt, along)
@@ -113,11 +113,11 @@ def isotropy(engine: Engine, dt: float) -> float:
 MU_BALL = 0.3
 RADIUS = 0.1
 SLIP = 10 * 3.5 * MU_BALL * G * COARSEST
-"""m/s: slips for 10 of the coarsest steps, 2 v0 / (7 mu g)."""
+"""Initial speed of the ball, m/s. The ball slips for 2 v0 / (7 mu g), 10 of the coarsest steps."""
 
 
 def _roll(engine: Engine, dt: float) -> tuple[float, float]:
-    """Speed and way of a ball after two seconds."""
+    """Speed (m/s) and travelled distance (m) of a ball after two seconds."""
     world = engine.start(document(FLOOR + free("body", ball(RADIUS, 0.7), (0, 0, RADIUS)), friction=MU_BALL), dt)
     world.step(SETTLE)
     start = world.qpos[0]
@@ -127,14 +127,14 @@ def _roll(engine: Engine, dt: float) -> tuple[float, float]:
 
 
 def slip_to_roll(engine: Engine, dt: float) -> float:
-    """Error of the final speed (m/s) or of the way (m) without its term of order h, whichever is larger."""
+    """Error of the final speed (m/s) or of the extrapolated distance (m), the larger of the two."""
     (v, way), (_, half) = _roll(engine, dt), _roll(engine, dt / 2)
     slip_time, slip_way, rolling = 2 * SLIP / (7 * MU_BALL * G), 12 * SLIP**2 / (49 * MU_BALL * G), 5 * SLIP / 7
     right = slip_way + rolling * (2.0 - slip_time)
     return max(abs(v - rolling), abs(2 * half - way - right))
 
 
-# Scene 32. An object of such a mass that 2 N is exactly mu N.
+# Scene 32. The mass of the object is such that the friction limit mu N is 2 N.
 
 LOAD = 2.0
 
@@ -148,7 +148,7 @@ def _tray(mu: float, factor: float, engine: Engine, dt: float) -> World:
 
 
 def tray_holds(mu: float):
-    """Creep at 0.99 of the threshold."""
+    """Measure: creep speed at 0.99 of the threshold, m/s."""
 
     def measure(engine: Engine, dt: float) -> float:
         return creep(_tray(mu, 0.99, engine, dt), 2000)
@@ -157,7 +157,7 @@ def tray_holds(mu: float):
 
 
 def tray_slips(mu: float):
-    """Relative error of the acceleration at 1.01 of the threshold, (F - mu m g) / m."""
+    """Measure: relative error of the acceleration (F - mu m g) / m at 1.01 of the threshold."""
 
     def measure(engine: Engine, dt: float) -> float:
         world = _tray(mu, 1.01, engine, dt)

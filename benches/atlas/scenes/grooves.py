@@ -1,4 +1,4 @@
-"""Scene 42: a ball in a groove touches both of its sides at once."""
+"""Scene 42: a ball in a groove touches both sides at once."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ from atlas.scene import Engine, Scene, flat
 from atlas.world import World
 
 RADIUS, HALF = 0.1, 2.0
-"""Of the ball, and of the square that a groove of triangles covers, m."""
+"""Radius of the ball, and half size of the square of a groove of triangles, m."""
 OPENING = math.pi / 3
-"""Between the upright and each side, rad."""
+"""Angle between the vertical and each side, rad."""
 SLOPE, SPEED, SECONDS = 0.2, 0.5, 1.0
-"""Of the groove, rad; m/s; s."""
+"""Slope of the groove, rad; initial speed, m/s; simulated time, s."""
 
 
 def _start(engine: Engine, dt: float, kind: str, friction: float, slope: float) -> World:
-    """A ball in a groove along x that gravity tilts downhill towards +x."""
+    """World with a ball in a groove along x. Gravity is tilted, so that +x is downhill."""
     if kind == "planes":
         turn = (math.pi / 2 - OPENING) / 2
         sides = [(math.cos(turn), sign * math.sin(turn), 0, 0) for sign in (1, -1)]
@@ -33,7 +33,7 @@ def _start(engine: Engine, dt: float, kind: str, friction: float, slope: float) 
 
 
 def level(kind: str):
-    """Relative change of the speed of a ball that glides along a level groove without friction for a second."""
+    """Measure: relative change of the speed of a ball that glides along a level groove without friction for a second."""
 
     def measure(engine: Engine, dt: float) -> float:
         world = _start(engine, dt, kind, 0.0, 0.0)
@@ -45,10 +45,10 @@ def level(kind: str):
 
 
 def downhill(kind: str, rolls: bool):
-    """Relative error of the way of a ball in a second, from rest, m.
+    """Measure: relative error of the distance that a ball travels in a second from rest.
 
-    It touches both sides at r sin(opening) from the axis that it turns about: v = w r sin(opening), and
-    a = g sin(slope) / (1 + 2/5 / sin^2(opening)) where it rolls.
+    The contacts are at r sin(opening) from the rotation axis. For rolling, v = w r sin(opening) and
+    a = g sin(slope) / (1 + 2/5 / sin^2(opening)).
     """
 
     def measure(engine: Engine, dt: float) -> float:

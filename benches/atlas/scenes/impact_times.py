@@ -1,4 +1,4 @@
-"""Scenes 34 and 35: impacts happen at their own time, wherever that is within a step."""
+"""Scenes 34 and 35: impacts at any time within a step."""
 
 from __future__ import annotations
 
@@ -10,13 +10,14 @@ from atlas.mjcf import FLOOR, G, ball, document, free
 from atlas.scene import Engine, Scene
 from atlas.scenes.impacts import NEWTON
 
-# Scene 34: a billiard ball strikes an equal one that is at rest; both smooth and elastic. Five starts, a fifth of a step's way apart.
+# Scene 34: a billiard ball collides with an equal one at rest, without friction and elastically. Five starts put the impact at five
+# phases of a step.
 
 BALL, MASS, SPEED, CUT, PHASES = 0.03, 0.17, 5.0, math.radians(30), 5
 
 
 def billiards(engine: Engine, dt: float) -> float:
-    """Largest error of a velocity after the impact over the five starts, over the speed before it."""
+    """Largest error of a velocity after the impact over the five starts, relative to the speed before it."""
     aside = 2 * BALL * math.sin(CUT)
     pair = free("cue", ball(BALL, MASS), (-0.2, -aside, 0)) + free("object", ball(BALL, MASS), (0, 0, 0))
     world = engine.start(document(pair, friction=0.0, gravity=(0, 0, 0)), dt, PHASES, restitution=1.0)
@@ -32,13 +33,13 @@ def billiards(engine: Engine, dt: float) -> float:
     return float(np.abs(found - exact).max()) / SPEED
 
 
-# Scene 35: a ball falls from twenty heights, so that it strikes at twenty phases of the step; apexes e^(2n) H.
+# Scene 35: a ball falls from twenty heights, so that it hits the floor at twenty phases of the step; apexes e^(2n) H.
 
 RADIUS, HEIGHTS, BOUNCES = 0.1, 0.5 + 0.5 * np.arange(20) / 20, 2
 
 
 def apexes(e: float):
-    """A measure: the largest error of the first two apexes from any of the heights, m."""
+    """Measure: largest error of the first two apexes over all heights, m."""
 
     def measure(engine: Engine, dt: float) -> float:
         world = engine.start(document(FLOOR + free("ball", ball(RADIUS, 1.0), (0, 0, RADIUS + 1.0))), dt, len(HEIGHTS), restitution=e)
@@ -51,7 +52,7 @@ def apexes(e: float):
             z, v = world.qpos[:, 2] - RADIUS, world.qvel[:, 2]
             at = (before > 0) & (v <= 0) & (found < BOUNCES)
             found[at] += 1
-            # The height from the energy, which flight keeps.
+            # Apex height from the energy, which is constant in flight.
             errors = np.abs(z + v**2 / (2 * G) - e ** (2 * found) * HEIGHTS)
             worst, before = max(worst, float(errors[at].max(initial=0.0))), v
             if (found == BOUNCES).all():

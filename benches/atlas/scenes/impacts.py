@@ -9,7 +9,7 @@ import numpy as np
 from atlas.mjcf import FLOOR, G, ball, document, free
 from atlas.scene import Engine, Scene, flat
 
-# Scenes 1 and 2: a block on a vertical slide; joint position 0 is touching. Every engine's contact must be at rest on the floor there.
+# Scenes 1 and 2: a block on a vertical slide, which touches the floor at joint position 0.
 
 STEP, E = 0.02, 0.25
 BLOCK = document('<geom name="floor" type="plane" size="0 0 1"/><body name="block" pos="0 0 0.1"><joint type="slide" axis="0 0 1"/>'
@@ -17,7 +17,7 @@ BLOCK = document('<geom name="floor" type="plane" size="0 0 1"/><body name="bloc
 
 
 def recursion(h: float, v: float, steps: int) -> list[tuple[float, float]]:
-    """The textbook's states: v <- v - g dt, then h <- h + v dt; where that is below the floor, h <- 0 and v <- -e v."""
+    """States (h, v) of the textbook recursion: v <- v - g dt, h <- h + v dt; if h is below the floor, h <- 0 and v <- -e v."""
     out = []
     for _ in range(steps):
         v -= G * STEP
@@ -29,7 +29,7 @@ def recursion(h: float, v: float, steps: int) -> list[tuple[float, float]]:
 
 
 def falling(engine: Engine, dt: float) -> float:
-    """Largest difference of height (m) or velocity (m/s) from the recursion in eight steps."""
+    """Largest deviation of height (m) or velocity (m/s) from the recursion in eight steps."""
     world = engine.start(BLOCK, dt, restitution=E)
     world.set([0.20], [-0.10])
     worst = 0.0
@@ -40,7 +40,7 @@ def falling(engine: Engine, dt: float) -> float:
 
 
 def one_step(engine: Engine, dt: float) -> float:
-    """Error of the velocity (m/s) after one step into the floor."""
+    """Error of the velocity after one step into the floor, m/s."""
     world = engine.start(BLOCK, dt, restitution=E)
     world.set([0.005], [-1.5])
     world.step()
@@ -68,19 +68,19 @@ def apexes(engine: Engine, dt: float) -> float:
     return math.inf
 
 
-# Scene 26: five balls in a row, no gravity, the first one comes with speed V.
+# Scene 26: five balls in a row without gravity (Newton's cradle); the first one has speed V.
 
 BALLS, V = 5, 0.5
 
 
 def cradle(gap: float) -> str:
-    """Equal balls on one line, so far apart."""
+    """Equal balls on a line, with gaps of `gap` m between them."""
     row = "".join(free(f"ball{k}", ball(RADIUS, 1.0), (k * (2 * RADIUS + gap) - (0.05 if k == 0 else 0.0), 0, 0)) for k in range(BALLS))
     return document(row, gravity=(0, 0, 0))
 
 
 def _strike(engine: Engine, dt: float, gap: float) -> np.ndarray:
-    """Speeds along the line after all is over, m/s."""
+    """Speeds along the line after all impacts, m/s."""
     world = engine.start(cradle(gap), dt, restitution=1.0)
     qvel = np.zeros((1, 6 * BALLS))
     qvel[0, 0] = V
@@ -90,13 +90,13 @@ def _strike(engine: Engine, dt: float, gap: float) -> np.ndarray:
 
 
 def conserved(engine: Engine, dt: float) -> float:
-    """Relative error of momentum or energy, whichever is larger, of balls that touch."""
+    """Relative error of momentum or energy of touching balls, the larger of the two."""
     v = _strike(engine, dt, 0.0)
     return float(max(abs(v.sum() / V - 1.0), abs((v**2).sum() / V**2 - 1.0)))
 
 
 def sequential(engine: Engine, dt: float) -> float:
-    """Largest error of a speed after collisions one at a time, m/s: the balls are apart by more than the way of two steps."""
+    """Largest error of a speed after sequential impacts, m/s. The gaps are longer than the motion of two steps."""
     v = _strike(engine, dt, 0.03)
     return float(np.abs(v - [0, 0, 0, 0, V]).max())
 

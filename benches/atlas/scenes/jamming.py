@@ -1,4 +1,4 @@
-"""Scenes 18 to 20 and 31: a wedge, Painleve's rod, two hinged boxes, a pinch: friction and geometry that jam."""
+"""Scenes 18 to 20 and 31: jamming by friction and geometry: a wedge, Painleve's rod, two hinged boxes, a pinch grasp."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from atlas.mjcf import FLOOR, G, about_y, ball, box, document, numbers
 from atlas.scene import Engine, Scene, flat
 from atlas.scenes.friction import ACCELERATION, COULOMB, CREEP, NO_CREEP, creep
 
-# Scene 18: two jaws on slides squeeze a wedge of half-angle alpha; no gravity. It stays iff tan alpha <= mu.
+# Scene 18: two jaws on slides squeeze a wedge of half-angle alpha without gravity. The wedge sticks iff tan alpha <= mu.
 
 ALPHA = math.radians(15)
 JAW, WEDGE, SQUEEZE, WIDTH, THICK = 1.0, 1.0, 50.0, 0.05, 0.01
 
 
 def wedge(factor: float) -> str:
-    """The wedge is two plates of one body, thicker upwards; friction is factor tan alpha."""
+    """Scene 18. The wedge is a body of two plates, wider at the top; friction is factor * tan alpha."""
     plates, jaws = "", ""
     for side in (1, -1):
         normal = np.array([side * math.cos(ALPHA), 0.0, -math.sin(ALPHA)])
@@ -38,14 +38,14 @@ def _squeezed(engine: Engine, dt: float, factor: float):
 
 
 def wedge_held(engine: Engine, dt: float) -> float:
-    """Creep with mu = 1.01 tan alpha."""
+    """Creep speed with mu = 1.01 tan alpha, m/s."""
     return creep(_squeezed(engine, dt, 1.01), 2000)
 
 
 def wedge_expelled(engine: Engine, dt: float) -> float:
     """Relative error of the acceleration with mu = 0.9 tan alpha.
 
-    With v the wedge's speed, the jaws close with v tan alpha. Wedge: m a = 2 N (sin - mu cos); jaw: M a tan = F - N (cos + mu sin).
+    The jaws close with v tan alpha, with v the speed of the wedge. Wedge: m a = 2 N (sin - mu cos); jaw: M a tan = F - N (cos + mu sin).
     """
     mu, s, c = 0.9 * math.tan(ALPHA), math.sin(ALPHA), math.cos(ALPHA)
     right = SQUEEZE / (JAW * math.tan(ALPHA) + WEDGE * (c + mu * s) / (2 * (s - mu * c)))
@@ -55,7 +55,7 @@ def wedge_expelled(engine: Engine, dt: float) -> float:
     return abs(float(world.qvel[0, 2]) / (world.seconds * right) - 1.0)
 
 
-# Scene 19: a slender rod slides on its tip, tan theta = 2, where the least mu of the paradox is 4/3.
+# Scene 19: a slender rod slides on its tip. At tan theta = 2, Painleve's paradox occurs for mu > 4/3.
 
 HALF, MASS, SLIDE = 0.5, 1.0, 1.0
 INERTIA = MASS * HALF**2 / 3
@@ -64,7 +64,7 @@ TIP = 1e-4
 
 
 def rod(mu: float) -> str:
-    """A rod in the x-z plane, the lower tip, a small sphere, on the floor; the rod rises behind it."""
+    """Scene 19. A rod in the x-z plane; its lower tip is a small sphere on the floor."""
     c, s = math.cos(THETA), math.sin(THETA)
     inertia = f'<inertial pos="0 0 0" mass="{MASS}" diaginertia="{INERTIA} {INERTIA} {INERTIA}"/>'
     tip = f'<geom type="sphere" size="{TIP}" pos="{numbers((HALF * c, 0, -HALF * s))}" mass="0"/>'
@@ -72,25 +72,28 @@ def rod(mu: float) -> str:
 
 
 def _contact() -> tuple[np.ndarray, np.ndarray]:
-    """The tip's Jacobian (2, 3) in (x, z, rotation about y), and its inverse inertia W = J M^-1 J^T."""
+    """Jacobian J (2, 3) of the tip in (x, z, rotation about y), and W = J M^-1 J^T (2, 2)."""
     x, z = HALF * math.cos(THETA), -HALF * math.sin(THETA) - TIP
     jacobian = np.array([[1.0, 0.0, z], [0.0, 1.0, -x]])
     return jacobian, jacobian @ np.diag([1 / MASS, 1 / MASS, 1 / INERTIA]) @ jacobian.T
 
 
 def critical() -> float:
-    """Least mu with which pressing the sliding tip down makes it accelerate into the floor: W_nn / |W_tn|; (1 + 3 cos^2)/(3 sin cos)."""
+    """Critical friction of Painleve's paradox: W_nn / |W_tn| = (1 + 3 cos^2) / (3 sin cos).
+
+    Above it, a normal force on the sliding tip accelerates the tip into the floor.
+    """
     _, w = _contact()
     return float(w[1, 1] / abs(w[0, 1]))
 
 
 def _jamming() -> float:
-    """The direction of slip, 1 or -1, whose friction presses the tip down: that in which the tip goes before the rod's centre."""
+    """Direction of slip, 1 or -1, whose friction presses the tip down: the tip is ahead of the rod's centre."""
     return math.copysign(1.0, float(_contact()[1][0, 1]))
 
 
 def _slide(engine: Engine, dt: float, mu: float) -> np.ndarray:
-    """Velocity (x, z, rotation about y) after one step of sliding in that direction."""
+    """Velocity (x, z, rotation about y) after one step of sliding in the jamming direction."""
     world = engine.start(rod(mu), dt)
     world.set(qvel=[_jamming() * SLIDE, 0, 0, 0, 0, 0])
     world.step()
@@ -98,7 +101,7 @@ def _slide(engine: Engine, dt: float, mu: float) -> np.ndarray:
 
 
 def right_velocity(mu: float, dt: float) -> np.ndarray:
-    """Velocity (x, z, rotation) after one step, by Coulomb: the tip slides on with N from v_n = 0 where it can, else it sticks."""
+    """Right velocity (x, z, rotation) after one step, by Coulomb's law: the tip slides with v_n = 0 if possible, else it sticks."""
     jacobian, w = _contact()
     inverse = np.diag([1 / MASS, 1 / MASS, 1 / INERTIA])
     free = np.array([_jamming() * SLIDE, -G * dt, 0.0])
@@ -112,7 +115,7 @@ def right_velocity(mu: float, dt: float) -> np.ndarray:
 
 
 def painleve(factor: float):
-    """Error of the velocity (m/s, rad/s) after one step with so many times the critical friction."""
+    """Measure: error of the velocity (m/s, rad/s) after one step with friction of `factor` times the critical one."""
 
     def measure(engine: Engine, dt: float) -> float:
         mu = factor * critical()
@@ -121,13 +124,13 @@ def painleve(factor: float):
     return measure
 
 
-# Scene 20: two boxes on parallel hinges fall on one another until their faces meet, as in DART's issue 892.
+# Scene 20: two boxes on parallel hinges fall against each other until their faces meet, as in DART's issue 892.
 
 SIDE = 0.1
 
 
 def hinged() -> str:
-    """Cubes hinged to the world at their outer lower edges, tilted outwards by 0.3 rad; upright, their inner faces coincide."""
+    """Scene 20. Cubes hinged to the world at their outer lower edges. In the upright pose their inner faces coincide."""
     text = ""
     for side in (1, -1):
         text += f'<body pos="{side * 2 * SIDE} 0 0"><joint type="hinge" axis="0 {-side} 0"/>'
@@ -143,7 +146,7 @@ def aligned(engine: Engine, dt: float) -> float:
     return float(max(np.abs(world.qpos).max(), np.abs(world.qvel).max()))
 
 
-# Scene 31: two fingers on a carriage pinch an object and lift it with acceleration LIFT; it holds iff mu >= m (g + a) / (2 F).
+# Scene 31: two fingers on a carriage pinch an object and lift it with acceleration LIFT; the grasp holds iff mu >= m (g + a) / (2 F).
 
 OBJECT, LIFT, FINGER, CARRIAGE = 0.2, 2.0, 0.1, 1e3
 PINCHES = (
@@ -155,15 +158,15 @@ PINCHES = (
     (0.5, "cube", 20),
     (1.0, "cube", None),
 )
-"""Friction, object, iterations of the solver."""
+"""Cases: friction, object, iterations of the solver."""
 
 
 HELD = {"cube": box((0.02, 0.02, 0.02), OBJECT), "ball": ball(0.02, OBJECT)}
-"""A cube is held at four points a side, whose loads statics does not determine; a ball at one."""
+"""Objects. A cube has four contact points per side, whose loads statics does not determine; a ball has one."""
 
 
 def pinch(mu: float, shape: str) -> str:
-    """A carriage so heavy that the load does not slow it; fingers on slides with force motors; a free object between them."""
+    """Scene 31. A free object between fingers on slides with force motors. The heavy carriage hardly slows down under the load."""
     fingers, motors = "", ""
     for side in (1, -1):
         fingers += f'<body name="finger{side}" pos="{side * 0.03} 0 0"><joint name="finger{side}" type="slide" axis="{-side} 0 0"/>'
@@ -176,7 +179,7 @@ def pinch(mu: float, shape: str) -> str:
 
 
 def _lifted(engine: Engine, dt: float, case: tuple[float, str, int | None], factor: float) -> tuple[float, float]:
-    """Slip of the object against the hand (m) in the second half of half a second, and its mean downward acceleration there, m/s^2."""
+    """Slip of the object relative to the hand from 0.25 s to 0.5 s, m, and mean downward acceleration of the slip, m/s^2."""
     mu, shape, iterations = case
     world = engine.start(pinch(mu, shape), dt, iterations=iterations)
     force = OBJECT * (G + LIFT) / (2 * mu) * factor
@@ -191,7 +194,7 @@ def _lifted(engine: Engine, dt: float, case: tuple[float, str, int | None], fact
 
 
 def pinch_holds(*case: float | str | None):
-    """Slip speed with 1.01 of the force that is needed, m/s."""
+    """Measure: slip speed with 1.01 of the required force, m/s."""
 
     def measure(engine: Engine, dt: float) -> float:
         return _lifted(engine, dt, case, 1.01)[0] / 0.25
@@ -200,7 +203,7 @@ def pinch_holds(*case: float | str | None):
 
 
 def pinch_slips(*case: float | str | None):
-    """Relative error of the acceleration of the slip with 0.99 of it: a hundredth of g + a."""
+    """Measure: relative error of the slip acceleration, 0.01 (g + a), with 0.99 of the required force."""
 
     def measure(engine: Engine, dt: float) -> float:
         return abs(_lifted(engine, dt, case, 0.99)[1] / (0.01 * (G + LIFT)) - 1.0)

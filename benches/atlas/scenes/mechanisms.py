@@ -22,7 +22,7 @@ CARRIER = 1.0
 
 
 def hung_from_a_carrier() -> str:
-    """The chain hangs by hinges from a plate of 1 kg that stands on four feet; what it pulls is what the floor carries."""
+    """Scene 13. The chain hangs by hinges from a plate of 1 kg on four feet; the contact force shows the tension."""
     text = ""
     for k in range(LINKS):
         axis = "0 1 0" if k % 2 == 0 else "1 0 0"
@@ -32,14 +32,14 @@ def hung_from_a_carrier() -> str:
 
 
 def tension(engine: Engine, dt: float) -> float:
-    """Relative error of the force under the carrier, after two seconds."""
+    """Relative error of the contact force under the plate, after two seconds."""
     world = engine.start(hung_from_a_carrier(), dt)
     world.run(2.0)
     return abs(world.normal_force() / ((CARRIER + LINKS * LINK_MASS + BALL_MASS) * G) - 1.0)
 
 
 def of_loose_links() -> str:
-    """The same chain of free bodies, each connected to the one above at a point."""
+    """Scene 13 with free bodies, each connected to the one above by an equality."""
     text, joints = "", ""
     for k in range(LINKS):
         text += f'<body name="link{k}" pos="0 0 {-LINK * k}"><freejoint/>{ROD}{WEIGHT if k == LINKS - 1 else ""}</body>'
@@ -49,21 +49,21 @@ def of_loose_links() -> str:
 
 
 def stretch(engine: Engine, dt: float) -> float:
-    """How far the ball is from where it hung, after two seconds, m."""
+    """Displacement of the ball after two seconds, m."""
     world = engine.start(of_loose_links(), dt)
     start = world.qpos[0, -7:-4]
     world.run(2.0)
     return float(np.linalg.norm(world.qpos[0, -7:-4] - start))
 
 
-# Scene 22: critically damped servos on 1 kg; the step is what the stiffness is measured in.
+# Scene 22: critically damped servos on 1 kg, with stiffnesses given by h sqrt(k/m).
 
 HELD = 200
 """Steps."""
 
 
 def servo(ratio: float):
-    """What is left of an offset after 200 steps with h sqrt(k/m) = ratio."""
+    """Measure: share of an offset that is left after 200 steps with h sqrt(k/m) = ratio."""
 
     def measure(engine: Engine, dt: float) -> float:
         k = (ratio / dt) ** 2
@@ -93,9 +93,9 @@ def four_bar() -> str:
 
 
 def _turning(engine: Engine, dt: float) -> tuple[float, float]:
-    """Largest gap of the loop (m) and largest relative error of the energy in ten seconds, six times through the singularity."""
+    """Largest gap of the loop (m) and largest relative error of the energy in ten seconds, with six passes through the singularity."""
     world = engine.start(four_bar(), dt)
-    # All angles are zero in line; the loop is closed at any common angle of the cranks.
+    # All angles are zero when the links are in line; the loop is closed at any common angle of the cranks.
     world.set([1.0, -1.0, 1.0], [-SPIN, SPIN, -SPIN])
     start, gap, drift = float(world.energy()[0]), 0.0, 0.0
     for _ in range(500):
@@ -111,7 +111,7 @@ def _turning(engine: Engine, dt: float) -> tuple[float, float]:
 
 
 def loop_gap(engine: Engine, dt: float) -> float:
-    """Largest gap, m."""
+    """Largest gap of the loop, m."""
     return _turning(engine, dt)[0]
 
 
@@ -124,7 +124,7 @@ RING = 8
 
 
 def ring() -> str:
-    """Links of 0.2 m that start as a regular octagon in a vertical plane, hung at one corner, closed at that corner by a connect."""
+    """Scene 23. Links of 0.2 m form a regular octagon in a vertical plane, fixed at one corner, where an equality closes the loop."""
     turn, length = 2 * math.pi / RING, 0.2
     text = ""
     for k in range(RING):
@@ -148,13 +148,13 @@ def ring_gap(engine: Engine, dt: float) -> float:
     return gap
 
 
-# Scene 24: a chain that swings against its joint limits; nothing dissipates but the limits.
+# Scene 24: a chain swings against its joint limits, which are its only dissipation.
 
 LIMIT, LIMITED = 0.3, 5
 
 
 def limited() -> str:
-    """Five links of 0.3 m with limits of 0.3 rad; the first is free."""
+    """Scene 24. Five links of 0.3 m with limits of 0.3 rad, except the first joint."""
     text = ""
     for k in range(LIMITED):
         limits = f'range="{-LIMIT} {LIMIT}" limited="true"' if k else ""
@@ -164,11 +164,11 @@ def limited() -> str:
 
 
 RATE = math.sqrt(G / 0.3) * LIMITED
-"""rad/s: five links fold about as fast as the shortest pendulum swings, five times over."""
+"""Estimate of the fastest motion, rad/s: five times the frequency of a pendulum of one link."""
 
 
 def gain(engine: Engine, dt: float) -> float:
-    """Largest gain of energy in 1e4 steps over the work of lifting the chain by its length."""
+    """Largest gain of energy in 1e4 steps, relative to the work of lifting the chain by its length."""
     world = engine.start(limited(), dt)
     world.set([1.5, 0.2, -0.2, 0.2, -0.2], np.zeros(LIMITED))
     start, worst = float(world.energy()[0]), 0.0

@@ -20,11 +20,11 @@ FLYERS = {
     "a capsule": ('type="capsule" size=".02 .03" mass="1"', 0.05),
     "a cylinder": ('type="cylinder" size=".06 .03" mass="1"', 0.03),
 }
-"""Geom, and height of the body's origin above its lowest point, m."""
+"""Bodies by name: geom, and height of the body's origin above its lowest point, m."""
 
 
 def near_miss(flyer: str) -> Callable[[Engine, float], float]:
-    """Largest change of any velocity (m/s or rad/s) of a body that flies at 4 m/s and 1.5 mm above a box."""
+    """Measure: largest change of a velocity (m/s or rad/s) of a body that flies past a box at 4 m/s, 1.5 mm above it."""
 
     def measure(engine: Engine, dt: float) -> float:
         geom, height = FLYERS[flyer]
@@ -52,7 +52,7 @@ SLIDERS = {
 
 
 def small_tiles(slider: str) -> Callable[[Engine, float], float]:
-    """Part of the speed that a body loses over ten seams, or its largest height above the floor over 10 mm, whichever is larger."""
+    """Measure: share of the speed that a body loses over ten seams, or its largest rise divided by 10 mm, the larger of the two."""
 
     def measure(engine: Engine, dt: float) -> float:
         geom, height = SLIDERS[slider]

@@ -1,4 +1,4 @@
-"""Scenes 29 and 30: Euler's disc, a coin, a wheel, a caster, a capstan."""
+"""Scenes 29 and 30: rolling of Euler's disc, a coin, a wheel and a caster, and a rope around a capstan."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def _tilted(tilt: float) -> tuple[float, tuple[float, ...]]:
 
 
 def _growth(world: World, seconds: float) -> float:
-    """Largest rise of the energy above any earlier value, over the first."""
+    """Largest rise of the energy above any earlier value, relative to the initial energy."""
     least = start = float(world.energy()[0])
     worst = 0.0
     for _ in range(round(seconds / max(world.dt, 5e-3))):
@@ -34,10 +34,10 @@ def _growth(world: World, seconds: float) -> float:
 
 
 def eulers_disc(engine: Engine, dt: float) -> float:
-    """Growth in three seconds from a tilt of 0.5 rad, spinning about the vertical at the rate of steady rolling in place.
+    """Growth of the energy in three seconds from a tilt of 0.5 rad, with the spin of steady rolling about a fixed centre.
 
-    A thin disc that rolls with its centre at rest turns with W^2 = 4 g / (r sin tilt) about the vertical (Moffatt 2000), and not about its
-    own axis.
+    A thin disc that rolls with its centre at rest turns about the vertical with W^2 = 4 g / (r sin tilt) (Moffatt 2000), and does not spin
+    about its axis.
     """
     tilt = 0.5
     height, turn = _tilted(tilt)
@@ -49,7 +49,7 @@ def eulers_disc(engine: Engine, dt: float) -> float:
 
 
 def coin(engine: Engine, dt: float) -> float:
-    """Growth in three seconds of rolling at 0.5 m/s, leaning by 0.1 rad."""
+    """Growth of the energy in three seconds of rolling at 0.5 m/s, leaning by 0.1 rad."""
     height, turn = _tilted(math.pi / 2 - 0.1)
     world = engine.start(document(FLOOR + free("coin", DISC, (0, 0, height), turn), friction=0.8), dt)
     # The axis is about -y: rolling towards +x is a spin about +y, so against the axis.
@@ -63,7 +63,7 @@ WHEEL, WIDE, MU = 0.1, 0.05, 0.4
 
 
 def lateral(engine: Engine, dt: float) -> float:
-    """Sideways creep of a wheel that rolls at 1 m/s, pushed sideways at its hub with 0.9 mu m g, m/s; it is too wide to tip."""
+    """Sideways creep speed of a wheel that rolls at 1 m/s under a sideways force of 0.9 mu m g at its hub, m/s."""
     turn = (math.cos(math.pi / 4), math.sin(math.pi / 4), 0, 0)
     wheel = f'type="cylinder" size="{WHEEL} {WIDE}" mass="2"'
     world = engine.start(document(FLOOR + free("wheel", wheel, (0, 0, WHEEL), turn), friction=MU), dt)
@@ -80,9 +80,9 @@ TRAIL, SPEED, SWUNG = 0.1, 0.5, 1.0
 
 
 def caster(engine: Engine, dt: float) -> float:
-    """Largest error of tan(angle/2) of a caster that is drawn along a line by its pivot, in one second.
+    """Largest error of tan(angle/2) of a caster whose pivot moves along a line, in one second.
 
-    Its wheel does not slip sideways, so it follows a tractrix: tan(a/2) = tan(a0/2) exp(-s/L), whatever the speed (Newton 1676).
+    The wheel does not slip sideways, so it follows a tractrix at any speed: tan(a/2) = tan(a0/2) exp(-s/L) (Newton 1676).
     """
     wheel = f'<body pos="{-TRAIL} 0 0"><joint type="hinge" axis="0 1 0"/><geom type="sphere" size=".05" mass=".5"/></body>'
     fork = (
@@ -91,7 +91,7 @@ def caster(engine: Engine, dt: float) -> float:
     cart = '<geom type="box" size=".1 .1 .01" pos="0 0 .1" mass="1000" contype="0" conaffinity="0"/>'
     slides = '<joint type="slide" axis="1 0 0"/>'
     lift = '<joint type="slide" axis="0 0 1"/>'
-    # The cart bears nothing; the fork slides vertically on it, with 20 kg, so that the wheel is pressed down.
+    # The fork slides vertically on the cart, and a weight of 20 kg presses the wheel down.
     press = f'<body>{lift}<geom type="sphere" size=".01" pos="0 0 .2" mass="20" contype="0" conaffinity="0"/>{fork}</body>'
     world = engine.start(document(FLOOR + f'<body name="cart" pos="0 0 .05">{slides}{cart}{press}</body>', friction=1.0), dt)
     world.set([0, 0, SWUNG, 0], [SPEED, 0, -SPEED / TRAIL * math.sin(SWUNG), SPEED * math.cos(SWUNG) / 0.05])
@@ -106,18 +106,21 @@ def caster(engine: Engine, dt: float) -> float:
 BOLLARD, BEADS, ROPE_MU, TURN = 0.2, 16, 0.3, math.pi
 STEP_ANGLE = TURN / BEADS
 BEAD, BEAD_MASS, HOLD = 0.002, 0.1, 1.0
-"""m, kg, N: slow enough for the largest step, sqrt(T2 / (m link)) = 25 rad/s."""
+"""Radius of a bead, m; mass of a bead, kg; holding force, N. The frequency sqrt(T2 / (m link)) = 25 rad/s suits the largest step."""
 SECONDS = 0.5
 
 
 def gripping() -> float:
-    """Largest T2/T1 of a light rope with BEADS corners: at each, (T1 + T2) sin(d/2) mu >= (T2 - T1) cos(d/2); exp(mu phi) for many."""
+    """Largest ratio of tensions T2/T1 of a light rope with BEADS corners. It tends to exp(mu phi) for many corners.
+
+    At each corner, (T1 + T2) sin(d/2) mu >= (T2 - T1) cos(d/2).
+    """
     t = ROPE_MU * math.tan(STEP_ANGLE / 2)
     return ((1 + t) / (1 - t)) ** BEADS
 
 
 def rope() -> str:
-    """Beads on hinges half around a bollard, and a straight end of one link on either side; bead k is at angle k d on the bollard's top."""
+    """Scene 30. Beads on hinges half around a bollard, with a straight link at each end."""
     reach = BOLLARD + BEAD
     places = [np.array([reach * math.cos(a), 0, reach * math.sin(a)]) for a in (STEP_ANGLE * (k + 0.5) for k in range(BEADS))]
     link = 2 * reach * math.sin(STEP_ANGLE / 2)
@@ -134,7 +137,7 @@ def rope() -> str:
 
 
 def _pulled(engine: Engine, dt: float, factor: float) -> float:
-    """Way of the rope's strong end in half a second, m, in its direction."""
+    """Displacement of the strongly pulled end of the rope in half a second, m, in the direction of the pull."""
     world = engine.start(rope(), dt)
     world.push("bead0", (0, 0, -HOLD))
     world.push(f"bead{BEADS + 1}", (0, 0, -HOLD * gripping() * factor))
@@ -147,12 +150,12 @@ def _pulled(engine: Engine, dt: float, factor: float) -> float:
 
 
 def capstan_holds(engine: Engine, dt: float) -> float:
-    """Creep at 0.95 of the threshold, m/s."""
+    """Creep speed at 0.95 of the threshold, m/s."""
     return abs(_pulled(engine, dt, 0.95)) / SECONDS
 
 
 def capstan_slips(engine: Engine, dt: float) -> float:
-    """How far it is from half of the way that the surplus gives the rope, at 1.05 of the threshold, m."""
+    """Shortfall at 1.05 of the threshold, m: half the displacement that the excess force causes, less the simulated one, at least 0."""
     surplus = 0.05 * HOLD * gripping() / ((BEADS + 2) * BEAD_MASS)
     return max(0.0, 0.5 * surplus * SECONDS**2 / 2 - _pulled(engine, dt, 1.05))
 

@@ -1,7 +1,9 @@
-"""SimBenchmark's seven public tests: S1 rolling, S2 bouncing, S3 666, S4 elastic 666, and a quadruped's momentum S5, energy S6, stand S7.
+"""Scenes S1 to S7: the public tests of SimBenchmark.
 
-Written anew from the parameters in github.com/leggedrobotics/SimBenchmark (benchmark/include, benchmark/res/yaml).
-Errors are its own: means over all steps of squares, in squared units.
+They are rolling (S1), bouncing (S2), 666 (S3), elastic 666 (S4), and momentum (S5), energy (S6) and standing (S7) of a quadruped. The
+scenes use the parameters in github.com/leggedrobotics/SimBenchmark (benchmark/include, benchmark/res/yaml), without its code. Errors are
+defined as
+there: mean squares over all steps.
 """
 
 from __future__ import annotations
@@ -16,7 +18,7 @@ from atlas.scene import Engine, Scene, flat
 from atlas.world import World
 
 SAMPLE = 0.01
-"""s: energy and penetration are looked at that often, not every step."""
+"""Sampling interval of energy and penetration, s."""
 
 # S1. A plate of 20 x 20 x 1 m and 10 kg on the ground (mu 0.4), 25 balls of 1 kg on it (mu 0.8), 150 N on the plate, 60 degrees off x.
 
@@ -25,14 +27,17 @@ WAY = np.array([0.5, math.sqrt(0.75), 0.0])
 
 
 def rolling_accelerations() -> tuple[float, float]:
-    """(plate, ball), m/s^2: f on each ball moves its lowest point with f/m (1 + 5/2), and the plate with (F - mu (M + n m) g - n f) / M."""
+    """Exact accelerations of plate and balls, m/s^2.
+
+    A friction force f accelerates the lowest point of a ball by f/m (1 + 5/2), and the plate by (F - mu (M + n m) g - n f) / M.
+    """
     driving = FORCE - MU * (PLATE + COUNT * BALL) * G
     f = driving / PLATE / (3.5 / BALL + COUNT / PLATE)
     return (driving - COUNT * f) / PLATE, f / BALL
 
 
 def balls_on_plate() -> str:
-    """The plate on the ground and the balls on it."""
+    """Scene S1: the plate on the ground, and the balls on the plate."""
     balls = "".join(
         free(f"ball{i}{j}", ball(0.5, BALL) + ' friction="0.8 0 0"', (2.0 * i - 4, 2.0 * j - 4, 1.5)) for i in range(5) for j in range(5)
     )
@@ -56,7 +61,7 @@ def rolling(engine: Engine, dt: float) -> float:
 
 
 def _energy_error(world: World, seconds: float) -> float:
-    """Mean squared deviation of the energy from the start's, J^2."""
+    """Mean squared deviation of the energy from its initial value, J^2."""
     start, errors = float(world.energy()[0]), []
     every = max(SAMPLE, world.dt)
     for _ in range(round(seconds / every)):
@@ -66,7 +71,7 @@ def _energy_error(world: World, seconds: float) -> float:
 
 
 def bouncing(engine: Engine, dt: float) -> float:
-    """Mean squared error of the energy, 24 kJ, J^2."""
+    """Mean squared error of the energy of 24 kJ, J^2."""
     spheres = "".join(free(f"ball{i}{j}", ball(0.1, 10.0), (2.0 * i, 2.0 * j, 5.0)) for i in range(7) for j in range(7))
     return _energy_error(engine.start(document(FLOOR + spheres, friction=0.0), dt, restitution=1.0), 20.0)
 
@@ -75,7 +80,7 @@ def bouncing(engine: Engine, dt: float) -> float:
 
 
 def spheres(height: float) -> str:
-    """The cube of spheres, its lowest layer's centres at a height."""
+    """Scenes S3 and S4: a cube of spheres, with the centres of the lowest layer at a height in m."""
     rng = np.random.default_rng(42)
     text = ""
     for i in range(6):
@@ -109,7 +114,7 @@ def elastic_cube(engine: Engine, dt: float) -> float:
 
 
 def _posed(world: World, height: float) -> np.ndarray:
-    """The last 19 coordinates are the robot's."""
+    """Configuration with the robot in `POSE` at a height in m. The last 19 coordinates are the robot's."""
     qpos = world.qpos[0]
     qpos[-17] = height
     qpos[-12:] = POSE
@@ -117,7 +122,7 @@ def _posed(world: World, height: float) -> np.ndarray:
 
 
 def momentum(engine: Engine, dt: float) -> float:
-    """Mean squared error of the linear momentum over 10 s: a sphere of 10 kg with 5 m/s strikes the floating robot, (kg m/s)^2."""
+    """Mean squared error of the linear momentum over 10 s, (kg m/s)^2. A sphere of 10 kg hits the floating robot at 5 m/s."""
     world = engine.start(quadruped(gravity=0.0, beside=free("ball", ball(0.2, 10.0), (0, -5, 2))), dt)
     qvel = np.zeros(world.model.nv)
     qvel[1] = 5.0
@@ -130,7 +135,7 @@ def momentum(engine: Engine, dt: float) -> float:
 
 
 def energy(engine: Engine, dt: float) -> float:
-    """Mean squared error of the energy, J^2, in 2 s of free flight after 1 s of pulling the trunk up with twice the weight."""
+    """Mean squared error of the energy over 2 s of free flight, J^2, after 1 s with an upward force of twice the weight."""
     world = engine.start(quadruped(), dt)
     world.set(_posed(world, 2.0), np.zeros(world.model.nv))
     world.push("trunk", (0, 0, 2 * float(world.model.body_subtreemass[0]) * G))
@@ -140,11 +145,12 @@ def energy(engine: Engine, dt: float) -> float:
 
 
 GAINS = (400.0, 1.0)
-"""N m/rad, N m s/rad: the header's. The yaml file's 40 N m/rad is 4 x 40 against m g h = 180 N m/rad of this robot's sway: it falls."""
+"""Servo gains from SimBenchmark's header, N m/rad and N m s/rad. With the 40 N m/rad of its yaml file this robot would fall: four legs give
+160 N m/rad, less than m g h = 180 N m/rad."""
 
 
 def standing(engine: Engine, dt: float) -> float:
-    """Fastest velocity of the robot's after ten seconds of standing on its servos (m/s, rad/s)."""
+    """Largest velocity (m/s, rad/s) of the robot after ten seconds of standing."""
     world = engine.start(quadruped(beside=FLOOR, gains=GAINS), dt)
     world.set(_posed(world, STAND), np.zeros(world.model.nv))
     world.run(10.0, POSE)
@@ -154,7 +160,7 @@ def standing(engine: Engine, dt: float) -> float:
 
 
 def fourth(dt: float) -> float:
-    """The square of an error of second order: 1e-8 at 1 ms."""
+    """Tolerance for the square of a second-order error: 1e-8 at 1 ms."""
     return 1e-8 * (dt / 1e-3) ** 4
 
 

@@ -1,4 +1,4 @@
-"""Scenes 12, 14, 15 and 17: boxes on boxes, a table of four legs, and boxes that start inside one another."""
+"""Scenes 12, 14, 15 and 17: stacks of boxes, a table with four legs, and a pyramid of overlapping boxes."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ HALF = 0.05
 COUNT = 10
 RATIOS = (100, 200, 300, 1000)
 SWEEP = (5e-4, 2e-3, 5e-3, 2e-2)
-"""Stacks take the longest."""
+"""Time steps of the stacks, s: fewer than usual, as stacks are the slowest scenes."""
 
 
 def tower(top: float) -> str:
-    """Ten boxes of 1 kg and 10 cm, the top one so many times heavier; each touches the one below."""
+    """Stack of ten boxes of 10 cm. Nine have 1 kg, and the top one has `top` kg."""
     masses = [1.0] * (COUNT - 1) + [float(top)]
     boxes = (free(f"box{k}", box((HALF,) * 3, m), (0, 0, HALF * (2 * k + 1))) for k, m in enumerate(masses))
     return document(FLOOR + "".join(boxes), friction=0.5)
 
 
 def weights(top: float):
-    """Largest relative error of the force in an interface against the weight above it, after two seconds."""
+    """Measure: largest relative error of the force in an interface, compared with the weight above it, after two seconds."""
 
     def measure(engine: Engine, dt: float) -> float:
         world = engine.start(tower(top), dt)
@@ -42,7 +42,7 @@ def weights(top: float):
 
 
 def stands_a_minute(engine: Engine, dt: float) -> float:
-    """Farthest that any of the ten boxes, the top one 1000 times heavier, is from where it began after 60 s (10,000 steps at most), m."""
+    """Largest displacement of a box in a stack whose top box is 1000 times heavier, after 60 s or `LONGEST` steps, m."""
     world = engine.start(tower(1000), dt)
     start = world.qpos.reshape(COUNT, 7)[:, :3]
     world.step(min(round(60.0 / dt), LONGEST))
@@ -50,13 +50,13 @@ def stands_a_minute(engine: Engine, dt: float) -> float:
 
 
 LONGEST = 30_000
-"""Steps of 2 ms in a minute; smaller steps run for less than that."""
+"""Largest number of steps: a minute at 2 ms. Runs with smaller steps are shorter."""
 
 
 def on_two(engine: Engine, dt: float) -> float:
-    """Relative error of the forces between two small boxes and one 20 times their size, and under them, after two seconds.
+    """Relative error of the total forces on and under two small boxes below a box 20 times their size, after two seconds.
 
-    Each small box carries at four points, so statics gives the sum alone: one may carry up to a ninth more than the other.
+    Each small box has four contact points, so statics determines only the sum: one box may carry up to a ninth more than the other.
     """
     s, big, deep = 0.05, 1.0, 0.05
     density = 1000.0
@@ -78,7 +78,7 @@ def on_two(engine: Engine, dt: float) -> float:
 
 
 def steady(engine: Engine, dt: float) -> float:
-    """Creep of any box of ten equal ones, or its speed at the end, whichever is larger, over 1e5 steps (the last 99,000 count), m/s."""
+    """Creep speed of a box in a stack of ten equal ones over 99,000 steps, or its final speed, the larger of the two, m/s."""
     world = engine.start(tower(1.0), dt)
     world.step(1000)
     start = world.qpos.reshape(COUNT, 7)[:, :3]
@@ -88,14 +88,14 @@ def steady(engine: Engine, dt: float) -> float:
     return float(max(moved / (steps * dt), np.abs(world.qvel).max()))
 
 
-# Scene 15: one body with four feet. Its weight can be shared in infinitely many ways; the sum and the motion are one.
+# Scene 15: one body with four feet. The distribution of its weight over the feet is not unique; the sum and the motion are.
 
 LEGS = ((0.3, 0.2), (0.3, -0.2), (-0.3, 0.2), (-0.3, -0.2))
 TABLE_MASS = 7.0
 
 
 def table(order: tuple[int, ...]) -> str:
-    """A plate on four spherical feet, listed in an order."""
+    """Scene 15: a plate on four spherical feet, listed in the given order."""
     feet = "".join(f'<geom type="sphere" size=".02" mass="0" pos="{LEGS[k][0]} {LEGS[k][1]} -.38"/>' for k in order)
     plate = '<geom type="box" size=".35 .25 .02" contype="0" conaffinity="0" mass="0"/>'
     inertia = f'<inertial pos="0.02 0.01 -0.05" mass="{TABLE_MASS}" diaginertia="0.4 0.5 0.6"/>'
@@ -103,14 +103,14 @@ def table(order: tuple[int, ...]) -> str:
 
 
 def table_forces(engine: Engine, dt: float) -> float:
-    """Relative error of the sum of the feet's normal forces, after two seconds."""
+    """Relative error of the sum of the normal forces of the feet, after two seconds."""
     world = engine.start(table((0, 1, 2, 3)), dt)
     world.run(2.0)
     return abs(world.normal_force() / (TABLE_MASS * G) - 1.0)
 
 
 def table_order(engine: Engine, dt: float) -> float:
-    """Largest difference of the table's place between orders of its feet, when it is pushed and slides for half a second, m."""
+    """Largest difference of the table's position between orders of its feet, after sliding for half a second, m."""
     places = []
     for order in ((0, 1, 2, 3), (3, 1, 0, 2), (2, 3, 1, 0)):
         world = engine.start(table(order), dt)
@@ -120,14 +120,14 @@ def table_order(engine: Engine, dt: float) -> float:
     return float(np.ptp(places, axis=0).max())
 
 
-# Scene 17: a pyramid of four rows; every box overlaps those under it, and the lowest the floor, by a quarter of its height.
+# Scene 17: a pyramid of four rows; each box overlaps the boxes below, or the floor, by a quarter of its height.
 
 PYRAMID = 0.1
 OVERLAP = 0.25
 
 
 def pyramid() -> str:
-    """Ten boxes of 1 kg."""
+    """Scene 17: ten overlapping boxes of 1 kg."""
     text = ""
     for row in range(4):
         for k in range(4 - row):
@@ -137,7 +137,7 @@ def pyramid() -> str:
 
 
 def pops(engine: Engine, dt: float) -> float:
-    """Largest kinetic energy on the way apart, over the work of lifting the whole pyramid by one overlap."""
+    """Largest kinetic energy during separation, relative to the work of lifting the whole pyramid by one overlap."""
     world = engine.start(pyramid(), dt)
     worst = 0.0
     for _ in range(max(1, round(3.0 / max(dt, 5e-3)))):
@@ -155,7 +155,7 @@ def _apart(world: World) -> bool:
 
 
 def share(dt: float) -> float:
-    """What the solver's tolerance is of an interface's load: 1e-6 m/s a step over g dt, ten interfaces deep."""
+    """Tolerance of forces from that of the solver: 1e-6 m/s over the load g dt of a step, times ten interfaces."""
     return max(1e-6, 10 * 1e-6 / (G * dt))
 
 

@@ -1,4 +1,4 @@
-"""Scene 16: a house of cards, an arch of 17 blocks, a row of 15 dominoes."""
+"""Scene 16: structures: a house of cards, an arch of 17 blocks, a row of 15 dominoes."""
 
 from __future__ import annotations
 
@@ -13,48 +13,49 @@ from atlas.world import World
 
 
 def _moved(world: World, seconds: float) -> float:
-    """Farthest that any free body is from where it began, m."""
+    """Largest displacement of a free body after some time, m."""
     start = world.qpos.reshape(-1, 7)[:, :3]
     world.run(seconds)
     return float(np.linalg.norm(world.qpos.reshape(-1, 7)[:, :3] - start, axis=1).max())
 
 
-# Cards of 2 mm x 40 cm x 30 cm lean on one another at 25 degrees, mu 0.7: two frames, a card across their tops, a frame on that.
+# Cards of 2 mm x 40 cm x 30 cm lean against each other at 25 degrees, mu 0.7: two frames, a card across their tops, and a third frame.
 
 THIN, TALL, DEEP, LEAN, CARD = 0.001, 0.2, 0.15, math.radians(25), 0.17
 RISE = TALL * math.cos(LEAN) + THIN * math.sin(LEAN)
-"""From a leaning card's centre down to its lowest edge, and up to its highest."""
+"""Vertical distance from the centre of a leaning card to its lowest and to its highest edge, m."""
 REACH = TALL * math.sin(LEAN) + THIN * math.cos(LEAN)
-"""From its centre sideways to the edge where two cards of a frame meet. That edge is 2 THIN sin LEAN below the highest one."""
+"""Horizontal distance from the centre of a leaning card to the edge where two cards of a frame meet, m. That edge is 2 THIN sin LEAN below
+the highest one."""
 SPACING = 0.35
 
 
 def _frame(name: str, x: float, z: float) -> str:
-    """Two cards that lean on one another over (x, z); each needs friction of less than tan LEAN = 0.47 at its foot."""
+    """Frame of two cards that lean against each other over (x, z). Each requires friction below tan LEAN = 0.47 at its foot."""
     card = box((THIN, DEEP, TALL), CARD)
     cards = (free(f"{name}{side}", card, (x + side * REACH, 0, z + RISE), about_y(-side * LEAN)) for side in (-1, 1))
     return "".join(cards)
 
 
 def house() -> str:
-    """A frame's two highest edges are 2 THIN cos LEAN to either side of its middle: the card across lies on four of them."""
+    """House of cards. Each frame has two highest edges, 2 THIN cos LEAN from its middle; the card across lies on four of them."""
     across = free("across", box((TALL, DEEP, THIN), CARD), (0, 0, 2 * RISE + THIN))
     frames = _frame("left", -SPACING / 2, 0) + _frame("right", SPACING / 2, 0) + _frame("top", 0, 2 * RISE + 2 * THIN)
     return document(FLOOR + frames + across, friction=0.7)
 
 
 def cards(engine: Engine, dt: float) -> float:
-    """Farthest that a card moves in five seconds, m."""
+    """Largest displacement of a card in five seconds, m."""
     return _moved(engine.start(house(), dt), 5.0)
 
 
-# The arch: a catenary, whose thrust runs along its centre line when it is of even thickness (Hooke 1675), cut square to the thrust.
+# Arch of uniform thickness along a catenary, so that the thrust follows its centre line (Hooke 1675). Joints are normal to the thrust.
 
 BLOCKS, SPREAD, THICK, ARCH_DEEP = 17, 1.6, 0.12, 0.15
 
 
 def _catenary(s: float) -> tuple[np.ndarray, np.ndarray]:
-    """Centre line (x, z) and its normal, at an arc length from the crown; c = 1 m, so that x = asinh(s), z = -cosh(x)."""
+    """Point (x, z) of the centre line and its normal, at arc length s from the crown: x = asinh(s), z = -cosh(x)."""
     x = math.asinh(s)
     slope = -math.sinh(x)
     normal = np.array([-slope, 1.0]) / math.hypot(slope, 1.0)
@@ -62,7 +63,7 @@ def _catenary(s: float) -> tuple[np.ndarray, np.ndarray]:
 
 
 def arch() -> str:
-    """Blocks of equal arc length; the last ones are cut level on the floor, where tan of the thrust is 1/sinh(1.6) = 0.42 < mu."""
+    """Arch of blocks of equal arc length. The last ones are cut horizontally at the floor, where the thrust needs friction 0.42 < mu."""
     ends = math.sinh(SPREAD)
     ground = -math.cosh(SPREAD)
     assets, bodies = "", ""
@@ -86,22 +87,22 @@ def arch() -> str:
 
 
 def stands(engine: Engine, dt: float) -> float:
-    """Farthest that a block moves in five seconds, m."""
+    """Largest displacement of a block in five seconds, m."""
     return _moved(engine.start(arch(), dt), 5.0)
 
 
-# Dominoes of 1 x 5 x 10 cm, 5 cm apart, mu 0.6; the first one is tipped past its edge.
+# Dominoes of 1 x 5 x 10 cm, 5 cm apart, mu 0.6; the first one starts tilted past its balance point.
 
 DOMINOES, GAP = 15, 0.05
 DOMINO = (0.005, 0.025, 0.05)
 
 
 def dominoes(engine: Engine, dt: float) -> float:
-    """Dominoes that have not fallen in order (past 45 degrees one after the other) in four seconds."""
+    """Number of dominoes that have not fallen past 45 degrees in order within four seconds."""
     row = "".join(free(f"domino{k}", box(DOMINO, 0.05), (GAP * k, 0, DOMINO[2])) for k in range(DOMINOES))
     world = engine.start(document(FLOOR + row, friction=0.6), dt)
     qpos = world.qpos[0].reshape(DOMINOES, 7)
-    # Turned about its lower front edge by twice the angle at which its centre is above that edge.
+    # Rotated about its lower front edge by twice the angle of balance, at which its centre is above that edge.
     tip = 2 * math.atan(DOMINO[0] / DOMINO[2])
     x, _, z = DOMINO
     qpos[0, 0] = x - x * math.cos(tip) + z * math.sin(tip)

@@ -1,4 +1,4 @@
-"""Scene 41: a tall box tips over its edge, iff what turns it about the edge exceeds what its weight turns it back with. Statics."""
+"""Scene 41: a tall box tips over its edge iff the applied torque about the edge exceeds the torque of its weight."""
 
 from __future__ import annotations
 
@@ -13,19 +13,19 @@ from atlas.scene import Engine, Scene
 from atlas.world import World
 
 WIDE, TALL, MASS = 0.1, 0.2, 2.0
-"""Half sizes in m, mass in kg."""
+"""Half width and half height, m, and mass, kg."""
 BOX = box((WIDE, 0.15, TALL), MASS)
 MU = 1.0
-"""Twice the ratio at which it tips: it never slides."""
+"""Friction, twice the ratio of force to weight at which the box tips, so that it never slides."""
 ABOVE, BELOW = 1.001, 0.999
 SECONDS = 2.0
 ARM = math.hypot(WIDE, TALL)
 INERTIA = MASS * ARM**2 * 4 / 3
-"""About an edge of the bottom, kg m^2."""
+"""Moment of inertia about a bottom edge, kg m^2."""
 FORCE = MASS * G * WIDE / TALL
-"""What tips it, horizontally at its centre, N."""
+"""Horizontal force at the centre that tips the box, N."""
 TILT = 0.1
-"""Where a box that tips is looked at, rad."""
+"""Tilt at which the fall of a tipping box is compared with the exact solution, rad."""
 
 
 def _pushed(factor: float, engine: Engine, dt: float) -> World:
@@ -39,7 +39,7 @@ def _leaning(factor: float, engine: Engine, dt: float) -> World:
 
 
 def _tilt(world: World, upright: np.ndarray) -> float:
-    """Angle between the box's axis and where that was, rad."""
+    """Angle between the current axis of the box and its initial axis, rad."""
     axis = world.at().xmat[1].reshape(3, 3)[:, 2]
     return math.atan2(float(np.linalg.norm(np.cross(axis, upright))), float(axis @ upright))
 
@@ -49,7 +49,7 @@ def _upright(world: World) -> np.ndarray:
 
 
 def stays(start):
-    """How far a box that is pushed or leans a thousandth too little tilts in two seconds, rad."""
+    """Measure: tilt in two seconds of a box that is pushed or leans with 0.999 of the threshold, rad."""
 
     def measure(engine: Engine, dt: float) -> float:
         world = start(BELOW, engine, dt)
@@ -64,7 +64,7 @@ def stays(start):
 
 @cache
 def _fall(kind: str) -> float:
-    """Seconds until a box that is pushed or leans a thousandth too much has tilted by `TILT`: I phi'' = torque about the edge."""
+    """Exact time until a box at 1.001 of the threshold has tilted by `TILT`, s: I phi'' = torque about the edge."""
     pull = ABOVE * FORCE if kind == "pushed" else MASS * G * math.sin(math.atan(ABOVE * WIDE / TALL))
     weight = MASS * G if kind == "pushed" else MASS * G * math.cos(math.atan(ABOVE * WIDE / TALL))
     corner = math.atan2(TALL, WIDE)
@@ -83,13 +83,13 @@ def _fall(kind: str) -> float:
 
 
 def tips(start, kind: str):
-    """Relative error of the tilt after the seconds in which it should be `TILT`."""
+    """Measure: relative error of the tilt at the time at which it should be `TILT`."""
 
     def measure(engine: Engine, dt: float) -> float:
         world = start(ABOVE, engine, dt)
         upright = _upright(world)
         world.run(_fall(kind))
-        # The state is that after a whole number of steps: the right tilt grows by the rate of the fall in what is left.
+        # The simulation ends after a whole number of steps; the right tilt is extrapolated to that time with the rate of the fall.
         right = TILT * math.exp(RATE * (world.seconds - _fall(kind)))
         return abs(_tilt(world, upright) / right - 1.0)
 
@@ -97,7 +97,7 @@ def tips(start, kind: str):
 
 
 RATE = math.sqrt(MASS * G * ARM**2 / TALL / INERTIA)
-"""At which the tilt grows at the critical force, 1/s: I phi'' = (F wide + m g tall) phi."""
+"""Exponential growth rate of the tilt at the critical force, 1/s: I phi'' = (F wide + m g tall) phi."""
 HELD = "1e-6 rad: a step solved to 1e-6 m/s, of which the next gives back what it took"
 LATE = "exp(rate h) - 1: a step sooner or later, at the rate with which the tilt grows; and 1e-3 for the solver's tolerance"
 

@@ -1,4 +1,4 @@
-"""Scene 40: a heavy symmetric top that turns about a fixed point. Landau & Lifshitz, Mechanics, section 35; Goldstein, section 5.7."""
+"""Scene 40: heavy symmetric top with a fixed point. Landau & Lifshitz, Mechanics, section 35; Goldstein, section 5.7."""
 
 from __future__ import annotations
 
@@ -26,18 +26,18 @@ TOP = document(f"""<body name="top"><joint type="ball"/>
 
 
 def precession() -> float:
-    """Slow steady precession W, rad/s: I1 cos(tilt) W^2 - I3 spin W + m g l = 0."""
+    """Rate W of slow steady precession, rad/s: I1 cos(tilt) W^2 - I3 spin W + m g l = 0."""
     a, b = ABOUT_POINT[0] * math.cos(TILT), ABOUT_POINT[2] * SPIN
     return 2 * WEIGHT / (b + math.sqrt(b**2 - 4 * a * WEIGHT))
 
 
 def _axes(world: World) -> Array:
-    """The top's axes, columns."""
+    """Axes of the top, columns of (3, 3)."""
     return np.asarray(world.at().xmat[1].reshape(3, 3))
 
 
 def steady(engine: Engine, dt: float) -> float:
-    """Largest angle between the top's axis and that of the steady precession, looked at a hundred times in five seconds, rad."""
+    """Largest angle between the top's axis and that of steady precession in five seconds, rad, sampled a hundred times."""
     rate, world = precession(), engine.start(TOP, dt)
     world.set(about_y(TILT), [-rate * math.sin(TILT), 0.0, SPIN])
     worst = 0.0
@@ -51,7 +51,7 @@ def steady(engine: Engine, dt: float) -> float:
 
 
 def _nutation(engine: Engine, dt: float) -> tuple[float, float]:
-    """Released without precession: largest relative errors of energy and of angular momentum about the vertical and the axis."""
+    """Largest relative errors of the energy and of the angular momenta about the vertical and the axis, with nutation."""
     world = engine.start(TOP, dt)
     world.set(about_y(TILT), [0.0, 0.0, SPIN])
     energy, momentum = 0.0, 0.0
@@ -68,16 +68,16 @@ def _nutation(engine: Engine, dt: float) -> tuple[float, float]:
 
 
 def energy(engine: Engine, dt: float) -> float:
-    """Largest deviation of the energy, over the weight times the arm."""
+    """Largest deviation of the energy, relative to weight times arm."""
     return _nutation(engine, dt)[0]
 
 
 def momentum(engine: Engine, dt: float) -> float:
-    """Largest deviation of the two constant angular momenta, over that about the axis."""
+    """Largest deviation of the two constant angular momenta, relative to that about the axis."""
     return _nutation(engine, dt)[1]
 
 
-# The axis nutates at I3 spin / I1, and the spin itself is a symmetry that a rule may resolve or not.
+# The axis nutates at I3 spin / I1. The spin about the symmetry axis limits no step, as it does not change the motion of the axis.
 NUTATION = AXIAL * SPIN / ABOUT_POINT[0]
 BECAUSE = "(rate h)^2 of the nutation: a rule of second order"
 

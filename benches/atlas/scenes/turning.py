@@ -1,4 +1,4 @@
-"""Scene 33: a ball rolls on a table that turns."""
+"""Scene 33: a ball rolls on a turntable."""
 
 from __future__ import annotations
 
@@ -10,24 +10,24 @@ from atlas.scenes.flight import second_order
 
 TURN, RADIUS, MASS, THICK = 5.0, 0.05, 1.0, 0.1
 START, SPEED, SECONDS = 0.3, 0.4, 5.0
-"""rad/s, m, kg, m; m from the axis, m/s in the room, s."""
+"""Initial distance of the ball from the axis, m; initial speed in the world frame, m/s; simulated time, s."""
 RATE = 2 / 7 * TURN
-"""A solid ball's centre moves on a circle in the room, with two sevenths of the table's rate (Weltner 1979, American Journal of Physics
-47, 984)."""
+"""Angular rate of the centre of a solid ball on its circle in the world frame, rad/s: two sevenths of the table's rate (Weltner 1979,
+American Journal of Physics 47, 984)."""
 
 
 def turntable() -> str:
-    """A table of a thousand tonnes on a hinge, which a ball of 1 kg does not slow down, and the ball on it."""
+    """Ball of 1 kg on a table of 1000 t on a hinge, which the ball does not slow down."""
     table = f"""<body name="table" pos="0 0 {-THICK}"><joint type="hinge" axis="0 0 1"/>
       <geom name="table" type="box" size="3 3 {THICK}" mass="1e6"/></body>"""
     return document(table + free("ball", ball(RADIUS, MASS), (START, 0, RADIUS)))
 
 
 def rolling(engine: Engine, dt: float) -> float:
-    """Largest error of the centre's velocity in the room over its speed, looked at ten times a second."""
+    """Largest error of the centre's velocity, relative to its speed, sampled ten times per second."""
     world = engine.start(turntable(), dt)
     velocity = np.array([0.0, SPEED])
-    # No slip: velocity + spin x (0, 0, -radius) is that of the table there.
+    # No slip: velocity + spin x (0, 0, -radius) is the velocity of the table at the contact.
     slip = np.array([0.0, TURN * START]) - velocity
     spin = np.array([slip[1], -slip[0]]) / RADIUS
     world.set(qvel=[TURN, *velocity, 0, *spin, 0])

@@ -1,4 +1,4 @@
-"""Scenes 21, 25, 27 and 28: walls, seams, thin walls at speed, far from the origin, extreme time steps."""
+"""Scenes 21, 25, 27 and 28: walls, seams, fast bodies at thin walls, scenes far from the origin, extreme time steps."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ CUBE = box((0.1, 0.1, 0.1), 1.0)
 
 
 def flicker(engine: Engine, dt: float) -> float:
-    """Largest relative error of the wall's force in any of 200 steps, after a second of pushing. The floor is frictionless."""
+    """Largest relative error of the wall's force in 200 steps, after a second of pushing on a frictionless floor."""
     wall = '<geom name="wall" type="box" size=".05 .5 .5" pos=".16 0 .5"/>'
     world = engine.start(document(FLOOR + wall + free("cube", CUBE, (0, 0, 0.1)), friction=0.0), dt)
     world.push("cube", (PUSH, 0, 0))
@@ -34,7 +34,7 @@ FIELD = '<asset><hfield name="flat" nrow="3" ncol="41" size="4 .5 .1 .1" elevati
 
 
 def seams(kind: str):
-    """Largest change of a sliding box's height (m), speed (m/s) or pitch (rad) in a second at 1 m/s without friction."""
+    """Measure: largest change of height (m), speed (m/s) or pitch (rad) of a box that slides at 1 m/s without friction for a second."""
 
     def measure(engine: Engine, dt: float) -> float:
         if kind == "tiles":
@@ -61,7 +61,7 @@ RADIUS, THIN, FAST = 0.02, 0.001, 100.0
 
 
 def tunnelling(engine: Engine, dt: float) -> float:
-    """How far the sphere's front is beyond the wall's near face, at worst, m."""
+    """Largest penetration of the sphere beyond the near face of the wall, m."""
     wall = f'<geom type="box" size="{THIN} 1 1"/>'
     start = -0.5 * FAST * 0.02 - 0.3
     world = engine.start(document(wall + free("ball", ball(RADIUS, 0.1), (start, 0, 0)), gravity=(0, 0, 0)), dt)
@@ -80,16 +80,16 @@ FAR_SECONDS = 1.0
 
 
 def rounding_far_away(dt: float) -> float:
-    """Largest error of a coordinate after all steps, m: each step rounds it twice, when it integrates and when it corrects the position.
+    """Tolerance for rounding far from the origin, m.
 
-    Each rounding is off by at most half the distance of neighbouring numbers at `FAR`. All may be off in the same direction, since steady
-    motion repeats its rounding.
+    Each step rounds a coordinate twice, in integration and position correction, by at most half the spacing of numbers at `FAR`. Steady
+    motion repeats its rounding, so that all errors may add up.
     """
     return math.ulp(FAR) * FAR_SECONDS / dt
 
 
 def _thrown(engine: Engine, dt: float, shift: float) -> np.ndarray:
-    """Places of a ball that rolls and a box that slides to a stop, after a second."""
+    """Final positions of a rolling ball and of a box that slides to rest, relative to the shift, after a second, m."""
     at = np.full(3, shift)
     floor = f'<geom type="plane" size="0 0 1" pos="{shift!r} {shift!r} {shift!r}"/>'
     bodies = free("ball", ball(0.1, 1.0), np.add(at, (0, 1, 0.1))) + free("cube", box((0.1, 0.1, 0.05), 1.0), np.add(at, (0, 0, 0.05)))
@@ -103,15 +103,15 @@ def _thrown(engine: Engine, dt: float, shift: float) -> np.ndarray:
 
 
 def far_away(engine: Engine, dt: float) -> float:
-    """Largest difference of a coordinate, m."""
+    """Largest difference of a coordinate between the shifted and the original motion, m."""
     return float(np.abs(_thrown(engine, dt, FAR) - _thrown(engine, dt, 0.0)).max())
 
 
-# Scene 28: the smallest and the largest step. What a wrong model or state says is in tests/failure.
+# Scene 28: the smallest and the largest time step. tests/failure has the errors of wrong models and states.
 
 
 def extreme(engine: Engine, dt: float) -> float:
-    """Largest gain of energy of a box that is thrown on the floor, in 2000 steps, over m g times its height of fall."""
+    """Largest gain of energy of a box that falls on the floor, in 2000 steps, relative to its initial potential energy."""
     world = engine.start(document(FLOOR + free("cube", CUBE, (0, 0, 0.5), (0.9, 0.2, 0.3, 0.1)), friction=0.5), dt)
     world.set(qvel=[0.5, 0, -1.0, 1.0, 2.0, 0.5])
     start, worst = float(world.energy()[0]), 0.0

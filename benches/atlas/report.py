@@ -18,18 +18,21 @@ USUAL = 2e-3
 
 HEAD = """# The failure atlas
 
-Scenes with known answers where methods fail: the 32 of the list that this project began with, twelve (33 to 44) of what others found in it
-later, and the seven public tests of SimBenchmark (S1 to S7), written anew from its parameters. Every right answer is a closed form,
-statics or a conservation law, never another simulator.
-`make atlas` runs all of it and writes this page, [atlas.csv](atlas.csv) and the picture; `tests/failure/` holds a shorter sweep.
+Scenes with known answers where methods fail: 44 numbered scenes, and the seven public tests of SimBenchmark (S1 to S7) with its
+parameters. Every right answer is a closed form, statics or a conservation law, never another simulator. A scene *holds* at a time step
+if the error of the engine is within the tolerance of the scene.
+`make atlas` runs all scenes and writes this page, [atlas.csv](atlas.csv) and the figure; `tests/failure/` runs a shorter sweep.
 
 ![scenes by engines and time steps](atlas.png)
 
-Engines: **stepper** is `Options()`, the default; its alternatives change what their names say; f32 is `precision="f32"`. **MuJoCo** is its
-default, whose law of contact **MuJoCo's law in stepper** has (`Options(contact="mujoco")`); **tuned** follows its own guide for contact
-without slip: elliptic cones, impratio 100 with implicitfast, impratio 10 with
-discrete, solref of two steps (with restitution, the direct format for a bouncing spring). **rapier** is the Python wheel with its defaults,
-in 32 bits. MuJoCo has no coefficient of restitution, so its default cannot hold a bounce.
+Engines:
+
+* **stepper** is `Options()`, the default. The other columns of stepper change the named option; f32 is `precision="f32"`.
+* **MuJoCo's law in stepper** is `Options(contact="mujoco")`, with the same contact law as MuJoCo.
+* **MuJoCo** has default settings. **Tuned** follows its guide for contact without slip: elliptic cones, impratio 100 with implicitfast,
+  impratio 10 with discrete, solref of two steps (with restitution, the direct format). MuJoCo has no coefficient of restitution, so its
+  default cannot reproduce a bounce.
+* **rapier** is the Python wheel with its defaults, in 32 bits.
 
 """
 
@@ -77,7 +80,7 @@ def _number(x: float) -> str:
 
 
 def _summary(scenes: Sequence[Scene], engines: Sequence[str], by: Mapping[tuple[str, str, float, str], Row]) -> str:
-    text = "## Time steps held, of those swept, and the error at the step nearest to 2 ms\n\n"
+    text = "## Number of time steps at which each scene holds, and the error at the step nearest to 2 ms\n\n"
     text += _line(["scene", "unit", *engines]) + _line(["---"] * (len(engines) + 2))
     totals = dict.fromkeys(engines, 0)
     for scene in scenes:
@@ -107,7 +110,7 @@ def _reasons(scenes: Sequence[Scene], by: Mapping[tuple[str, str, float, str], R
                 found.setdefault(why, []).append(
                     f"{scene.title} ({row.engine.removeprefix('stepper').strip() or 'default'}, {row.dt * 1e3:g} ms)"
                 )
-    text = "\n## What stepper does not hold, and why\n\n"
+    text = "\n## Failures of stepper and their reasons\n\n"
     for why, where in found.items():
         text += f"* {why}\n" + "".join(f"  * {line}\n" for line in _grouped(where))
     return text
@@ -123,15 +126,15 @@ def _grouped(where: Sequence[str]) -> list[str]:
 
 
 def _answers(scenes: Sequence[Scene]) -> str:
-    text = "\n## What is right, and when a scene counts as held\n\n"
-    text += _line(["scene", "right answer", "source", "error that holds, at 2 ms", "because"]) + _line(["---"] * 5)
+    text = "\n## Right answers and tolerances\n\n"
+    text += _line(["scene", "right answer", "source", "tolerance at 2 ms", "reason of the tolerance"]) + _line(["---"] * 5)
     for s in scenes:
         text += _line([s.title, s.answer, s.source, f"{_number(s.tolerance(USUAL))} {s.unit}", s.because])
     return text
 
 
 def _all(scenes: Sequence[Scene], engines: Sequence[str], by: Mapping[tuple[str, str, float, str], Row]) -> str:
-    text = "\n## Every run: holds (+) or fails (x), error; cost in ms of one core per simulated second\n\n"
+    text = "\n## All runs: holds (+) or fails (x), error; cost in ms of one core per simulated second\n\n"
     text += _line(["scene", "dt, ms", *engines]) + _line(["---"] * (len(engines) + 2))
     for scene in scenes:
         for dt in scene.dts:
@@ -147,5 +150,5 @@ def _all(scenes: Sequence[Scene], engines: Sequence[str], by: Mapping[tuple[str,
 
 
 def _provenance(provenance: Mapping[str, object]) -> str:
-    text = "\n## Where these numbers come from\n\n"
+    text = "\n## Provenance\n\n"
     return text + "".join(f"* {key}: {value if isinstance(value, str) else json.dumps(value)}\n" for key, value in provenance.items())

@@ -108,24 +108,24 @@ def comes_back(engine: Engine, dt: float) -> float:
 
 HINGE = '<joint axis="0 1 0" damping=".01"/>'
 BALL = '<joint type="ball" damping=".01"/>'
-ENERGY = "gravity's work: the overlap can do none, as its normal has no lever"
-GAIN = "0.2 % of the height: an integrator of first order gains as much of a swinging pendulum's energy at 2 ms"
+ENERGY = "the contact does no work, as its normal passes through the hinge"
+GAIN = "0.2 % of the energy, the gain of a first-order integrator for a swinging pendulum at 2 ms"
 
 SCENES = (
     Scene(
         "36",
         "a weld out of reach",
-        "the arm comes to rest stretched towards the point",
-        "geometry: the nearest place that it reaches",
+        "the arm comes to rest, stretched towards the target",
+        "geometry: the nearest reachable point",
         "m, m/s",
         flat(1e-3),
-        "a part in a thousand of the arm",
+        "0.1 % of the length of the arm",
         gap_left,
     ),
     Scene(
         "37",
         "a hinge inside a ball",
-        "a damped pendulum, no gain of energy",
+        "damped motion without gain of energy",
         ENERGY,
         "1",
         lambda dt: max(2e-3, dt),
@@ -135,7 +135,7 @@ SCENES = (
     Scene(
         "37",
         "a ball joint inside a ball",
-        "a damped pendulum, no gain of energy",
+        "damped motion without gain of energy",
         ENERGY,
         "1",
         lambda dt: max(2e-3, dt),
@@ -145,21 +145,21 @@ SCENES = (
     Scene(
         "37",
         "a slot too narrow for its box",
-        "the box rests in the middle, where both overlaps are the least together",
+        "the box rests in the middle, where the overlaps are equal",
         "symmetry",
         "m, m/s",
         flat(1e-4),
-        "a tenth of the overlap",
+        "10 % of the overlap",
         off_the_middle,
     ),
     Scene(
         "39",
         "half a radian outside a joint's range",
-        "back at its end after half a second, at rest",
-        "a limit does no work on what is inside",
+        "at rest at the end of the range after half a second",
+        "a limit acts outside its range only",
         "rad, rad/s",
         flat(1e-2),
-        "a fiftieth of the way: a correction of a fifth of the error a step leaves 4e-3 after 22 steps of 20 ms",
+        "2 % of the error: corrections of a fifth per step leave 4e-3 of it after 22 steps of 20 ms",
         comes_back,
     ),
 )

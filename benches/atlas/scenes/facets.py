@@ -93,10 +93,10 @@ def bowl(kind: str):
     return measure
 
 
-CONSERVED = "without friction only concave edges take energy, sin^2 of their angle"
-TURNS = "the normal turns by v dt / r in a step, over all of the edge's angle, and Euler's rule is a step's way off: g v dt sin(a)"
-LATE = "the other side is met up to a step's way late: v dt sin(a) of height"
-FACETS = "40 rows of edges of 0.025 rad each way take sin^2 of that, and a step's way into a concave edge is g v dt sin(a)"
+CONSERVED = "without friction, only concave edges dissipate energy, a share of sin^2 of their angle"
+TURNS = "at the edge the normal rotates by v dt / r per step; Euler's rule is off by the motion of a step, g v dt sin(a)"
+LATE = "the contact is up to a step late: a height of v dt sin(a)"
+FACETS = "each of 40 edges of 0.025 rad, back and forth, takes sin^2 of its angle, and contacts are up to a step late: g v dt sin(a)"
 
 
 def _bowl(dt: float) -> float:
@@ -105,13 +105,13 @@ def _bowl(dt: float) -> float:
 
 SCENES = (
     *(
-        Scene("38", f"crest, {name}", "the energy stays", CONSERVED, "1", flat(1e-4), "f32: what it knows of the height", crest(kind))
+        Scene("38", f"crest, {name}", "constant energy", CONSERVED, "1", flat(1e-4), "rounding of the height in f32", crest(kind))
         for kind, name in (("hfield", "height field"), ("mesh", "mesh"))
     ),
     Scene(
         "38",
         "tent: a convex edge",
-        "the energy stays",
+        "constant energy",
         CONSERVED,
         "1",
         lambda dt: 1e-3 + 4 * TENT * SPEED * dt / RADIUS + 2 * G * dt * math.sin(TENT) / SPEED,
@@ -121,7 +121,7 @@ SCENES = (
     Scene(
         "38",
         "valley: a concave edge",
-        "it keeps between cos^2 of the angle and all",
+        "a share of the energy between cos^2 of the angle and 1",
         CONSERVED,
         "1",
         lambda dt: 1e-3 + 2 * G * dt * math.sin(VALLEY) / (2 * SPEED),
@@ -129,7 +129,7 @@ SCENES = (
         valley,
     ),
     *(
-        Scene("38", f"bowl, {name}", "the energy stays nearly", CONSERVED, "1", _bowl, FACETS, bowl(kind))
+        Scene("38", f"bowl, {name}", "almost constant energy", CONSERVED, "1", _bowl, FACETS, bowl(kind))
         for kind, name in (("hfield", "height field"), ("mesh", "mesh"))
     ),
 )

@@ -185,7 +185,7 @@ def pendulum_energy(links: int):
 
 
 CONSERVED = "conservation laws"
-SECOND = "(rate h)^2 of its fastest angular rate: a rule of second order"
+SECOND = "(rate h)^2 of the fastest angular rate: a second-order integrator"
 
 SCENES = (
     Scene("8", "tumbling: energy and momentum", "constant for a hundred periods", CONSERVED, "1", second_order(SPIN), SECOND, tumbling),
@@ -193,11 +193,11 @@ SCENES = (
     Scene(
         "9",
         "inertia on a fixed child",
-        "as if merged into the parent",
+        "as with the inertia merged into the parent",
         "rigid bodies",
         "1",
         lambda dt: 1e-6,
-        "10,000 steps of rounding, amplified by its flips",
+        "rounding of 10,000 steps, amplified by the tumbling",
         fixed_child,
         (1e-4, 1e-3),
         (1e-4, 1e-3),
@@ -205,11 +205,11 @@ SCENES = (
     Scene(
         "10",
         "floating robot, internal torques",
-        "momentum stays zero",
+        "zero momentum",
         CONSERVED,
         "(kg m/s)^2",
         lambda dt: 1e-8 * (dt / 1e-3) ** 4,
-        "1e-8 at 1 ms; a square of an error of second order",
+        "1e-8 at 1 ms, the square of a second-order error",
         swimming,
     ),
     *(
@@ -229,7 +229,7 @@ SCENES = (
             Scene(
                 "11",
                 f"{name}: state after 1 s",
-                "that of a converged solution",
+                "a converged solution",
                 "DOP853, rtol 1e-12",
                 "rad",
                 lambda dt, n=links: (fastest(n) * dt) ** 2,

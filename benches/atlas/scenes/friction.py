@@ -15,7 +15,7 @@ HEIGHT = 0.05
 STEPS = 100_000
 CREEP = 1e-9
 """Speed below which a body counts as sticking, m/s: 3 cm a year. The rounding of g dt is 1e-15 m/s or less."""
-NO_CREEP = "1e-9 m/s, 3 cm a year; rounding is a millionth of that"
+NO_CREEP = "1e-9 m/s, 3 cm a year; rounding is 1e-15 m/s"
 SETTLE = 200
 """Steps before a measurement, in which a cold start may converge and a soft contact may settle."""
 
@@ -171,8 +171,8 @@ def tray_slips(mu: float):
 
 
 COULOMB = "statics with Coulomb's law"
-TOLERANCE = "the solver's tolerance, 1e-6 m/s, for the second that it moves"
-ACCELERATION = "1e-4 of the net force, which is a hundredth of friction or less: 1e-6 of the forces"
+TOLERANCE = "the solver's tolerance, 1e-6 m/s, over a second of motion"
+ACCELERATION = "1e-4 of the net force, which is at most 1 % of the friction force"
 
 SCENES = (
     Scene(
@@ -187,21 +187,28 @@ SCENES = (
         test_dts=(2e-3, 2e-2),
     ),
     Scene("3", "incline of 10 degrees, mu 1", "v = 0", COULOMB, "m/s", flat(CREEP), NO_CREEP, sticking_at_ten_degrees),
-    Scene("3", "penetration at rest on it", "none", "rigid bodies", "m", flat(1e-5), "a hundredth of a millimetre", penetration_at_rest),
+    Scene("3", "penetration at rest on it", "none", "rigid bodies", "m", flat(1e-5), "0.01 mm", penetration_at_rest),
     Scene("3", "incline above the friction angle", "a = g (sin - mu cos)", COULOMB, "1", flat(1e-4), ACCELERATION, sliding),
     Scene("4", "stopping distance", "v0^2 / (2 mu g)", "work of Coulomb's friction", "m", flat(1e-6), TOLERANCE, stopping),
     Scene(
         "5",
         "isotropy of friction",
-        "straight and equally far in nine directions",
-        "the cone is round",
+        "straight paths of equal length in nine directions",
+        "the friction cone is circular",
         "m",
         flat(1e-6),
         TOLERANCE,
         isotropy,
     ),
     Scene(
-        "6", "slip to roll", "5 v0 / 7 after 12 v0^2 / (49 mu g)", "Coulomb on a solid ball", "m/s, m", flat(1e-6), TOLERANCE, slip_to_roll
+        "6",
+        "slip to roll",
+        "5 v0 / 7 after 12 v0^2 / (49 mu g)",
+        "Coulomb friction of a solid ball",
+        "m/s, m",
+        flat(1e-6),
+        TOLERANCE,
+        slip_to_roll,
     ),
     *(
         scene

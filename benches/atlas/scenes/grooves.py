@@ -63,15 +63,24 @@ def downhill(kind: str, rolls: bool):
 
 
 ROUNDING = "f32: rounding of 500 steps"
-STEP = "twice a step of the second: a rule of first order starts a step early or late"
+STEP = "two steps per second: a first-order integrator starts up to a step early or late"
 KINDS = (("planes", "planes"), ("hfield", "a height field"), ("mesh", "a mesh"))
 
 SCENES = tuple(
     scene
     for kind, name in KINDS
     for scene in (
-        Scene("42", f"along a groove of {name}", "the speed stays", "no friction", "1", flat(1e-5), ROUNDING, level(kind)),
-        Scene("42", f"sliding down a groove of {name}", "g sin(a) t^2 / 2", "Galilei", "1", lambda dt: 2 * dt, STEP, downhill(kind, False)),
+        Scene("42", f"along a groove of {name}", "constant speed", "no friction", "1", flat(1e-5), ROUNDING, level(kind)),
+        Scene(
+            "42",
+            f"sliding down a groove of {name}",
+            "g sin(a) t^2 / 2",
+            "constant acceleration",
+            "1",
+            lambda dt: 2 * dt,
+            STEP,
+            downhill(kind, False),
+        ),
         Scene(
             "42",
             f"rolling down a groove of {name}",

@@ -109,7 +109,7 @@ SCENES = (
     Scene(
         "1",
         "falling block",
-        "the textbook's recursion, step for step: after 8 steps h 0.0427, v -1.6696",
+        "the textbook recursion; after 8 steps h 0.0427, v -1.6696",
         "the recursion itself",
         "m, m/s",
         flat(1e-12),
@@ -137,7 +137,7 @@ SCENES = (
         NEWTON,
         "m",
         lambda dt: 2 * dt * math.sqrt(2 * G * DROP),
-        "a bounce happens within a step of touching, so the way of a step at impact speed, before and after it",
+        "twice the motion of a step at impact speed, as the impact is up to a step early or late",
         apexes,
     ),
     Scene(
@@ -147,7 +147,7 @@ SCENES = (
         "conservation laws",
         "1",
         flat(2e-5),
-        "the solver's tolerance of 1e-6 m/s in each of five speeds, over the first ball's, twice",
+        "twice the solver's tolerance of 1e-6 m/s in each of five speeds, relative to the speed of the first ball",
         conserved,
     ),
     Scene(

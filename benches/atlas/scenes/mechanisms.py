@@ -179,8 +179,8 @@ def gain(engine: Engine, dt: float) -> float:
 
 
 CONSERVED = "conservation laws"
-GAP = "a hundredth of a millimetre, as for contacts"
-LEFT = "a thousandth; critical damping leaves e^-100 in 200 steps of a ratio of 0.5"
+GAP = "0.01 mm, as for contacts"
+LEFT = "0.1 %; the exact solution leaves e^-100 after 200 steps at a ratio of 0.5"
 
 SCENES = (
     Scene("13", "ball and chain: tension", "the weight below", STATICS, "1", share, SHARE, tension),
@@ -191,7 +191,7 @@ SCENES = (
         "rigid bodies",
         "m",
         flat(LINKS * 1e-5),
-        "1e-5 m a link, as for contacts",
+        "1e-5 m per link, as for contacts",
         stretch,
         (5e-4, 2e-3, 1e-2),
         (2e-3,),
@@ -218,7 +218,7 @@ SCENES = (
         CONSERVED,
         "1",
         second_order(SPIN),
-        "(spin h)^2: a rule of second order",
+        "(spin h)^2: a second-order integrator",
         loop_energy,
     ),
     Scene("23", "ring of eight links: gap", "the loop stays closed", "rigid links", "m", flat(1e-5), GAP, ring_gap),
@@ -229,7 +229,7 @@ SCENES = (
         "inelastic limits",
         "1",
         second_order(RATE),
-        "(rate h)^2: a rule of second order",
+        "(rate h)^2: a second-order integrator",
         gain,
     ),
 )

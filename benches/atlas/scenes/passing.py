@@ -74,11 +74,11 @@ SCENES = (
         Scene(
             "43",
             f"{flyer} passes a box at 1.5 mm",
-            "its velocity stays",
+            "constant velocity",
             "Newton's first law",
             "m/s, rad/s",
             flat(1e-5),
-            "1e-5 m/s: single precision; double keeps 1e-9",
+            "rounding in single precision; 1e-9 in double precision",
             near_miss(flyer),
         )
         for flyer in FLYERS
@@ -87,11 +87,11 @@ SCENES = (
         Scene(
             "44",
             f"{slider} over ten seams of tiles of 10 cm",
-            "no bump: it keeps 99.9 % of its speed and stays within 0.01 mm",
+            "no bump: at least 99.9 % of the speed, and a height within 0.01 mm",
             "a plane",
             "1",
             flat(1e-3),
-            "a thousandth of the speed, 0.01 mm",
+            "0.1 % of the speed, 0.01 mm",
             small_tiles(slider),
             (5e-4, 1e-3, 2e-3, 5e-3, 2e-2),
             (1e-3, 5e-3),

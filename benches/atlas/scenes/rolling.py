@@ -160,11 +160,11 @@ def capstan_slips(engine: Engine, dt: float) -> float:
     return max(0.0, 0.5 * surplus * SECONDS**2 / 2 - _pulled(engine, dt, 1.05))
 
 
-THOUSANDTH = "a thousandth of the first energy"
+THOUSANDTH = "0.1 % of the initial energy"
 
 SCENES = (
-    Scene("29", "Euler's disc", "the energy never grows", "friction only takes", "1", flat(1e-3), THOUSANDTH, eulers_disc),
-    Scene("29", "rolling coin", "the energy never grows", "friction only takes", "1", flat(1e-3), THOUSANDTH, coin),
+    Scene("29", "Euler's disc", "no growth of the energy", "friction only dissipates", "1", flat(1e-3), THOUSANDTH, eulers_disc),
+    Scene("29", "rolling coin", "no growth of the energy", "friction only dissipates", "1", flat(1e-3), THOUSANDTH, coin),
     Scene("30", "wheel, 0.9 mu N sideways", "no lateral slip", COULOMB, "m/s", flat(CREEP), NO_CREEP, lateral),
     Scene(
         "30",
@@ -173,7 +173,7 @@ SCENES = (
         "no lateral slip, Newton 1676",
         "1",
         lambda dt: SPEED * dt / TRAIL / 2,
-        "half a step's way over the trail: a rule of first order",
+        "half the motion of a step relative to the trail: a first-order error",
         caster,
     ),
     Scene("30", "capstan at 0.95 of mu phi", "holds", "capstan equation for 16 corners", "m/s", flat(CREEP), NO_CREEP, capstan_holds),
@@ -184,7 +184,7 @@ SCENES = (
         "capstan equation for 16 corners",
         "m",
         flat(0.0),
-        "at least half of the way that the surplus force gives the rope",
+        "at least half the displacement that the excess force causes",
         capstan_slips,
     ),
 )

@@ -164,7 +164,7 @@ def fourth(dt: float) -> float:
     return 1e-8 * (dt / 1e-3) ** 4
 
 
-FOURTH = "1e-8 at 1 ms; a square of an error of second order"
+FOURTH = "1e-8 at 1 ms, the square of a second-order error"
 STEPS = (5e-4, 1e-3, 2e-3, 5e-3, 2e-2)
 FEW = (5e-3, 2e-2)
 CONSERVED = "conservation laws"
@@ -177,7 +177,7 @@ SCENES = (
         "Coulomb and Newton-Euler in closed form",
         "(m/s)^2",
         flat(1e-8),
-        "a millionth of the squared speeds",
+        "1e-6 of the squared speeds",
         rolling,
         (1e-3, 2e-3, 5e-3, 2e-2),
         (1e-3, 5e-3),
@@ -201,7 +201,7 @@ SCENES = (
         "rigid bodies",
         "m^2",
         flat(216 * 3 * 1e-10),
-        "three contacts a sphere, each overlapping 1e-5 m",
+        "three contacts per sphere with an overlap of 1e-5 m each",
         falling_cube,
         FEW,
         (1e-3, 2e-2),
@@ -221,7 +221,7 @@ SCENES = (
     Scene(
         "S5",
         "quadruped's momentum",
-        "constant, when a ball strikes it in space",
+        "constant, also when a ball hits the floating robot",
         CONSERVED,
         "(kg m/s)^2",
         fourth,

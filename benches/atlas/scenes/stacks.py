@@ -159,7 +159,7 @@ def share(dt: float) -> float:
     return max(1e-6, 10 * 1e-6 / (G * dt))
 
 
-SHARE = "ten times the solver's tolerance of 1e-6 m/s over g dt, the load of a step"
+SHARE = "ten times the solver's tolerance, 1e-6 m/s, relative to the load of a step, g dt"
 STATICS = "statics"
 
 SCENES = (
@@ -190,7 +190,18 @@ SCENES = (
         (2e-3, 1e-2),
         (1e-2,),
     ),
-    Scene("12", "a box on two of a twentieth of its size", "they carry it", STATICS, "1", share, SHARE, on_two, SWEEP, (2e-3, 2e-2)),
+    Scene(
+        "12",
+        "a box on two of a twentieth of its size",
+        "the small boxes carry the weight",
+        STATICS,
+        "1",
+        share,
+        SHARE,
+        on_two,
+        SWEEP,
+        (2e-3, 2e-2),
+    ),
     Scene(
         "14", "ten equal boxes for 1e5 steps", "no drift, no jitter", STATICS, "m/s", flat(CREEP), NO_CREEP, steady, (2e-3, 2e-2), (2e-2,)
     ),
@@ -199,17 +210,17 @@ SCENES = (
         "15",
         "table of four legs: order",
         "the motion does not depend on the order of contacts",
-        "renaming contacts changes no physics",
+        "invariance under renaming of contacts",
         "m",
         lambda dt: 1e-6,
-        "the solver's tolerance of 1e-6 m/s for half a second, four feet, half of it each",
+        "the solver's tolerance of 1e-6 m/s over half a second, half of it for each of four feet",
         table_order,
     ),
     Scene(
         "17",
         "overlap of 25 % at the start",
-        "separates, kinetic energy gained ~ 0",
-        "rigid bodies store none",
+        "the boxes separate with almost no kinetic energy",
+        "rigid bodies store no energy",
         "1",
         flat(0.01),
         "a hundredth of the work of lifting the pyramid by the overlap",

@@ -119,7 +119,7 @@ def dominoes(engine: Engine, dt: float) -> float:
     return float(DOMINOES - in_order.sum())
 
 
-LEVER = "1e-4 m: a penetration of 1e-5 m at an edge moves the far end of a thin card ten times as far"
+LEVER = "a penetration of 1e-5 m at an edge moves the far end of a thin card by ten times as much"
 FEW = (1e-3, 2e-3, 5e-3, 2e-2)
 
 SCENES = (
@@ -129,10 +129,10 @@ SCENES = (
         "16",
         "15 dominoes",
         "fall in order",
-        "each releases more energy than the next needs to tip",
+        "each domino releases more energy than the next needs to tip",
         "1",
         flat(0.0),
-        "every one",
+        "all must fall",
         dominoes,
         FEW,
         (2e-3, 2e-2),

@@ -98,8 +98,8 @@ def tips(start, kind: str):
 
 RATE = math.sqrt(MASS * G * ARM**2 / TALL / INERTIA)
 """Exponential growth rate of the tilt at the critical force, 1/s: I phi'' = (F wide + m g tall) phi."""
-HELD = "1e-6 rad: a step solved to 1e-6 m/s, of which the next gives back what it took"
-LATE = "exp(rate h) - 1: a step sooner or later, at the rate with which the tilt grows; and 1e-3 for the solver's tolerance"
+HELD = "1e-6 rad: errors of the solver, 1e-6 m/s, cancel from step to step"
+LATE = "exp(rate h) - 1 for a step early or late, with the growth rate of the tilt, plus 1e-3 for the solver's tolerance"
 
 SCENES = tuple(
     scene

@@ -79,7 +79,7 @@ def momentum(engine: Engine, dt: float) -> float:
 
 # The axis nutates at I3 spin / I1. The spin about the symmetry axis limits no step, as it does not change the motion of the axis.
 NUTATION = AXIAL * SPIN / ABOUT_POINT[0]
-BECAUSE = "(rate h)^2 of the nutation: a rule of second order"
+BECAUSE = "(rate h)^2 of the nutation: a second-order integrator"
 
 SCENES = (
     Scene(

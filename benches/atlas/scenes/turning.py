@@ -46,11 +46,11 @@ SCENES = (
     Scene(
         "33",
         "ball on a turntable",
-        "its centre moves on a circle in the room, with 2/7 of the table's rate",
+        "its centre moves on a circle in the world frame, at 2/7 of the table's rate",
         "Weltner 1979",
         "1",
         second_order(TURN),
-        "the square of the table's angle in a step: a rule of second order",
+        "square of the table's rotation per step: a second-order integrator",
         rolling,
         DTS,
         DTS,

@@ -1,10 +1,13 @@
-"""Time until a robot can be stepped, beside the time of MuJoCo's compiler alone, one markdown table.
+"""Time to load a robot, compared with MuJoCo's compiler, as a markdown table.
 
-MJCF is read by MuJoCo's compiler, so that its time is part of ours. "first" is the first model of a process, each in a process of its
-own; "again" is the same model once more in that process, where MuJoCo has kept what it made of the meshes; "saved" is what
-`Model.save` wrote, in a process of its own. Wall time, since MuJoCo's compiler has threads, with files in memory; engines take turns,
-and the median over turns counts. Packages are those of benches/corpus; files of other robots may be given. See
-docs/benchmarks/performance.md.
+stepper reads MJCF with MuJoCo's compiler, whose time is therefore included. Columns:
+
+* first: the first load in a new process;
+* again: the second load of the same model in that process, where MuJoCo has cached the meshes;
+* saved: the load of a file of `Model.save` in a new process.
+
+Times are wall times, as MuJoCo's compiler has threads, with files in the page cache. Engines take turns, and figures are medians over
+turns. The robots come from the packages of benches/corpus, or from given files. See docs/benchmarks/performance.md.
 """
 
 from __future__ import annotations
@@ -30,11 +33,11 @@ ROBOTS = (
     ("robosuite", "robosuite/models/assets/robots/panda/robot.xml"),
     ("dm-control", "dm_control/third_party/kinova/jaco_arm.xml"),
 )
-"""Package and file: Unitree's H1, a Fetch arm, Franka's Panda, Kinova's Jaco."""
+"""Packages and files of the robots: Unitree's H1, a Fetch arm, Franka's Panda, Kinova's Jaco."""
 
 
 def seconds(engine: str, file: str) -> list[float]:
-    """Time of the first load in this process and of the second, s."""
+    """Times of the first and the second load in this process, s."""
     mujoco = require("mujoco", "to read MJCF") if engine != "saved" else None
     times = []
     for _ in range(2):
@@ -48,7 +51,7 @@ def seconds(engine: str, file: str) -> list[float]:
 
 
 def in_turns(file: Path, turns: int) -> dict[str, list[float]]:
-    """Medians of both loads, s, by engine."""
+    """Median times of the first and the second load, s, by engine."""
     times: dict[str, list[list[float]]] = {engine: [] for engine in ("mujoco", "stepper", "saved")}
     with tempfile.TemporaryDirectory() as folder:
         saved = Path(folder) / "model.stepper"
@@ -61,7 +64,7 @@ def in_turns(file: Path, turns: int) -> dict[str, list[float]]:
 
 
 def row(name: str, file: Path, turns: int) -> str:
-    """A line of the table."""
+    """Table row of a robot."""
     found = in_turns(file, turns)
     (first, again), (ours, ours_again), (saved, _) = found["mujoco"], found["stepper"], found["saved"]
     ratios = f"{ours / first:.2f} | {ours_again / again:.2f} | {saved / first:.2f}"
@@ -70,11 +73,11 @@ def row(name: str, file: Path, turns: int) -> str:
 
 
 def main() -> None:
-    """Reads the arguments, measures, prints."""
+    """Measure all robots and print the table."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("files", nargs="*", type=Path, help="MJCF of further robots")
-    parser.add_argument("--turns", type=int, default=7, help="processes of each engine; default: 7")
-    parser.add_argument("--cache", type=Path, default=Path("out/corpus"), help="folder of downloads; default: out/corpus")
+    parser.add_argument("files", nargs="*", type=Path, help="MJCF files of further robots")
+    parser.add_argument("--turns", type=int, default=7, help="number of processes of each engine [7]")
+    parser.add_argument("--cache", type=Path, default=Path("out/corpus"), help="folder of the downloaded packages [out/corpus]")
     parser.add_argument("--once", nargs=2, metavar=("ENGINE", "FILE"), help=argparse.SUPPRESS)
     args = parser.parse_args()
     warnings.simplefilter("ignore")

@@ -1,8 +1,8 @@
-"""Errors of the trajectories of robots in contact at their own time step, half and a quarter of it, beside a 64th of it.
+"""Convergence of trajectories of robots in contact: errors at the time step dt of the model, dt / 2 and dt / 4, relative to dt / 64.
 
-256 environments of each robot, after 120 steps of random control, go on with held controls for 40 ms. The error of one is its largest of a
-coordinate, m or rad; what is printed is the median, the third quartile and the ninth decile of the environments. Two builds are compared by
-running it with each: references are made once, and kept in a folder.
+After 120 steps of random controls, 256 environments of each robot are simulated for 40 ms with constant controls. The error of an
+environment is the largest error of a coordinate, m or rad. The table has the median, the third quartile and the ninth decile over
+environments. To compare two builds, run the script with each; the references are computed once and stored in a folder.
 
     PYTHONPATH=old/python:benches python -m comparison.refinement out/references
     PYTHONPATH=new/python:benches python -m comparison.refinement out/references
@@ -25,15 +25,15 @@ Array = NDArray[np.float64]
 
 NUM_ENVS, WARM_UP, SECONDS = 256, 120, 0.04
 REFINED = 64
-"""Steps of a reference in one of the robot's own."""
+"""Number of steps of the reference per time step of the model."""
 QUANTILES = (0.5, 0.75, 0.9)
-"""Of the errors of the environments that are printed."""
+"""Quantiles of the errors over environments in the table."""
 
 
 def main() -> None:
-    """Prints a table."""
+    """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("references", type=Path, help="folder of the references, which are made where they are missing")
+    parser.add_argument("references", type=Path, help="folder of the references; missing ones are computed")
     folder = parser.parse_args().references
     folder.mkdir(parents=True, exist_ok=True)
     warnings.simplefilter("ignore")
@@ -42,7 +42,7 @@ def main() -> None:
         try:
             path = package_file(package, file, "to step its robots")
         except MissingPackageError as error:
-            print(f"{file}: left out, {error}", file=sys.stderr)
+            print(f"skipped {file}: {error}", file=sys.stderr)
             continue
         name = f"{package}/{Path(file).stem}"
         model = load(str(path), strict=False)
@@ -61,7 +61,7 @@ def main() -> None:
 
 
 def reference(model: Model) -> tuple[Array, Array, Array, Array]:
-    """Configurations and velocities in the middle of random control, controls for what follows, and where that leads."""
+    """Initial qpos and qvel after random controls, constant controls, and reference of the final qpos."""
     low, high = np.nan_to_num(np.asarray(model.actuator_ctrlrange), neginf=-1.0, posinf=1.0).T
     sim, rng = Stepper(model, NUM_ENVS), np.random.default_rng(1)
     for _ in range(WARM_UP):
@@ -71,7 +71,7 @@ def reference(model: Model) -> tuple[Array, Array, Array, Array]:
 
 
 def final_qpos(model: Model, given: tuple[Array, Array, Array], parts: int) -> Array:
-    """Configurations after the time, with so many steps in one of the model's own."""
+    """Final qpos, with `parts` steps per time step of the model."""
     (qpos, qvel, ctrl), dt = given, float(model.timestep)
     steps = max(4, round(SECONDS / dt))
     sim = Stepper(model, NUM_ENVS, options=Options(timestep=dt / parts))

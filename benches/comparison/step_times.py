@@ -1,4 +1,4 @@
-"""Worker of versions.py: times steps in the build of stepper that it finds, of which it asks nothing but what the first version had.
+"""Worker of versions.py: measures the step time of the build of stepper in its path. It uses only features of the first version.
 
 python benches/comparison/step_times.py INTEGRATOR PRECISION NUM_ENVS
 """
@@ -16,11 +16,11 @@ import numpy as np
 from stepper import Options, Stepper, load
 
 WARM_UP, STEPS = 50, 150
-"""Steps of a turn that are not timed, and that are."""
+"""Numbers of steps before the measurement and in it, per turn."""
 
 
 def main(integrator: str, precision: Any, num_envs: int) -> None:
-    """Steps what lines of the input name, a file and a seed, and writes how long a step of an environment took, us."""
+    """Serve requests: each line of standard input is a file and a seed; the answer is the time per environment step, us."""
     warnings.simplefilter("ignore")
     if hasattr(os, "sched_setaffinity"):
         os.sched_setaffinity(0, {max(os.sched_getaffinity(0))})

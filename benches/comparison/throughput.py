@@ -1,9 +1,9 @@
-"""Environment steps per second of the models that people train on, beside MuJoCo: one markdown table, in throughput.md and .json too.
+"""Throughput of common training models, compared with MuJoCo, as a markdown table, throughput.md and throughput.json.
 
-Both engines step the same environments with the same random controls at the model's own time step. MuJoCo runs with the model's own
-settings and with implicitfast, Newton and elliptic cones; ratios are against the faster of the two. stepper runs with its defaults, and
-with what is as accurate as MuJoCo ("fast"). Contacts and penetration of both are measured by one yardstick, MuJoCo's collision
-detection. See README.md beside this file.
+Both engines step the same environments with the same random controls at the model's time step. MuJoCo runs with two settings: those of the
+model ("own"), and implicitfast, Newton and elliptic cones ("same"). Ratios are relative to the faster one. stepper runs with its defaults,
+and with settings as accurate as MuJoCo ("fast"). MuJoCo's collision detection measures contacts and penetration of both engines. See
+README.md in this folder.
 """
 
 from __future__ import annotations
@@ -32,20 +32,20 @@ MODELS = (
     ("robosuite", "models/assets/robots/panda/robot.xml"),
     ("gymnasium_robotics", "envs/assets/hand/reach.xml"),
 )
-"""Package and file in it."""
+"""Packages and files of the models."""
 
 OURS = ("stepper f64", "stepper f32")
 FAST = ("stepper f64 fast", "stepper f32 fast")
 PEERS = (f"MuJoCo {MATCHED.setting}", "MuJoCo defaults")
 PLAN = Plan(num_envs=256, peers=64, steps=300, rest=0)
-"""What is done unless the command says otherwise."""
+"""Default plan of the measurement."""
 ALONE = 8
-"""Environments that are stepped alone, one after the other; their mean counts."""
+"""Number of environments that are stepped alone, one after the other, for a mean time."""
 
 
 @dataclass(frozen=True)
 class Case:
-    """A model to run: its name, its file, and both engines' reading of it."""
+    """Model to measure: name, file, stepper's model, and random controls."""
 
     name: str
     path: str
@@ -54,7 +54,7 @@ class Case:
 
 
 def cases(plan: Plan, only: list[str]) -> Iterator[Case | str]:
-    """The models that are there and that stepper simulates whole; for each of the others a line that says why not."""
+    """Yield the installed models that stepper loads completely, and for each other model a line with the reason."""
     for package, file in MODELS:
         name = f"{package} {Path(file).parent.name if Path(file).stem in ('robot', 'reach') else Path(file).stem}"
         if only and not any(part in name for part in only):
@@ -71,12 +71,12 @@ def cases(plan: Plan, only: list[str]) -> Iterator[Case | str]:
 
 
 def fast(model: Model) -> Options:
-    """MuJoCo's own integrator and stabilisation in the velocity, solved to a millimetre per second."""
+    """Options "fast": MuJoCo's integrator, Baumgarte stabilisation, and a solver tolerance of 1 mm/s."""
     return Options(timestep=Stepper(model).timestep, integrator="euler", stabilization="baumgarte", tolerance=1e-3)
 
 
 def crowds(case: Case, plan: Plan, threads: int) -> list[Crowd]:
-    """Ours in both precisions with both settings, and MuJoCo with both settings."""
+    """Batches to measure: stepper in both precisions with both settings, and MuJoCo with both settings."""
     quick = fast(case.model)
     return [
         *(StepperCrowd(case.model, plan.num_envs, precision=p, threads=threads) for p in ("f64", "f32")),
@@ -87,7 +87,7 @@ def crowds(case: Case, plan: Plan, threads: int) -> list[Crowd]:
 
 
 def alone(case: Case, plan: Plan) -> dict[str, list[float]]:
-    """Microseconds per step of environments that are stepped alone, one step per call from Python, by engine and chunk."""
+    """Step times of single environments, one step per call from Python, us, by engine and chunk."""
     mujoco = require("mujoco", "to run MuJoCo beside stepper")
 
     def ours(options: Options | None = None) -> Callable[[Array], None]:
@@ -123,21 +123,21 @@ def alone(case: Case, plan: Plan) -> dict[str, list[float]]:
 
 
 def ratio(ours: list[float], theirs: list[float]) -> float:
-    """How many times faster: the median of the ratios of chunks that ran one after the other."""
+    """Speedup: median of the ratios of consecutive chunks."""
     return median(their / our for our, their in zip(ours, theirs, strict=True))
 
 
 def against(times: dict[str, list[float]], name: str) -> float:
-    """Ratio of one of ours to the faster of MuJoCo's settings."""
+    """Speedup of a setting of stepper relative to the faster setting of MuJoCo."""
     return min(ratio(times[name], times[peer]) for peer in PEERS)
 
 
 def _quiet(what: str, done: float) -> None:
-    """No progress: a model takes seconds."""
+    """Progress function that prints nothing."""
 
 
 def measure(case: Case, plan: Plan) -> dict[str, Any]:
-    """All figures of a model, ready for JSON."""
+    """Measure a model. Returns all figures as a dictionary for JSON."""
     with one_core():
         running = crowds(case, plan, threads=1)
         one = race(running, case.control, plan, clock=time.process_time, tick=_quiet, what=case.name, referee=Referee(case.path))
@@ -168,7 +168,7 @@ def measure(case: Case, plan: Plan) -> dict[str, Any]:
 
 
 def table(rows: list[dict[str, Any]]) -> str:
-    """The markdown table, with geometric means of the ratios in its last line."""
+    """Markdown table, with geometric means of the ratios in its last row."""
     many = bool(rows[0]["ratio_all_cores"])
     heads = ["model", "dofs", "dt ms", "us f64", "us f32", "us MuJoCo same / own", "f64 x", "f32 x"]
     heads += ["fast f64 x", "fast f32 x"]
@@ -204,25 +204,25 @@ def table(rows: list[dict[str, Any]]) -> str:
 
 
 def main() -> None:
-    """Reads the arguments and measures."""
+    """Measure all models and write the table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("models", nargs="*", help="parts of names; default: all")
-    parser.add_argument("--num-envs", type=int, default=PLAN.num_envs, help="environments in stepper")
-    parser.add_argument("--peers", type=int, default=PLAN.peers, help="environments in MuJoCo, with the controls of the first ones")
-    parser.add_argument("--steps", type=int, default=PLAN.steps, help="steps of random control")
-    parser.add_argument("--seed", type=int, default=0, help="of the random control")
-    parser.add_argument("--quick", action="store_true", help="128 environments, 32 of MuJoCo, 100 steps: roughly, in ten seconds")
-    parser.add_argument("--out", type=Path, default=Path("out"), help="folder; default: out")
+    parser.add_argument("models", nargs="*", help="parts of the names of models [all]")
+    parser.add_argument("--num-envs", type=int, default=PLAN.num_envs, help="number of environments in stepper [%(default)s]")
+    parser.add_argument("--peers", type=int, default=PLAN.peers, help="number of environments in MuJoCo [%(default)s]")
+    parser.add_argument("--steps", type=int, default=PLAN.steps, help="number of steps with random controls [%(default)s]")
+    parser.add_argument("--seed", type=int, default=0, help="seed of the random controls [0]")
+    parser.add_argument("--quick", action="store_true", help="rough figures: 128 environments, 32 of MuJoCo, 100 steps")
+    parser.add_argument("--out", type=Path, default=Path("out"), help="folder for the results [out]")
     args = parser.parse_args()
     num_envs, peers, steps = (128, 32, 100) if args.quick else (args.num_envs, args.peers, args.steps)
     plan = Plan(num_envs=num_envs, peers=peers, steps=steps, rest=0, seed=args.seed)
-    # What MuJoCo's compiler warns of has been said often enough.
+    # MuJoCo would print the same warnings of its compiler for each load.
     require("mujoco", "to run MuJoCo beside stepper").set_mju_user_warning(lambda message: None)
     rows, left_out = [], []
     for case in cases(plan, args.models):
         if isinstance(case, str):
             left_out.append(case)
-            print(f"left out: {case}", flush=True)
+            print(f"skipped {case}", flush=True)
             continue
         rows.append(measure(case, plan))
         done = rows[-1]

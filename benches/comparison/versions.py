@@ -1,7 +1,7 @@
-"""Time of a step in two builds of stepper, by turns on one core: what a change costs or gains on the robots that people train on.
+"""Step times of two builds of stepper for common training robots, in turns on one core.
 
-Each build steps in a process of its own, which imports the package from the folder that is given: a checkout's `python/` after
-`maturin develop`, or the unpacked wheel. Random controls within their ranges, the same in both; medians over the turns, processor time.
+Each build runs in a separate process, which imports the package from a given folder: `python/` of a checkout after `maturin develop`, or an
+unpacked wheel. Both get the same random controls. Figures are medians of processor time over the turns.
 
     python benches/comparison/versions.py old/python new/python
     python benches/comparison/versions.py old/python new/python --integrator euler --num-envs 1024 --precision f32
@@ -25,20 +25,20 @@ MODELS = (
     ("robosuite", "models/assets/robots/panda/robot.xml"),
     ("gymnasium_robotics", "envs/assets/hand/reach.xml"),
 )
-"""Package and file in it: the robots of throughput.py. What is not installed is left out, and a line says so."""
+"""Packages and files of the robots of throughput.py. Robots that are not installed are skipped, with a message."""
 
 
 def main() -> None:
-    """Prints a table."""
+    """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("builds", nargs="*", metavar="FOLDER", help="two folders that have the package `stepper`: before and after")
-    parser.add_argument("--integrator", default="", help="the default one of each build unless it is given")
+    parser.add_argument("builds", nargs="*", metavar="FOLDER", help="two folders with the package `stepper`: before and after")
+    parser.add_argument("--integrator", default="", help="integrator [default of each build]")
     parser.add_argument("--precision", default="f64", choices=("f64", "f32"))
     parser.add_argument("--num-envs", type=int, default=64)
     parser.add_argument("--turns", type=int, default=5)
     given = parser.parse_args()
     if len(given.builds) != 2 or not all((Path(folder) / "stepper/__init__.py").is_file() for folder in given.builds):
-        parser.error(f"give two folders that have the package stepper, not {given.builds}")
+        parser.error(f"folders are {given.builds}: give two folders with the package stepper")
     worker = str(Path(__file__).with_name("step_times.py"))
     workers = []
     for folder in given.builds:
@@ -51,7 +51,7 @@ def main() -> None:
         try:
             path = str(package_file(package, file, "to step its robots"))
         except MissingPackageError as error:
-            print(f"{file}: left out, {error}", file=sys.stderr)
+            print(f"skipped {file}: {error}", file=sys.stderr)
             continue
         times: list[list[float]] = [[], []]
         for turn in range(given.turns):
@@ -64,12 +64,12 @@ def main() -> None:
 
 
 def ask(worker: subprocess.Popen[str], path: str, seed: int) -> float:
-    """Time of a step in a build, us."""
+    """Step time of a build per environment, us."""
     assert worker.stdin is not None and worker.stdout is not None
     print(json.dumps([path, seed]), file=worker.stdin, flush=True)
     answer = worker.stdout.readline()
     if not answer:
-        raise SystemExit(f"a build ended on {path}: its error is above")
+        raise SystemExit(f"the process of a build exited at {path}: see its error message above")
     return float(answer)
 
 

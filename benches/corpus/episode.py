@@ -1,4 +1,4 @@
-"""Both engines under the same controls, step by step from the reference pose, and what they said and did."""
+"""Episodes of both engines with the same controls from the reference pose: flags, residuals and motion."""
 
 from __future__ import annotations
 
@@ -20,20 +20,20 @@ HINGE, SLIDE = int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE
 RANDOM_STEPS = 500
 REST_SECONDS = 2.0
 NUDGE = 1e-2
-"""rad/s and m/s: standard deviation of each velocity at the start of the rest, so that what only balances falls."""
+"""Standard deviation of the initial velocities of the episode "rest", rad/s and m/s. Unstable equilibria fall over."""
 _SHARES = {field.name for field in dataclasses.fields(Episode)}
 PATIENCE = 60.0
-"""s of processor time for one episode: a model with a tiny time step makes fewer steps."""
+"""Largest processor time of an episode, s. Models with very small time steps make fewer steps."""
 
 
 def random_episode(m: Any, model: stepper.Model, rng: np.random.Generator) -> Episode:
-    """`RANDOM_STEPS` steps, with controls drawn anew for each."""
+    """Episode of `RANDOM_STEPS` steps, with new random controls for each step."""
     low, high = control_bounds(m)
     return _run(m, model, np.zeros(m.nv), lambda: rng.uniform(low, high), RANDOM_STEPS)
 
 
 def rest_episode(m: Any, model: stepper.Model, rng: np.random.Generator) -> Episode:
-    """`REST_SECONDS` with all controls 0."""
+    """Episode of `REST_SECONDS` with all controls 0."""
     zero, qvel = np.zeros(m.nu), rng.normal(scale=NUDGE, size=m.nv)
     return _run(m, model, qvel, lambda: zero, max(1, round(REST_SECONDS / m.opt.timestep)))
 
@@ -50,14 +50,14 @@ def _run(m: Any, model: stepper.Model, qvel: Array, control: Callable[[], Array]
         ctrl = control()
         sim.step(ctrl[kept])
         flags.update(stepper.Status(int(sim.status)))
-        residual = float(np.maximum(residual, sim.residual))  # NaN where one is.
+        residual = float(np.maximum(residual, sim.residual))  # Keeps NaN.
         ours.add(sim.energy()[1], sim.qpos)
         data.ctrl[:] = ctrl
         mujoco.mj_step(m, data)
         mujoco.mj_energyVel(m, data)
         theirs.add(float(data.energy[1]), data.qpos)
         made += 1
-    # Overlap and overshoot are measured of both engines alike, and have no share of their own.
+    # Flags of overlap and limits are not counted: both are measured for both engines below.
     shares = {name: flags[flag] / made for flag in stepper.Status if (name := str(flag.name).lower()) in _SHARES}
     return Episode(steps=made, residual=residual, ours=ours.motion(), theirs=theirs.motion(), warnings=_warnings(data), **shares)
 
@@ -82,22 +82,22 @@ class Limits:
         self.hinge: NDArray[np.bool_] = m.jnt_type[on] == HINGE
         self.low, self.high = m.jnt_range[on].T
         self.outside = np.zeros(len(self.adr))
-        """How far the reference pose is beyond each range, m or rad."""
+        """Find the limited joints, and the violation of each range in the reference pose, m or rad."""
         self.outside = self.excess(m.qpos0)
 
     def excess(self, qpos: Array) -> Array:
-        """How far each is beyond its range, and beyond where it started, m or rad."""
+        """Increase of the violation of each range since the reference pose, m or rad."""
         q = qpos[self.adr]
         beyond: Array = np.maximum(np.maximum(self.low - q, q - self.high), 0.0)
         return np.maximum(beyond - self.outside, 0.0)
 
     def worst(self, excess: Array) -> tuple[float, float]:
-        """(of hinges in rad, of slides in m)."""
+        """Largest values of hinges, rad, and of slides, m."""
         return float(excess[self.hinge].max(initial=0.0)), float(excess[~self.hinge].max(initial=0.0))
 
 
 class _Track:
-    """Collects what one engine does."""
+    """Record of the motion in one engine."""
 
     def __init__(self, limits: Limits) -> None:
         self.limits = limits
@@ -105,10 +105,10 @@ class _Track:
         self.excess = np.zeros(len(limits.adr))
 
     def add(self, energy: float, qpos: Array) -> None:
-        """The state after a step."""
+        """Add the state after a step."""
         self.energies.append(energy)
         self.excess = np.maximum(self.excess, self.limits.excess(qpos))
 
     def motion(self) -> Motion:
-        """All steps."""
+        """Summary over all steps."""
         return Motion(float(np.mean(self.energies)), float(np.max(self.energies)), *self.limits.worst(self.excess))

@@ -1,4 +1,4 @@
-"""Models in a package: which files may be one, and what MuJoCo's compiler makes of them."""
+"""Model files of a package, and their compilation by MuJoCo."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ ROOTS = {"mujoco", "robot"}
 
 
 class FragmentError(Exception):
-    """A file is no model by itself; the message says why."""
+    """Error of a file that is no complete model; the message has the reason."""
 
 
 def candidates(package: Package, folder: Path) -> list[str]:
-    """Paths, inside the package, of files that may be models: MJCF, URDF, and MuJoCo's compiled models."""
+    """Paths in the package of possible models: MJCF, URDF, and MuJoCo's compiled models."""
     found = (path for kind in ("*.xml", "*.urdf", "*.mjb") for path in folder.rglob(kind))
     names = sorted(path.relative_to(folder).as_posix() for path in found)
     kept = [name for name in names if not any(fnmatch.fnmatch(name, pattern) for pattern in package.left_out)]
@@ -31,7 +31,7 @@ def candidates(package: Package, folder: Path) -> list[str]:
 
 
 def _root(path: Path) -> str:
-    """Name of the outermost element; "mujoco" where the file is not well-formed, so that MuJoCo says what is wrong."""
+    """Name of the outermost element. "mujoco" for invalid XML, so that MuJoCo reports the error."""
     try:
         for _, element in ET.iterparse(path, events=("start",)):
             return str(element.tag)
@@ -41,10 +41,10 @@ def _root(path: Path) -> str:
 
 
 def compile_model(folder: Path, name: str) -> mujoco.MjModel:
-    """Compiles one file of a package.
+    """Compile a file of a package.
 
     Raises:
-        FragmentError: MuJoCo's compiler refuses it.
+        FragmentError: MuJoCo's compiler rejects the file.
     """
     path = folder / name
     try:
@@ -58,9 +58,9 @@ def compile_model(folder: Path, name: str) -> mujoco.MjModel:
 
 
 def _compile_urdf(folder: Path, path: Path) -> mujoco.MjModel:
-    """Compiles a copy in which meshes have the paths that they have here, and inertias that are impossible are mended.
+    """Compile a copy of a URDF file with resolved mesh paths and corrected impossible inertias.
 
-    Visual shapes are left out: they have no effect on the motion, and their meshes are often of a format that MuJoCo does not read.
+    The copy has no visual shapes: they do not affect the motion, and MuJoCo cannot read the format of many visual meshes.
     """
     tree = ET.parse(path)
     robot = tree.getroot()
@@ -76,7 +76,7 @@ def _compile_urdf(folder: Path, path: Path) -> mujoco.MjModel:
     compiler = settings.find("compiler")
     compiler = ET.SubElement(settings, "compiler") if compiler is None else compiler
     compiler.set("strippath", "false")
-    # Where principal moments A + B < C, which no body can have, MuJoCo makes the three equal.
+    # With `balanceinertia`, MuJoCo replaces impossible principal moments A + B < C by their mean.
     compiler.set("balanceinertia", "true")
     compiler.attrib.pop("meshdir", None)
     with tempfile.TemporaryDirectory() as place:
@@ -86,7 +86,7 @@ def _compile_urdf(folder: Path, path: Path) -> mujoco.MjModel:
 
 
 def _mend(inertia: ET.Element) -> None:
-    """Leaves the products of inertia out where with them the inertia is not positive definite."""
+    """Remove the products of inertia if the inertia is not positive definite with them."""
     xx, xy, xz, yy, yz, zz = (float(inertia.get(name, "0")) for name in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz"))
     if np.linalg.eigvalsh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])[0] <= 0.0:
         for name in ("ixy", "ixz", "iyz"):
@@ -94,23 +94,23 @@ def _mend(inertia: ET.Element) -> None:
 
 
 def resolve(reference: str, folder: Path, urdf: Path) -> Path:
-    """The file that a URDF means, looked for beside it and in the folders above it, up to the package's own.
+    """File that a reference in a URDF means. The search begins in the folder of the URDF and goes up to the folder of the package.
 
     Args:
-        reference: "package://name/path", "model://name/path", "file://path", or a path.
-        folder: Of the package.
-        urdf: The file that refers.
+        reference: Reference: "package://name/path", "model://name/path", "file://path", or a path.
+        folder: Folder of the package.
+        urdf: URDF file with the reference.
 
     Raises:
-        FragmentError: No such file is in the package.
+        FragmentError: The package has no such file.
     """
     _, scheme, rest = reference.rpartition("://")
     for place in _upwards(urdf.parent, folder):
-        # The name of a ROS package is often not that of the folder it lies in.
+        # The name of a ROS package often differs from that of its folder.
         for tail in (rest, rest.partition("/")[2]) if scheme else (rest,):
             if tail and (place / tail).is_file():
                 return (place / tail).resolve()
-    raise FragmentError(f"it refers to {reference}, which is not in the package")
+    raise FragmentError(f"file {reference}, to which the model refers, is not in the package")
 
 
 def _upwards(start: Path, end: Path) -> Iterator[Path]:
@@ -121,7 +121,7 @@ def _upwards(start: Path, end: Path) -> Iterator[Path]:
 
 
 def digest(model: mujoco.MjModel) -> str:
-    """Twelve hexadecimal digits, the same for equal compiled models wherever their files lie."""
+    """Digest of a compiled model, twelve hexadecimal digits. It does not depend on the paths of the files."""
     room = np.zeros(mujoco.mj_sizeModel(model), np.uint8)
     mujoco.mj_saveModel(model, None, room)
     compiled = room.tobytes()

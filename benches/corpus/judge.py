@@ -1,4 +1,4 @@
-"""Which models step well: thresholds, and the criteria that a row misses."""
+"""Criteria of models that step well, with their thresholds."""
 
 from __future__ import annotations
 
@@ -8,20 +8,20 @@ from dataclasses import dataclass
 from corpus.row import MEASURED, Episode, Motion, Row
 
 UNSOLVED = 1e-3
-"""Largest share of the steps of both episodes that are NOT_CONVERGED."""
+"""Largest allowed share of steps with the flag NOT_CONVERGED, over both episodes."""
 ENERGY = 10.0
-"""How many times larger or smaller than MuJoCo's the mean kinetic energy may be."""
+"""Largest allowed ratio of mean kinetic energies between the engines."""
 ENERGY_FLOOR = 1e-3
-"""J: below this, energies count as this."""
+"""Smallest energy of the comparison, J. Smaller energies count as this."""
 HINGE_EXCESS = 0.05
-"""rad: how far a hinge may go beyond its range, and beyond where it starts."""
+"""Largest allowed increase of a hinge's limit violation since the reference pose, rad."""
 SLIDE_EXCESS = 0.01
-"""m: how far a slide may, a third of the stroke of a gripper's finger."""
+"""Largest allowed increase of a slide's limit violation since the reference pose, m: a third of the stroke of a gripper finger."""
 AGREES = 1e-6
 """Relative error of smooth dynamics that counts as agreement.
 
-MuJoCo takes a centre of mass within some nanometres of a body's origin as being there, which shows as 1e-9 to 1e-7; and mass matrices have
-conditions of up to 1e9.
+MuJoCo rounds a centre of mass within some nanometres of the body's origin to the origin, an effect of 1e-9 to 1e-7. Mass matrices have
+condition numbers of up to 1e9.
 """
 
 LESS_ENERGY = "less energy"
@@ -29,11 +29,11 @@ LESS_ENERGY = "less energy"
 
 @dataclass(frozen=True)
 class Fault:
-    """A criterion of stepping well that a model misses.
+    """Violated criterion of a model.
 
     Attributes:
-        criterion: Its name.
-        figures: What was measured.
+        criterion: Name of the criterion.
+        figures: Measured values.
     """
 
     criterion: str
@@ -44,12 +44,12 @@ class Fault:
 
 
 def agrees(row: Row) -> bool:
-    """Whether the smooth dynamics are MuJoCo's."""
+    """Whether the smooth dynamics agree with MuJoCo's."""
     return max(row.mass_error, row.bias_error, row.acceleration_error) <= AGREES
 
 
 def faults(row: Row) -> list[Fault]:
-    """What keeps a model from stepping well in stepper; empty where it steps well."""
+    """Criteria that a model violates in stepper. Empty if it steps well."""
     if row.outcome != MEASURED:
         return [Fault(row.outcome, row.note)]
     found = [fault for name, episode in episodes(row) for fault in _faults(name, episode)]
@@ -59,28 +59,28 @@ def faults(row: Row) -> list[Fault]:
 
 
 def their_faults(row: Row) -> list[Fault]:
-    """What keeps a model from stepping well in MuJoCo: what it warns of."""
+    """Warnings of MuJoCo in the episodes of a model, as violated criteria."""
     return [Fault(f"MuJoCo warns, {name}", episode.warnings) for name, episode in episodes(row) if episode.warnings]
 
 
 def not_converged(row: Row) -> float:
-    """Share of the steps of both episodes that are NOT_CONVERGED."""
+    """Share of steps with the flag NOT_CONVERGED, over both episodes."""
     steps = sum(episode.steps for _, episode in episodes(row))
     return sum(episode.not_converged * episode.steps for _, episode in episodes(row)) / max(steps, 1)
 
 
 def infeasible(row: Row) -> float:
-    """Larger share of the two episodes' steps that are INFEASIBLE."""
+    """Share of steps with the flag INFEASIBLE, in the worse of the two episodes."""
     return max(episode.infeasible for _, episode in episodes(row))
 
 
 def tunnelled(row: Row) -> float:
-    """Larger share of the two episodes' steps that are TUNNELLED."""
+    """Share of steps with the flag TUNNELLED, in the worse of the two episodes."""
     return max(episode.tunnelled for _, episode in episodes(row))
 
 
 def episodes(row: Row) -> list[tuple[str, Episode]]:
-    """Both, with their names."""
+    """Episodes of a row, with their names."""
     return [("random", row.random), ("rest", row.rest)]
 
 
@@ -88,7 +88,7 @@ def _faults(name: str, episode: Episode) -> list[Fault]:
     shares = {flag.upper(): getattr(episode, flag) for flag in ("non_finite", "contacts_full", "unresolved")}
     found = [Fault(flag, f"{share:.2%} of the steps, {name}") for flag, share in shares.items() if share]
     ratio = max(episode.ours.mean_energy, ENERGY_FLOOR) / max(episode.theirs.mean_energy, ENERGY_FLOOR)
-    # Where MuJoCo warns, it has begun again from the reference pose, and its energy is no measure.
+    # Energies are compared only without warnings: with one, MuJoCo has reset the state.
     if not episode.warnings and not 1 / ENERGY <= ratio <= ENERGY:
         figures = f"{_energies(episode.ours)} J, MuJoCo's {_energies(episode.theirs)} J, {name}"
         found.append(Fault(LESS_ENERGY if ratio < 1 else "more energy", figures))

@@ -1,6 +1,6 @@
-"""One file, in a process of its own: `python -m corpus.measure PACKAGE FILE --cache DIR` writes its row to the standard output.
+"""Process that measures one file: `python -m corpus.measure PACKAGE FILE --cache DIR` writes its row to standard output.
 
-Digests of compiled models that have been measured already come in on the standard input.
+Standard input has the digests of the models that have already been measured, as a JSON list.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ SEED = 0
 
 @functools.cache
 def library() -> str:
-    """Digest of the installed library: its binary and its Python, which describes the models."""
+    """Digest of the installed library, binary and Python files."""
     folder = Path(stepper.__file__).parent
     contents = hashlib.sha256()
     for path in sorted(p for p in folder.rglob("*") if p.suffix in (".py", ".so", ".pyd")):
@@ -39,7 +39,7 @@ def library() -> str:
 
 
 def measure(package: Package, folder: Path, file: str, known: set[str]) -> Row:
-    """The row of one file, whatever happens in it short of a crash."""
+    """Row of a file. Errors become outcomes of the row."""
     row = Row(package.name, package.version, file, library(), MEASURED)
     begin = time.perf_counter()
     try:
@@ -57,7 +57,7 @@ def measure(package: Package, folder: Path, file: str, known: set[str]) -> Row:
         return _compare(row, m)
     except stepper.ModelError as error:
         return dataclasses.replace(row, outcome=REFUSED, note=str(error))
-    except Exception as error:  # Whatever goes wrong is a finding, and a row that says so.
+    except Exception as error:  # Each error is a result of the measurement.
         return dataclasses.replace(row, outcome=FAILED, note=f"{type(error).__name__}: {error}")
 
 
@@ -90,19 +90,19 @@ def _compare(row: Row, m: mujoco.MjModel) -> Row:
 
 
 def _missing(refusal: str, model: stepper.Model) -> list[str]:
-    """Kinds of elements that strict loading refuses: those that are left out and that the refusal names."""
+    """Kinds of elements that strict loading rejects: those that are omitted and named in the error message."""
     lines = [line.strip() for line in refusal.splitlines()]
     return sorted({kind for kind, name, _ in model.omitted if any(line.startswith(f"{kind} {name}") for line in lines)})
 
 
 def main() -> None:
-    """Reads the arguments, measures, writes."""
+    """Measure the file of the arguments and write its row."""
     parser = argparse.ArgumentParser(prog="corpus.measure", description=__doc__)
     parser.add_argument("package")
     parser.add_argument("file")
     parser.add_argument("--cache", type=Path, required=True)
     args = parser.parse_args()
-    mujoco.set_mju_user_warning(lambda _: None)  # Warnings are counted in the data; the file that they would be written to is not wanted.
+    mujoco.set_mju_user_warning(lambda _: None)  # No MUJOCO_LOG.TXT: the data count the warnings.
     package = next(p for p in PACKAGES if p.name == args.package)
     row = measure(package, unpacked(package, args.cache), args.file, set(json.load(sys.stdin)))
     json.dump(flatten(row), sys.stdout)

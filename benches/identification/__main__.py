@@ -1,4 +1,4 @@
-"""`make identify`: noisy repetitions from four starts, beside a peer, and sample by sample.
+"""Command `make identify`: repeated identification with noise, the comparison with mujoco.sysid, and online identification.
 
 The tables are those of docs/benchmarks/identification.md.
 """
@@ -35,7 +35,7 @@ def _trials(threads: int) -> list[Trial]:
 
 
 def _own(count: int, threads: int) -> list[Row]:
-    """Hard contact, white noise, from each start."""
+    """Rows with hard contact and white noise, from each start."""
     return [
         Row(f"{t.scene.name}, from {start[0]:g} kg and {start[1]:g}", t.scene.truth, partial(t.once, start), count, first=k * count)
         for t in _trials(threads)
@@ -44,7 +44,7 @@ def _own(count: int, threads: int) -> list[Row]:
 
 
 def _coloured(count: int, threads: int) -> list[Row]:
-    """Noise that is correlated in time."""
+    """Rows with noise that is correlated in time."""
     return [
         Row(
             f"{t.scene.name}, noise of autocorrelation {COLOUR:g}", t.scene.truth, partial(t.once, t.scene.starts[0], colour=COLOUR), count
@@ -53,8 +53,8 @@ def _coloured(count: int, threads: int) -> list[Row]:
     ]  # fmt: skip
 
 
-def _beside(count: int, threads: int) -> list[Row]:
-    """MuJoCo's own motion, identified by both, with MuJoCo's law."""
+def _with_peer(count: int, threads: int) -> list[Row]:
+    """Rows with motion simulated by MuJoCo, identified by stepper with MuJoCo's contact law and by mujoco.sysid."""
     rows = []
     for make in SCENES:
         scene = make()
@@ -69,15 +69,15 @@ def _beside(count: int, threads: int) -> list[Row]:
 
 
 def main() -> None:
-    """Entry point."""
+    """Compute the tables and print or write them."""
     parser = argparse.ArgumentParser(prog="python -m identification", description=__doc__)
-    parser.add_argument("--count", type=int, default=100, help="repetitions from each start")
-    parser.add_argument("--count-beside", type=int, default=10, help="repetitions beside mujoco.sysid")
-    parser.add_argument("--count-online", type=int, default=25, help="runs that are followed sample by sample, of each kind")
-    parser.add_argument("--count-strikes", type=int, default=200, help="runs of each scene in which contacts begin and end")
-    parser.add_argument("--threads", type=int, default=0, help="threads of stepper; 0 is all")
-    parser.add_argument("--only", choices=["own", "coloured", "beside", "online", "strikes"], help="one of the tables")
-    parser.add_argument("--resume", action="store_true", help=f"take repetitions from {OUT} that an earlier run has made")
+    parser.add_argument("--count", type=int, default=100, help="number of repetitions from each start [100]")
+    parser.add_argument("--count-peer", type=int, default=10, help="number of repetitions in the comparison with mujoco.sysid [10]")
+    parser.add_argument("--count-online", type=int, default=25, help="number of online runs of each kind [25]")
+    parser.add_argument("--count-impacts", type=int, default=200, help="number of online runs of each scene with impacts [200]")
+    parser.add_argument("--threads", type=int, default=0, help="threads of stepper; 0 is all [0]")
+    parser.add_argument("--only", choices=["own", "coloured", "peer", "online", "impacts"], help="compute one table only [all]")
+    parser.add_argument("--resume", action="store_true", help=f"reuse the repetitions of an earlier run in {OUT}")
     parser.add_argument("--update-docs", action="store_true", help=f"write the tables into {PAGE.name}")
     given = parser.parse_args()
     about = provenance()
@@ -89,13 +89,13 @@ def main() -> None:
         tables["coloured"] = _table("scene", _coloured(given.count, given.threads), Kept(OUT / "coloured.jsonl", given.resume))
     if given.only in (None, "online"):
         tables["online"] = online.table(given.count_online)
-    if given.only in (None, "strikes"):
-        tables["strikes"] = strikes.table(given.count_strikes)
-    if given.only in (None, "beside"):
+    if given.only in (None, "impacts"):
+        tables["impacts"] = strikes.table(given.count_impacts)
+    if given.only in (None, "peer"):
         if missing := sysid.available():
-            print(f"not beside mujoco.sysid: {missing}")
+            print(f"skipped the comparison with mujoco.sysid: {missing}")
         else:
-            tables["beside"] = _table("scene", _beside(given.count_beside, given.threads), Kept(OUT / "beside.jsonl", given.resume))
+            tables["peer"] = _table("scene", _with_peer(given.count_peer, given.threads), Kept(OUT / "peer.jsonl", given.resume))
     if given.update_docs:
         for name, table in tables.items():
             write_section(PAGE, name, table)

@@ -1,4 +1,4 @@
-"""Runs of `stepper.sysid.Tracker` beside the true values."""
+"""Runs of `stepper.sysid.Tracker`, compared with the true values."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ Array = np.ndarray[Any, Any]
 
 @dataclass(frozen=True)
 class Followed:
-    """One run, at the marks: samples after which values and intervals are compared with the truth.
+    """Results of a run at its marks, the samples after which estimates are compared with the truth.
 
     Attributes:
-        error: Logarithms of the values over the truth, (marks, n).
-        std: Standard deviations of these, by the tracker.
-        covers: Whether the interval contains the truth.
-        width: Half its width, as a logarithm.
-        determined: Whether the tracker says that the value is determined.
-        seconds: Processor time of every update, s.
+        error: Logarithms of estimate over truth, (marks, n).
+        std: Standard deviations of the estimates by the tracker, as logarithms, (marks, n).
+        covers: Whether the interval contains the truth, (marks, n).
+        width: Half widths of the intervals, as logarithms, (marks, n).
+        determined: Whether the tracker marks the value as determined, (marks, n).
+        seconds: Processor time of each update, s.
     """
 
     error: Array

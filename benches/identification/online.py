@@ -1,6 +1,6 @@
-"""`stepper.sysid.Tracker` on a box that two fingers hold, first still, then shaken until it slips, by the wrist's force and an encoder.
+"""Online identification of a box that two fingers hold at rest and then shake until it slips, from wrist force and an encoder.
 
-The wrist's torque about y is left out: how two fingers share a weight that either could hold alone is not determined by rigid bodies.
+The wrist torque about y is not used: rigid-body statics does not determine the distribution of the weight over the fingers.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from identification.followed import Followed, followed
 from identification.scenes import HARD, by_sensor, held
 
 STILL, SHAKEN = 1.0, 3.0
-"""Seconds that the box is held still, and shaken."""
+"""Durations of holding and shaking, s."""
 PERIOD = 0.02
 NOISE = {"wrist_force": 0.3, "lift": 1e-4}
 MARKS = (0.9, 2.4, 4.0)
@@ -22,7 +22,7 @@ MARKS = (0.9, 2.4, 4.0)
 
 
 def controls() -> np.ndarray[Any, Any]:
-    """Lift and squeeze, (T, 3)."""
+    """Controls (T, 3): lift position, and squeeze forces of both fingers."""
     t = np.arange(round((STILL + SHAKEN) / PERIOD)) * PERIOD
     ramp = np.clip((t - STILL) / 0.4, 0, 1)
     lift = 0.03 * (np.sin(2 * np.pi * 1.0 * t) + 0.5 * np.sin(2 * np.pi * 2.6 * t)) * ramp
@@ -30,7 +30,7 @@ def controls() -> np.ndarray[Any, Any]:
 
 
 def readings(masses: np.ndarray[Any, Any], friction: float) -> dict[str, np.ndarray[Any, Any]]:
-    """What ideal sensors read while the box has these masses, (T,)."""
+    """Ideal sensor readings by channel, for masses of the box over time (T,)."""
     model = held().model(float(masses[0]), friction)
     sim = stepper.Stepper(model, options=HARD)
     rows, now = [], masses[0]
@@ -45,7 +45,7 @@ def readings(masses: np.ndarray[Any, Any], friction: float) -> dict[str, np.ndar
 
 
 def follow(seed: int, changes: bool = False) -> Followed:
-    """One run; the box's mass falls by a quarter after 2.6 s if it changes."""
+    """Results of one run. With `changes`, the mass decreases by a quarter after 2.6 s."""
     rng = np.random.default_rng(seed)
     ctrl = controls()
     t = (1 + np.arange(len(ctrl))) * PERIOD
@@ -67,9 +67,9 @@ def follow(seed: int, changes: bool = False) -> Followed:
 
 
 def table(count: int) -> str:
-    """Of runs with constants, and of as many with a mass that changes, as Markdown."""
+    """Markdown table of `count` runs with constant parameters, and of `count` runs with a changing mass."""
     lines = [
-        "| box | after | error of the mass | interval | covers | friction is said | error | interval | covers | update | 99 % of updates |"
+        "| box | after | mass error | interval | coverage | friction determined | error | interval | coverage | update | 99 % of updates |"
     ]
     lines.append("|" + "---|" * 11)
     for name, changes in (("constant", False), ("loses a quarter of its mass at 2.6 s", True)):

@@ -1,4 +1,4 @@
-"""Repetitions of an identification with noise of their own, and what they say together."""
+"""Repetitions of an identification with different noise, and their statistics."""
 
 from __future__ import annotations
 
@@ -16,21 +16,21 @@ from identification.scenes import Scene
 
 Readings: TypeAlias = "dict[str, np.ndarray[Any, Any]]"
 Answer: TypeAlias = "tuple[np.ndarray[Any, Any], np.ndarray[Any, Any], np.ndarray[Any, Any]]"
-"""Values (2,), lower and upper ends of 95 % intervals (2,)."""
+"""Estimated values (2,), and lower and upper bounds of their 95 % intervals (2,) each."""
 Peer: TypeAlias = "Callable[[Scene, tuple[float, float], Readings], Answer]"
 
 VERSION = 1
-"""Of what repetitions are: it changes with scenes, noise and starts, so that answers of others are not taken for theirs."""
+"""Version of scenes, noise and starts. Stored answers of another version are not reused."""
 
 
 @dataclass
 class Tally:
-    """What repetitions from one start came to.
+    """Results of the repetitions from one start.
 
     Attributes:
         truth: True values.
-        answers: Of each repetition.
-        seconds: Of the processor, of each.
+        answers: Answers of the repetitions.
+        seconds: Processor time of each repetition, s.
     """
 
     truth: np.ndarray[Any, Any]
@@ -38,7 +38,7 @@ class Tally:
     seconds: list[float] = field(default_factory=list)
 
     def coverage(self) -> Any:
-        """Share of the repetitions whose interval has the truth in it, for each value."""
+        """Share of the repetitions whose interval contains the truth, for each value."""
         return np.mean([(low <= self.truth) & (self.truth <= high) for _, low, high in self.answers], axis=0)
 
     def error(self) -> Any:
@@ -50,7 +50,7 @@ class Tally:
         return np.median([(high - low) / 2 / self.truth for _, low, high in self.answers], axis=0)
 
     def row(self) -> str:
-        """The figures as cells of a Markdown table."""
+        """Cells of a Markdown table, in the order of `HEAD`."""
         mass, friction = (
             f"{100 * e:.2g} % | {100 * w:.2g} % | {100 * c:.0f} %"
             for e, w, c in zip(self.error(), self.width(), self.coverage(), strict=True)
@@ -58,11 +58,11 @@ class Tally:
         return f"{mass} | {friction} | {np.median(self.seconds):.2g} s"
 
 
-HEAD = "error of the mass | interval | covers | error of the friction | interval | covers | CPU time"
+HEAD = "mass error | interval | coverage | friction error | interval | coverage | CPU time"
 
 
 def noisy(clean: Readings, scene: Scene, seed: int, colour: float = 0.0) -> Readings:
-    """Readings with Gaussian noise of the scene's standard deviations, white or of first-order autocorrelation `colour`."""
+    """Readings with Gaussian noise, white or with first-order autocorrelation `colour`."""
     rng = np.random.default_rng(seed)
     out = {}
     for name, rows in clean.items():
@@ -76,12 +76,13 @@ def noisy(clean: Readings, scene: Scene, seed: int, colour: float = 0.0) -> Read
 
 @dataclass(frozen=True)
 class Trial:
-    """A scene with its readings, and how they are predicted.
+    """Identification task: a scene with its ideal readings.
 
     Attributes:
-        scene: The scene.
-        clean: What ideal sensors read.
-        options, threads: Of stepper.
+        scene: Scene.
+        clean: Ideal sensor readings by channel.
+        options: Options of stepper.
+        threads: Number of threads of stepper.
     """
 
     scene: Scene
@@ -90,7 +91,7 @@ class Trial:
     threads: int
 
     def identified(self, start: tuple[float, float], readings: Readings, seed: int, starts: int = 4) -> Answer:
-        """One identification by stepper, which is not told the noise."""
+        """Answer of one identification by stepper, which estimates the noise."""
         scene = self.scene
         episode = stepper.sysid.Episode(scene.ctrl, readings, scene.period)
         settings: dict[str, Any] = {"options": self.options, "seed": seed, "threads": self.threads, "starts": starts}
@@ -99,21 +100,21 @@ class Trial:
         return found.values, ends[:, 0], ends[:, 1]
 
     def once(self, start: tuple[float, float], seed: int, peer: Peer | None = None, *, colour: float = 0.0, starts: int = 4) -> Answer:
-        """One identification of readings with noise of their own, by stepper or a peer."""
+        """Answer of one identification with the noise of a seed, by stepper or a peer."""
         readings = noisy(self.clean, self.scene, seed, colour)
         return self.identified(start, readings, seed, starts) if peer is None else peer(self.scene, start, readings)
 
 
 @dataclass(frozen=True)
 class Row:
-    """A row of a table.
+    """Row of a table.
 
     Attributes:
-        name: What it says in front.
+        name: Text of the first cell.
         truth: True values.
-        once: Answer of the repetition of a seed.
-        count: Repetitions.
-        first: Seed of its first repetition.
+        once: Function from a seed to the answer of a repetition.
+        count: Number of repetitions.
+        first: Seed of the first repetition.
     """
 
     name: str
@@ -124,14 +125,14 @@ class Row:
 
 
 class Kept:
-    """Answers in a file as they are made, a line each, so that a run that was stopped goes on where it was.
+    """Store of answers in a file, one line each, so that an interrupted run can be resumed.
 
     Args:
-        path: The file.
-        resume: Whether to take what is in it; otherwise it is begun anew.
+        path: File of the store.
+        resume: Whether to reuse its answers. Otherwise the file is emptied.
 
     Raises:
-        ValueError: The file is of another version of the code, whose answers may be others.
+        ValueError: The file has another version.
     """
 
     def __init__(self, path: Path, resume: bool):
@@ -143,12 +144,10 @@ class Kept:
             path.write_text(head)
             return
         text = path.read_text()
-        # A run that was killed may have left a part of a line.
+        # A killed run may have left an incomplete last line.
         whole = text[: text.rfind("\n") + 1]
         if whole and not whole.startswith(head):
-            raise ValueError(
-                f"{path} begins with {whole.splitlines()[0][:80]}, must begin with {head.strip()}: begin anew without --resume"
-            )
+            raise ValueError(f"{path} begins with {whole.splitlines()[0][:80]}, must begin with {head.strip()}: run without --resume")
         path.write_text(whole or head)
         for line in whole.splitlines()[1:]:
             made = json.loads(line)
@@ -156,7 +155,7 @@ class Kept:
             self._answers[made["row"], made["seed"]] = (value, low, high), made["seconds"]
 
     def of(self, row: Row, seed: int) -> tuple[Answer, float]:
-        """Answer of a row's repetition and the seconds of the processor that it took; made where it is not kept."""
+        """Answer of a repetition and its processor time, s. Computed if the store does not have it."""
         if (row.name, seed) not in self._answers:
             began = time.process_time()
             answer = row.once(seed)
@@ -170,7 +169,7 @@ class Kept:
 
 
 def repeated(rows: Sequence[Row], kept: Kept) -> list[tuple[str, Tally]]:
-    """All repetitions: the first of each row, then the second, so that a run that is stopped has something of all."""
+    """Results of all repetitions, by row name. The repetitions of all rows take turns, so that an interrupted run has some of each."""
     tallies = [Tally(np.array(row.truth)) for row in rows]
     most = max(row.count for row in rows)
     for k in range(most):

@@ -1,4 +1,4 @@
-"""Two scenes with known answers: a box that is pushed over a floor, and a box that is held between two fingers and shaken."""
+"""Scenes with known parameters: a box pushed over a floor, and a box held between two fingers and shaken."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ HARD = stepper.Options(tolerance=1e-9)
 
 
 def by_sensor(model: stepper.Model, rows: np.ndarray[Any, Any], names: Iterable[str]) -> dict[str, np.ndarray[Any, Any]]:
-    """Columns of the readings (T, nsensordata) that belong to sensors, (T, dim) each by name."""
+    """Readings of some sensors by name, (T, dim) each, from all readings (T, nsensordata)."""
     sensors = [model.sensor(name) for name in names]
     return {sensor.name: rows[:, sensor.adr : sensor.adr + sensor.dim] for sensor in sensors}
 
@@ -65,17 +65,17 @@ HELD = """<mujoco model="held box"><option timestep="0.002"/><worldbody>
 
 @dataclass(frozen=True)
 class Scene:
-    """A scene.
+    """Scene of an identification.
 
     Attributes:
-        name: Its name.
-        source: MJCF with places for mass and friction.
-        truth: Mass in kg, friction.
-        parameters: What is sought.
-        ctrl: Controls, (T, nu), each for `period` s.
-        period: s.
-        noise: Standard deviation of every channel that is read.
-        starts: Where searches begin: mass and friction.
+        name: Name of the scene.
+        source: MJCF with placeholders for mass and friction.
+        truth: True mass in kg and friction.
+        parameters: Selectors of the parameters to identify.
+        ctrl: Controls, (T, nu), each for a period.
+        period: Time between controls, s.
+        noise: Standard deviations of the readings by channel.
+        starts: Initial values of mass and friction.
     """
 
     name: str
@@ -88,15 +88,15 @@ class Scene:
     starts: tuple[tuple[float, float], ...]
 
     def text(self, mass: float, friction: float) -> str:
-        """MJCF with these numbers."""
+        """MJCF with the given mass and friction."""
         return self.source.format(mass=mass, friction=friction)
 
     def model(self, mass: float, friction: float) -> stepper.Model:
-        """The model with these numbers."""
+        """Model with the given mass and friction."""
         return stepper.load(self.text(mass, friction))
 
     def readings(self, options: stepper.Options) -> dict[str, np.ndarray[Any, Any]]:
-        """What ideal sensors read, by channel (T, dim)."""
+        """Ideal sensor readings by channel, (T, dim) each."""
         model = self.model(*self.truth)
         sim = stepper.Stepper(model, options=options)
         made = sim.rollout(self.ctrl, round(self.period / sim.timestep), fields=("sensordata",))["sensordata"]
@@ -104,7 +104,7 @@ class Scene:
 
 
 def pushed() -> Scene:
-    """A springy finger behind a box touches it and pushes, faster and slower; a force sensor behind the finger, and where the box is."""
+    """Scene in which a finger on a spring pushes a box with varying speed. Sensors: force behind the finger, position of the box."""
     t = np.arange(100) * 0.02
     ctrl = 0.022 + 0.12 * t + 0.008 * np.sin(2 * np.pi * 2.2 * t)
     return Scene("pushed box", PUSHED, (1.3, 0.35), ("body_mass[box]", "geom_friction[floor,box][0]"), ctrl[:, None], 0.02,
@@ -112,7 +112,7 @@ def pushed() -> Scene:
 
 
 def held() -> Scene:
-    """Two fingers press a box with a known force while the wrist shakes, so that it slips at times; the wrist's force and torque."""
+    """Scene in which two fingers squeeze a box while the wrist shakes, so that it slips at times. Sensors: wrist force and torque."""
     t = np.arange(100) * 0.02
     lift = 0.03 * (np.sin(2 * np.pi * 1.0 * t) + 0.5 * np.sin(2 * np.pi * 2.6 * t)) * np.minimum(1, t / 0.4)
     squeeze = np.full_like(t, 12.0)

@@ -1,4 +1,4 @@
-"""`stepper.sysid.Tracker` where contacts begin and end: how many of its 95 % intervals have the truth, as the motion goes on."""
+"""Online identification with contacts that begin and end: coverage of the 95 % intervals of `stepper.sysid.Tracker` over time."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from identification.scenes import HARD, by_sensor, springy_finger
 
 PERIOD = 0.02
 START_STD = (1e-4, 1e-3)
-"""Scatter of the true start, m (rad) and m/s (rad/s), which the tracker is told."""
+"""Standard deviations of the true initial state, m (rad) and m/s (rad/s). The tracker gets them as `start_std`."""
 
 STRUCK = springy_finger("struck box", stiffness=3000, damping=5, mass="{0}", friction="{1}")
 
@@ -53,19 +53,19 @@ STOPPED = """<mujoco model="pendulum against a stop"><option timestep="0.002"/><
 
 @dataclass(frozen=True)
 class Strike:
-    """A scene in which contacts begin and end.
+    """Scene in which contacts begin and end.
 
     Attributes:
-        name: Its name.
-        source: MJCF with places for both parameters.
-        parameters: Both.
-        truth: Their true values, which each run scatters by `spread` as logarithms.
-        spread: See `truth`.
-        start: Values at which the tracker begins.
+        name: Name of the scene.
+        source: MJCF with placeholders for both parameters.
+        parameters: Selectors of both parameters.
+        truth: Nominal true values.
+        spread: Half widths of the random variation of the true values, as logarithms.
+        start: Initial values of the tracker.
         ctrl: Controls, (T, nu).
-        noise: Standard deviation of every channel.
-        qvel: Velocities at the start.
-        marks: Samples after which intervals are compared with the truth, and what has happened by then.
+        noise: Standard deviations of the readings by channel.
+        qvel: Initial velocities by joint.
+        marks: Samples after which intervals are compared with the truth, each with the last event before it.
     """
 
     name: str
@@ -80,18 +80,18 @@ class Strike:
     marks: dict[int, str]
 
     def model(self, values: Any) -> stepper.Model:
-        """The model with these values."""
+        """Model with the given values."""
         return stepper.load(self.source.format(*(repr(float(value)) for value in values)))
 
     def velocities(self, model: stepper.Model) -> np.ndarray[Any, Any]:
-        """Velocities at the start, (nv,)."""
+        """Initial velocities, (nv,)."""
         out = np.zeros(model.nv)
         for name, value in self.qvel.items():
             out[model.joint(name).dofadr] = value
         return out
 
     def draw(self, rng: np.random.Generator) -> np.ndarray[Any, Any]:
-        """True values of a run, (2,)."""
+        """Random true values of a run, (2,)."""
         return np.array(self.truth) * np.exp(np.array(self.spread) * rng.uniform(-1, 1, 2))
 
     def tracker(self, **settings: Any) -> stepper.sysid.Tracker:
@@ -110,11 +110,11 @@ class Strike:
 
 
 def struck() -> Strike:
-    """A finger on a spring strikes a box, lets go, and strikes it again."""
+    """Scene in which a finger on a spring hits a box, releases it, and hits it again."""
     t = np.arange(75) * PERIOD
     ctrl = 0.04 + 0.06 * t - 0.05 * np.cos(4 * np.pi * t)
     noise = {"wrist_force": 0.3, "box_x": 5e-4}
-    marks = {8: "struck", 9: "struck", 10: "pushed", 12: "let go", 16: "slides", 30: "rests", 50: "struck again", 75: "struck a third time"}
+    marks = {8: "hit", 9: "hit", 10: "pushed", 12: "released", 16: "slides", 30: "rests", 50: "hit again", 75: "hit a third time"}
     return Strike(
         "struck box",
         STRUCK,
@@ -130,7 +130,7 @@ def struck() -> Strike:
 
 
 def thrown() -> Strike:
-    """A box falls on a plate on a spring while it moves sideways, leaves it, and falls on it again; encoders alone."""
+    """Scene in which a box with a sideways velocity bounces on a plate on a spring. Sensors: positions."""
     noise = {"x": 1e-3, "z": 1e-3, "plate": 5e-4}
     marks = {
         9: "falls on the plate",
@@ -157,13 +157,13 @@ def thrown() -> Strike:
 
 
 def grasped() -> Strike:
-    """Two fingers close on a box, lift it, shake it so that it slips, and let go of it."""
+    """Scene in which two fingers grasp a box, lift it, shake it until it slips, and release it."""
     t = np.arange(90) * PERIOD
     ramp = np.clip((t - 0.5) / 0.3, 0, 1)
     lift = 0.05 * ramp + 0.02 * np.sin(2 * np.pi * 3.0 * (t - 0.8)) * (t > 0.8)
     squeeze = np.where(t < 0.2, -1.0, np.where(t < 1.5, 12.0, -3.0))
     noise = {"wrist_force": 0.3, "height": 5e-4}
-    marks = {15: "grasped", 28: "lifted", 32: "lifted", 40: "lifted", 50: "slips", 75: "slips", 90: "let go and fallen"}
+    marks = {15: "grasped", 28: "lifted", 32: "lifted", 40: "lifted", 50: "slips", 75: "slips", 90: "released and fallen"}
     return Strike(
         "grasped box",
         GRASPED,
@@ -179,10 +179,10 @@ def grasped() -> Strike:
 
 
 def stopped() -> Strike:
-    """A pendulum that a motor drives strikes a stop on a spring and bounces."""
+    """Scene in which a motorised pendulum hits a stop on a spring and bounces."""
     t = np.arange(75) * PERIOD
     noise = {"swing": 2e-3, "stop": 2e-4}
-    marks = {5: "swings", 7: "swings", 9: "strikes", 12: "bounces", 18: "bounces", 30: "strikes again", 50: "rests", 75: "rests"}
+    marks = {5: "swings", 7: "swings", 9: "hits the stop", 12: "bounces", 18: "bounces", 30: "hits again", 50: "rests", 75: "rests"}
     ctrl = 0.8 + 0.4 * np.sin(2 * np.pi * 1.5 * t)
     return Strike(
         "pendulum against a stop",
@@ -202,11 +202,11 @@ STRIKES = (struck, thrown, grasped, stopped)
 
 
 def readings(scene: Strike, truth: Any, rng: np.random.Generator) -> dict[str, np.ndarray[Any, Any]]:
-    """Noisy sensor readings of a run with these parameter values, (T, dim) each, from a perturbed start."""
+    """Noisy sensor readings by channel, (T, dim) each, of a run with the given true values from a perturbed start."""
     model = scene.model(truth)
     sim = stepper.Stepper(model, options=HARD)
     shift = START_STD[0] * rng.standard_normal(model.nv)
-    # Contacts that exist at the start hold what they touch where it is.
+    # Bodies in contact at the start are perturbed away from the contact only.
     shift = np.where(np.isin(np.arange(model.nv), resting(model)), np.abs(shift), shift)
     qvel = scene.velocities(model) + START_STD[1] * rng.standard_normal(model.nv)
     sim.set_state(model.integrate_pos(model.qpos0, shift), qvel)
@@ -221,18 +221,18 @@ def resting(model: stepper.Model) -> list[int]:
 
 
 def follow(scene: Strike, seed: int, **settings: Any) -> Followed:
-    """One run with noise of its own."""
+    """Results of one run with the noise of a seed."""
     rng = np.random.default_rng(seed)
     truth = scene.draw(rng)
     noisy = readings(scene, truth, rng)
     return followed(scene.tracker(**settings), scene.ctrl, noisy, dict.fromkeys(scene.marks, truth))
 
 
-HEAD = "scene | after | contact | parameter | error | interval | is said | covers"
+HEAD = "scene | after | last event | parameter | error | interval | determined | coverage"
 
 
 def table(count: int) -> str:
-    """Of so many runs of every scene, as Markdown: errors, widths and coverage are of the runs in which the value is said."""
+    """Markdown table of `count` runs of each scene. Errors, widths and coverage are of the runs in which the value is determined."""
     lines = [f"| {HEAD} |", "|" + "---|" * (HEAD.count("|") + 1)]
     for make in STRIKES:
         scene = make()
@@ -243,7 +243,7 @@ def table(count: int) -> str:
 
 
 def rows(scene: Strike, runs: list[Followed]) -> list[str]:
-    """Two lines for every mark."""
+    """Table rows of a scene, two for each mark."""
     lines = []
     for k, (mark, what) in enumerate(scene.marks.items()):
         for j, parameter in enumerate(scene.parameters):

@@ -1,8 +1,8 @@
-"""The scenes in MuJoCo: readings of its own motion, and `mujoco.sysid` on them.
+"""Peer `mujoco.sysid`: readings of motion simulated by MuJoCo, and their identification.
 
-Its residual function is given the samples and the noise of each sensor, so that both minimise the same sum of squares. Its optimizers are
-MuJoCo's, its default, and SciPy's, both with `x_scale="jac"`, which its documentation advises for parameters of different sizes, and with
-its own step of differences. Intervals are those of its `calculate_intervals`. It searches from one start.
+Its residual function gets the samples and the noise of each sensor, so that both libraries minimise the same sum of squares. It runs with
+MuJoCo's optimizer, its default, and with SciPy's. Both have `x_scale="jac"`, as its documentation advises for parameters of different
+sizes, and its default difference step. Intervals come from `calculate_intervals`. The search has one start.
 """
 
 from __future__ import annotations
@@ -27,16 +27,16 @@ HOW = 'pip install "mujoco[sysid]"'
 
 
 def available() -> str:
-    """Why there is no `mujoco.sysid`; empty where there is."""
+    """Reason why `mujoco.sysid` is not available; empty if it is."""
     try:
         module = require("mujoco.sysid", "to compare with it")
     except ImportError as error:
         return str(error)
-    return "" if hasattr(module, "optimize") else f"it lacks packages of its own: {HOW}"
+    return "" if hasattr(module, "optimize") else f"packages that mujoco.sysid needs are missing: {HOW}"
 
 
 def readings(scene: Scene) -> Readings:
-    """What MuJoCo's sensors read in its own motion, at the end of every period."""
+    """Sensor readings of MuJoCo's simulation at the end of each period, by channel."""
     model = mujoco.MjModel.from_xml_string(scene.text(*scene.truth))
     data = mujoco.MjData(model)
     state = np.zeros(mujoco.mj_stateSize(model, mujoco.mjtState.mjSTATE_FULLPHYSICS))
@@ -48,14 +48,14 @@ def readings(scene: Scene) -> Readings:
         sensor = model.sensor(name)
         rows = sensors[0, nstep - 1 :: nstep, sensor.adr[0] : sensor.adr[0] + sensor.dim[0]]
         if sensor.type[0] == mujoco.mjtSensor.mjSENS_JOINTPOS:
-            # Sensors of positions are those before the last step, which ends a period: read them after it.
+            # Position sensors lag by one step: the reading for the end of a period is in the next step.
             rows = states[0, nstep - 1 :: nstep, 1 + model.jnt_qposadr[sensor.objid[0]]][:, None]
         out[name] = rows
     return out
 
 
 def identified(scene: Scene, start: tuple[float, float], given: Readings, settings: dict[str, Any]) -> Answer:
-    """One identification by `mujoco.sysid`; settings are those of its `optimize`."""
+    """Answer of one identification by `mujoco.sysid`. `settings` are arguments of its `optimize`."""
     sysid = require("mujoco.sysid", "to compare with it")
     spec = mujoco.MjSpec.from_string(scene.text(*start))
     model = spec.compile()
@@ -93,7 +93,7 @@ def identified(scene: Scene, start: tuple[float, float], given: Readings, settin
         return (rows - measured[: len(rows)]) / sigma, predicted, predicted
 
     residual = sysid.build_residual_fn(models_sequences=[sequences], modify_residual=compare, resample_true=False)
-    with contextlib.redirect_stdout(io.StringIO()):  # its backends print every iteration, whatever `verbose` says
+    with contextlib.redirect_stdout(io.StringIO()):  # its backends print each iteration, even without `verbose`
         best, result = sysid.optimize(parameters, residual, verbose=False, **settings)
     left, _, _ = residual(result.x, best)
     flat = np.concatenate([np.ravel(r) for r in left])

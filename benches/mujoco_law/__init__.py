@@ -1,1 +1,1 @@
-"""MuJoCo's contact law beside MuJoCo: one step from the same state, motion over time, and speed."""
+"""Comparison of MuJoCo's contact law in stepper with MuJoCo: single steps, motion over time, and speed."""

@@ -1,6 +1,6 @@
-"""One step of MuJoCo's contact law in stepper and in MuJoCo, model by model.
+"""Comparison of one step with MuJoCo's contact law in stepper and in MuJoCo, for each model.
 
-`--update-docs` replaces the table of docs/benchmarks/mujoco_law.md and its csv.
+`--update-docs` replaces the table of docs/benchmarks/mujoco_law.md and its CSV file.
 """
 
 from __future__ import annotations
@@ -22,17 +22,19 @@ PAGES = Path("docs/benchmarks")
 
 
 def main() -> None:
-    """Reads the arguments, measures, writes."""
+    """Compare all models and write the results."""
     parser = argparse.ArgumentParser(prog="mujoco_law", description=__doc__)
     parser.add_argument(
-        "--only", action="append", default=[], metavar="SUBSTRING", help="models with this in their name; may be given again"
+        "--only", action="append", default=[], metavar="SUBSTRING", help="compare only models with this in their name; may be repeated"
     )
-    parser.add_argument("--states", type=int, default=100, help="states of each model; default: 100")
-    parser.add_argument("--integrator", choices=("euler", "implicitfast", "implicit", "discrete", "rk4"), help="instead of the model's own")
-    parser.add_argument("--cone", choices=("pyramidal", "elliptic"), help="instead of the model's own")
-    parser.add_argument("--noslip", type=int, metavar="SWEEPS", help="sweeps that take the slip out of friction at the most; default: none")
-    parser.add_argument("--out", type=Path, help="folder of mujoco_law.csv")
-    parser.add_argument("--update-docs", action="store_true", help=f"write the csv and the table of the page into {PAGES}")
+    parser.add_argument("--states", type=int, default=100, help="number of states of each model [100]")
+    parser.add_argument(
+        "--integrator", choices=("euler", "implicitfast", "implicit", "discrete", "rk4"), help="integrator [that of the model]"
+    )
+    parser.add_argument("--cone", choices=("pyramidal", "elliptic"), help="friction cone [that of the model]")
+    parser.add_argument("--noslip", type=int, metavar="ITERATIONS", help="iterations of MuJoCo's noslip solver [0]")
+    parser.add_argument("--out", type=Path, help="folder for mujoco_law.csv")
+    parser.add_argument("--update-docs", action="store_true", help=f"write the CSV file and the table of the page in {PAGES}")
     args = parser.parse_args()
     rows = []
     for source in sources(args.only):

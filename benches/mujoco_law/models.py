@@ -1,4 +1,4 @@
-"""Models that others wrote: gymnasium's, the dm_control suite's, and twenty more."""
+"""Models from installed packages: those of gymnasium and dm_control's suite, and twenty more."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ FILES = {
     "gymnasium": "envs/mujoco/assets/*.xml",
     "dm_control": "suite/*.xml",
 }
-"""Package, and files in it, of which all are taken."""
+"""Packages with patterns of files; all matching models are used."""
 
 OTHERS = {
     "gymnasium_robotics": [
@@ -30,19 +30,19 @@ OTHERS = {
         ),
     ],
 }
-"""Package, and files in it."""
+"""Packages with lists of files."""
 
 NO_MODELS = ("common", "shared", "shared_asset", "point")
-"""Stems of files that are parts of others, or need a program to be complete."""
+"""Stems of files that are not complete models."""
 
 
 @dataclass(frozen=True)
 class Source:
-    """A file with a model.
+    """Model file.
 
     Attributes:
-        name: "package name".
-        path: Of the file.
+        name: Package and name, separated by a space.
+        path: Path of the file.
     """
 
     name: str
@@ -50,7 +50,7 @@ class Source:
 
 
 def sources(only: list[str]) -> Iterator[Source]:
-    """Those of the models that are there and whose name contains one of `only`; all if there is none."""
+    """Yield the installed models whose name contains an entry of `only`; all if `only` is empty."""
     for package, pattern in FILES.items():
         for folder in _folders(package):
             for path in sorted(folder.glob(pattern)):

@@ -1,4 +1,4 @@
-"""How long motion by MuJoCo's law stays with recorded episodes of MuJoCo, until chaos parts them: one table."""
+"""Time for which motion with MuJoCo's contact law agrees with MuJoCo's episodes, until chaos separates them, as a table."""
 
 from __future__ import annotations
 
@@ -30,20 +30,20 @@ TASKS = (
 )
 """Models of Gymnasium's tasks."""
 BOUNDS = (1e-6, 1e-3)
-"""Largest difference of the configuration, rad or m, up to which two motions are together."""
+"""Largest differences of the configuration up to which two motions agree, rad or m."""
 HOLD = 5
-"""Steps that a random control is held."""
+"""Number of steps per random control."""
 NOISE = 0.01
-"""Standard deviation of what is added to the reference configuration at the beginning."""
+"""Standard deviation of the initial configuration about the reference configuration, rad or m."""
 
 
 def main() -> None:
-    """Reads the arguments, runs, prints."""
+    """Compare all models and print the table."""
     parser = argparse.ArgumentParser(prog="mujoco_law.motion", description=__doc__)
-    parser.add_argument("--episodes", type=int, default=20, help="episodes of each model; default: 20")
-    parser.add_argument("--seconds", type=float, default=10.0, help="length of an episode; default: 10")
+    parser.add_argument("--episodes", type=int, default=20, help="number of episodes of each model [20]")
+    parser.add_argument("--seconds", type=float, default=10.0, help="length of an episode, s [10]")
     args = parser.parse_args()
-    print("| model | dt ms | s until 1e-6 | s until 1e-3 | with MuJoCo solved to 1e-14: 1e-6 | 1e-3 |")
+    print("| model | dt ms | s to 1e-6 | s to 1e-3 | MuJoCo solved to 1e-14: s to 1e-6 | s to 1e-3 |")
     print("|---|---|---|---|---|---|")
     for source in sources([f"gymnasium {name}" for name in TASKS]):
         if source.name.split()[1] in TASKS:
@@ -68,12 +68,12 @@ def _line(source: Source, episodes: int, seconds: float) -> str:
 
 
 def _first(parted: NDArray[np.bool_]) -> int:
-    """Index of the first step at which it is so, or the number of steps."""
+    """Index of the first true entry, or the number of entries if there is none."""
     return int(np.argmax(parted)) if parted.any() else len(parted)
 
 
 def _apart(compiled: Any, model: stepper.Model, episodes: int, steps: int) -> Array:
-    """Largest difference of the configurations, (steps, episodes): every episode of MuJoCo begins where ours does."""
+    """Largest difference of the configurations, (steps, episodes). Both engines start from the same states."""
     rng = np.random.default_rng(0)
     start = compiled.qpos0 + rng.normal(0.0, NOISE, (episodes, compiled.nq))
     low, high = np.where(compiled.actuator_ctrllimited[:, None].astype(bool), compiled.actuator_ctrlrange, [-1.0, 1.0]).T

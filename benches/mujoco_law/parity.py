@@ -1,4 +1,4 @@
-"""One step of stepper and of MuJoCo from the same states of a model."""
+"""Comparison of one step of stepper and of MuJoCo from the same states of a model."""
 
 from __future__ import annotations
 
@@ -13,31 +13,32 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 AGREES = 1e-9
-"""Largest difference of velocities, relative to 1 + max |qvel|, that counts as agreement; or the spread of MuJoCo's own solvers."""
+"""Largest difference of velocities that counts as agreement, relative to 1 + max |qvel|. A larger spread of MuJoCo's solvers replaces
+it."""
 SAME_DISTANCE = 1e-9
-"""m by which the distances of contacts may differ that count as the same."""
+"""Largest difference of the distances of equal contacts, m."""
 _EPISODE = 20
-"""States of one episode, before the model is reset."""
+"""Number of states per episode."""
 _BLOWN_UP = 1e3
-"""rad/s or m/s at which a state is none to compare: some models blow up in MuJoCo from random states, and are reset then."""
+"""Velocity above which an episode is reset, rad/s or m/s. Some models diverge in MuJoCo from random states."""
 _ATTEMPTS = 10
-"""Attempts for each state at the most."""
+"""Largest number of attempts per state."""
 _NOISE = (0.02, 0.3)
-"""Standard deviations of the configuration (tangent) and of the velocity at the beginning of an episode."""
+"""Standard deviations of the initial configuration (on the tangent space) and of the initial velocity of an episode."""
 
 
 @dataclass(frozen=True)
 class States:
-    """States of a model and what MuJoCo makes of them.
+    """States of a model, with the results of one step of MuJoCo.
 
     Attributes:
-        qpos: (states, nq)
-        qvel: (states, nv)
-        act: (states, na)
-        ctrl: (states, nu)
-        after: Velocity after one step of Newton's method, (states, nv).
-        spread: Largest difference that the conjugate gradient method makes, relative to 1 + max |qvel|, (states,).
-        contacts: Of every state, the contacts that push: geoms and distance, sorted.
+        qpos: Positions, (states, nq).
+        qvel: Velocities, (states, nv).
+        act: Activations, (states, na).
+        ctrl: Controls, (states, nu).
+        after: Velocities after a step with Newton's solver, (states, nv).
+        spread: Largest difference to the result of the conjugate gradient solver, relative to 1 + max |qvel|, (states,).
+        contacts: Touching contacts of each state, sorted: both geoms and distance.
     """
 
     qpos: Array
@@ -51,15 +52,15 @@ class States:
 
 @dataclass(frozen=True)
 class Parity:
-    """How one step agrees.
+    """Agreement of one step between the engines.
 
     Attributes:
         states: Number of states.
-        touching: Share of them with contacts.
-        same: Share of states whose contacts agree: pairs of geoms, number and distance.
-        error: Difference of velocities after the step, relative to 1 + max |qvel|, of those states, (n,).
-        spread: The same between MuJoCo's own solvers, (n,).
-        newton_steps: Mean of Newton's steps.
+        touching: Share of states with contacts.
+        same: Share of states with equal contacts: geoms, number and distance.
+        error: Difference of velocities after the step, relative to 1 + max |qvel|, for states with equal contacts, (n,).
+        spread: Difference between MuJoCo's solvers in the same states, (n,).
+        newton_steps: Mean number of Newton steps.
         residual: Largest residual, m/s.
     """
 
@@ -73,19 +74,19 @@ class Parity:
 
     @property
     def agrees(self) -> float:
-        """Share of the states with the same contacts whose velocities agree, too."""
+        """Share of states with agreeing velocities, of those with equal contacts."""
         return float(np.mean(self.error <= np.maximum(AGREES, self.spread))) if len(self.error) else 1.0
 
 
 def prepare(compiled: Any) -> None:
-    """Lets a compiled model solve to the last digit by Newton's method, and leaves out what is done to the solution afterwards."""
+    """Set a compiled model to Newton's solver with the tightest tolerances, without noslip iterations."""
     opt = compiled.opt
     opt.solver = mujoco.mjtSolver.mjSOL_NEWTON
     opt.tolerance, opt.ls_tolerance, opt.iterations, opt.noslip_iterations = 1e-14, 1e-8, 200, 0
 
 
 def states(compiled: Any, count: int, seed: int = 0) -> States:
-    """States that random controls lead to, by MuJoCo's own steps."""
+    """States from MuJoCo's simulation with random controls."""
     data, rng = mujoco.MjData(compiled), np.random.default_rng(seed)
     limited = compiled.actuator_ctrllimited[:, None].astype(bool)
     low, high = np.where(limited, compiled.actuator_ctrlrange, [-1.0, 1.0]).T
@@ -115,7 +116,7 @@ def states(compiled: Any, count: int, seed: int = 0) -> States:
             getattr(data, name)[:] = value
         mujoco.mj_forward(compiled, data)
     if not found["qpos"]:
-        raise ValueError("random controls lead to no state with finite velocities in MuJoCo")
+        raise ValueError("all states of random controls diverge in MuJoCo: leave the model out")
     lists = found.pop("contacts")
     return States(**{name: np.array(values) for name, values in found.items()}, contacts=lists)
 
@@ -130,7 +131,7 @@ def _begin(compiled: Any, data: Any, rng: np.random.Generator) -> None:
 
 
 def _step(compiled: Any, data: Any, start: dict[str, Array], solver: Any) -> tuple[list[tuple[int, int, float]], Array]:
-    """Contacts at a state, and the velocity after one step from a cold start."""
+    """Contacts at a state, and velocity after one step without warm start."""
     for name, value in start.items():
         getattr(data, name)[:] = value
     data.qacc_warmstart[:] = 0.0
@@ -145,7 +146,7 @@ def _step(compiled: Any, data: Any, start: dict[str, Array], solver: Any) -> tup
 
 
 def compare(model: stepper.Model, found: States, **options: Any) -> Parity:
-    """One step from all of these states."""
+    """Compare one step from all given states. `options` are further arguments of `Options`."""
     count = len(found.qpos)
     settings = stepper.Options(contact="mujoco", tolerance=1e-13, iterations=100, **options)
     sim = stepper.Stepper(model, num_envs=count, options=settings)
@@ -166,14 +167,14 @@ def compare(model: stepper.Model, found: States, **options: Any) -> Parity:
 
 
 def _same_contacts(model: stepper.Model, found: States) -> NDArray[np.bool_]:
-    """States in which both find the same contacts: an Euler step takes them at the state itself."""
+    """Mask of the states with equal contacts. Uses an Euler step, which detects contacts at the initial state."""
     sim = stepper.Stepper(model, num_envs=len(found.qpos), options=stepper.Options(contact="mujoco", integrator="euler"))
     sim.set_state(qpos=found.qpos, qvel=found.qvel, act=found.act)
     sim.step(found.ctrl)
     margin = np.asarray(model.geom_margin, float)
     same = np.zeros(len(found.qpos), np.bool_)
     for env, theirs in enumerate(found.contacts):
-        # Ours are measured from the margin.
+        # Distances of stepper are relative to the margin.
         ours = sorted((int(a), int(b), float(margin[a] + margin[b] + d)) for (a, b), d in _pushing(sim.contacts(env)))
         pairs = [c[:2] for c in ours] == [c[:2] for c in theirs]
         same[env] = pairs and all(abs(a[2] - b[2]) < SAME_DISTANCE for a, b in zip(ours, theirs, strict=True))

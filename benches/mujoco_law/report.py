@@ -1,4 +1,4 @@
-"""What was measured, as lines, as a table of numbers and as a part of a page."""
+"""Report of the comparison: lines, CSV file, and table of the page."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from mujoco_law.parity import Parity
 
 @dataclass(frozen=True)
 class Row:
-    """A model.
+    """Row of a model.
 
     Attributes:
-        name: Package and name.
-        nv: Degrees of freedom.
-        left_out: What of the model is not simulated, or why it is not there at all.
-        parity: What was measured, if anything was.
+        name: Package and name of the model.
+        nv: Number of degrees of freedom.
+        left_out: Elements that are not simulated, or reason why the model cannot be loaded.
+        parity: Result of the comparison. None if the model cannot be loaded.
     """
 
     name: str
@@ -36,7 +36,7 @@ class Row:
         return f"{self.name:36} {numbers} {self.left_out}"
 
     def cells(self) -> dict[str, str]:
-        """Numbers of the table."""
+        """Cells of the table by column."""
         p = self.parity
         if p is None:
             return {}
@@ -47,7 +47,7 @@ class Row:
             "agree": _percent(p.agrees) if len(p.error) else "-",
             "median": _number(p.error, 0.5),
             "largest": _number(p.error, 1.0),
-            "MuJoCo's spread": _number(p.spread, 1.0),
+            "spread of MuJoCo's solvers": _number(p.spread, 1.0),
             "Newton steps": f"{p.newton_steps:.1f}",
         }
 
@@ -61,19 +61,19 @@ def _number(values: np.ndarray[tuple[int], np.dtype[np.float64]], quantile: floa
 
 
 def write_csv(path: Path, rows: list[Row]) -> None:
-    """Writes the numbers of all models."""
+    """Write the cells of all models as CSV."""
     with path.open("w", newline="") as file:
         writer = csv.writer(file)
         header = next((list(row.cells()) for row in rows if row.parity), [])
-        writer.writerow(["model", *header, "left out"])
+        writer.writerow(["model", *header, "omitted"])
         for row in rows:
             writer.writerow([row.name, *(row.cells().values() or [""] * len(header)), row.left_out])
 
 
 def write_table(path: Path, rows: list[Row]) -> None:
-    """Replaces the table of a page."""
+    """Replace the table of a page."""
     measured = [row for row in rows if row.parity]
-    header = ["model", *measured[0].cells(), "left out"] if measured else []
+    header = ["model", *measured[0].cells(), "omitted"] if measured else []
     lines = ["| " + " | ".join(header) + " |", "|" + "---|" * len(header)]
     lines += ["| " + " | ".join([row.name, *row.cells().values(), row.left_out]) + " |" for row in measured]
     lines += [f"\nNot measured: {row.name}: {row.left_out}" for row in rows if not row.parity]

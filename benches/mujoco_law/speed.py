@@ -1,4 +1,4 @@
-"""Speed of MuJoCo's law at the model's own integrator and cone, beside `mujoco.batch`, in turns on one core."""
+"""Speed of MuJoCo's contact law with the integrator and cone of the model, compared with `mujoco.batch`, in turns on one core."""
 
 from __future__ import annotations
 
@@ -20,22 +20,25 @@ from stepper.shared.machine import one_core, provenance, require
 
 @dataclass(frozen=True)
 class Newton(MujocoEngine):
-    """The file's own integrator and cone with Newton's method, which is MuJoCo's fastest on most models."""
+    """Engine MuJoCo with the integrator and cone of the model and Newton's solver, the fastest one on most models."""
 
     def configure(self, mujoco: Any, model: Any) -> None:
-        """Writes the settings into a compiled model."""
+        """Write the settings into a compiled model."""
         model.opt.solver = mujoco.mjtSolver.mjSOL_NEWTON
 
 
 def main() -> None:
-    """Reads the arguments and measures."""
+    """Measure all models and print the table."""
     parser = argparse.ArgumentParser(prog="mujoco_law.speed", description=__doc__)
-    parser.add_argument("models", nargs="*", help="parts of names; default: all")
-    parser.add_argument("--num-envs", type=int, default=256, help="environments in stepper; default: 256")
-    parser.add_argument("--peers", type=int, default=64, help="environments in MuJoCo; default: 64")
-    parser.add_argument("--steps", type=int, default=200, help="steps of random control; default: 200")
+    parser.add_argument("models", nargs="*", help="parts of the names of models [all]")
+    parser.add_argument("--num-envs", type=int, default=256, help="number of environments in stepper [256]")
+    parser.add_argument("--peers", type=int, default=64, help="number of environments in MuJoCo [64]")
+    parser.add_argument("--steps", type=int, default=200, help="number of steps with random controls [200]")
     parser.add_argument(
-        "--many-contacts", type=Path, metavar="JSON", help="measure nothing: show what `many_contacts --settings law` wrote"
+        "--many-contacts",
+        type=Path,
+        metavar="JSON",
+        help="print the table from a result file of `many_contacts --settings law`, without measuring",
     )
     args = parser.parse_args()
     if args.many_contacts:
@@ -48,7 +51,7 @@ def main() -> None:
     print("|---|---|---|---|---|---|---|---|---|")
     for case in cases(plan, args.models):
         if isinstance(case, str):
-            print(f"left out: {case}")
+            print(f"skipped {case}")
             continue
         found.append(_measure(case, plan))
     means = [geometric_mean(f[k] for f in found) for k in (0, 1)]
@@ -57,7 +60,7 @@ def main() -> None:
 
 
 def many_contacts(path: Path) -> str:
-    """The table of the scenes with many contacts, from what `many_contacts --settings law` wrote."""
+    """Table of the scenes with many contacts, from a result file of `many_contacts --settings law`."""
     rows = [row for row in json.loads(path.read_text(encoding="utf-8"))["rows"] if row["ours"]]
     lines = ["| scene | f64 x | f32 x | unsolved % f64 / f32 | Newton steps |", "|---|---|---|---|---|"]
     for row in rows:

@@ -1,4 +1,4 @@
-"""gymnasium-robotics' Fetch (`pip install --no-deps gymnasium-robotics`) with random controls, beside its cube.
+"""Study of gymnasium-robotics' Fetch arm (`pip install --no-deps gymnasium-robotics`) and its cube with random controls.
 
 Figures are in docs/benchmarks/studies.md.
 """

@@ -1,4 +1,4 @@
-"""dm_control's fish (`pip install --no-deps dm_control`) with random controls in its water: docs/benchmarks/studies.md."""
+"""Study of dm_control's fish (`pip install --no-deps dm_control`) with random controls in water: docs/benchmarks/studies.md."""
 
 from __future__ import annotations
 

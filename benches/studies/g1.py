@@ -1,7 +1,7 @@
-"""Unitree's G1 of mjlab (`pip install --no-deps mjlab`) on a plane, held by position servos: docs/benchmarks/studies.md.
+"""Study of Unitree's G1 from mjlab (`pip install --no-deps mjlab`), standing with position servos: docs/benchmarks/studies.md.
 
-It begins a hair above the floor, with its legs straight, and velocities that are a little off. Its wrists have no armature here, so that
-the servos' damping is stiff: Euler's rule, which takes it explicitly, diverges at every time step of 0.125 ms and more.
+The robot starts just above the floor with straight legs and small random velocities. Its wrists have no armature in this study, so that the
+damping of the servos is stiff: Euler's rule with explicit damping diverges at time steps of 0.125 ms and more.
 """
 
 from __future__ import annotations
@@ -13,14 +13,12 @@ import stepper
 from stepper.shared.machine import package_file
 
 KP, KD = 200.0, 10.0
-"""N m/rad, N m s/rad"""
+"""Servo gains: stiffness, N m/rad, and damping, N m s/rad."""
 
 
 def robot() -> Any:
-    """The package's model on a plane, with a servo for every hinge."""
-    spec = mujoco.MjSpec.from_file(
-        str(package_file("mjlab", "asset_zoo/robots/unitree_g1/xmls/g1.xml", "for Unitree's G1, whose file it has"))
-    )
+    """Model of the package on a plane, with a position servo for each hinge."""
+    spec = mujoco.MjSpec.from_file(str(package_file("mjlab", "asset_zoo/robots/unitree_g1/xmls/g1.xml", "for Unitree's G1")))
     spec.worldbody.add_geom(name="floor", type=mujoco.mjtGeom.mjGEOM_PLANE, size=[5, 5, 1])
     for joint in spec.joints:
         if joint.type == mujoco.mjtJoint.mjJNT_HINGE:
@@ -38,9 +36,7 @@ study = stepper.lab.Study(
     parameters={
         "friction": stepper.lab.Parameter("geom_friction[floor,*_foot*][0]", low=0.2, high=1.0, source="wet tiles to rubber on concrete"),
         "payload": stepper.lab.Parameter("body_mass[torso_link]", how="scale", low=0.8, high=1.8, source="a rucksack"),
-        "stiffness": stepper.lab.Parameter(
-            "actuator_kp", how="scale", low=0.05, high=1.5, source="gains that people use: 10 to 300 N m/rad"
-        ),
+        "stiffness": stepper.lab.Parameter("actuator_kp", how="scale", low=0.05, high=1.5, source="usual gains: 10 to 300 N m/rad"),
     },
     seconds=0.5,
     episodes=4,

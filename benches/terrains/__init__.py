@@ -1,1 +1,1 @@
-"""Cost of a step on terrain beside MuJoCo: `python -m terrains --help`."""
+"""Cost of a step on terrain, compared with MuJoCo: `python -m terrains --help`."""

@@ -1,4 +1,4 @@
-"""Time of a step of a quadruped on terrain: `python -m terrains` measures grounds in stepper and in MuJoCo and prints a table."""
+"""Step time of a quadruped on terrain: `python -m terrains` measures all grounds in stepper and in MuJoCo and prints a table."""
 
 from __future__ import annotations
 
@@ -14,23 +14,23 @@ from terrains.report import table, times, update_page
 
 
 def main() -> None:
-    """Reads the arguments, measures, prints."""
+    """Measure all grounds and print the tables."""
     parser = argparse.ArgumentParser(prog="terrains", description=__doc__)
-    parser.add_argument("--ground", nargs="+", default=[], metavar="NAME", help="grounds with one of these in their name; default: all")
+    parser.add_argument("--ground", nargs="+", default=[], metavar="NAME", help="grounds with one of these texts in their name [all]")
     parser.add_argument("--num-envs", type=int, default=Plan.num_envs)
-    parser.add_argument("--peers", type=int, default=Plan.peers, help="environments of MuJoCo; 0 leaves MuJoCo out")
+    parser.add_argument("--peers", type=int, default=Plan.peers, help="number of environments in MuJoCo; 0 omits MuJoCo [%(default)s]")
     parser.add_argument("--steps", type=int, default=Plan.steps)
     parser.add_argument("--rounds", type=int, default=Plan.rounds)
-    parser.add_argument("--noise", type=float, default=Plan.noise, help="standard deviation of the actions; 0 stands")
+    parser.add_argument("--noise", type=float, default=Plan.noise, help="standard deviation of the actions; 0 is standing [%(default)s]")
     parser.add_argument("--precision", nargs="+", choices=("f64", "f32"), default=list(Plan.precisions))
-    parser.add_argument("--no-law", action="store_true", help="without MuJoCo's law of contact")
-    parser.add_argument("--out", type=Path, default=Path("out/terrains"), help="folder of the models and of terrains.json")
-    parser.add_argument("--cache", type=Path, default=Path("out/corpus"), help="folder of downloads; default: out/corpus")
-    parser.add_argument("--update-docs", action="store_true", help="write the table into docs/benchmarks/terrain.md")
+    parser.add_argument("--no-law", action="store_true", help="do not measure MuJoCo's contact law")
+    parser.add_argument("--out", type=Path, default=Path("out/terrains"), help="folder for the models and terrains.json [out/terrains]")
+    parser.add_argument("--cache", type=Path, default=Path("out/corpus"), help="folder of the downloaded packages [out/corpus]")
+    parser.add_argument("--update-docs", action="store_true", help="write the tables into docs/benchmarks/terrain.md")
     args = parser.parse_args()
     grounds = [g for g in GROUNDS if not args.ground or any(part in g.name for part in args.ground)]
     if not grounds:
-        parser.error("no such ground; there are " + ", ".join(g.name for g in GROUNDS))
+        parser.error(f"no ground matches {args.ground}: give parts of " + ", ".join(g.name for g in GROUNDS))
     require("mujoco", "to run MuJoCo beside stepper").set_mju_user_warning(lambda message: None)
     plan = Plan(args.num_envs, args.peers, args.steps, args.rounds, args.noise, args.precision, not args.no_law)
     rows = []

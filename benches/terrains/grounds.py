@@ -1,4 +1,4 @@
-"""Grounds under a quadruped: geoms of an `MjSpec`, and the height that robots start at."""
+"""Kinds of ground for a quadruped: geoms of an `MjSpec`, and the height of the surface."""
 
 from __future__ import annotations
 
@@ -13,19 +13,19 @@ from many_contacts.scene import Array
 BOX, PLANE = mujoco.mjtGeom.mjGEOM_BOX, mujoco.mjtGeom.mjGEOM_PLANE
 
 Height = Callable[[Array, Array], Array]
-"""Height of the ground at places along x and y, m."""
+"""Function from positions x and y to the height of the ground, m."""
 
 
 @dataclass(frozen=True)
 class Ground:
-    """A kind of terrain.
+    """Kind of terrain.
 
     Attributes:
-        name: In tables.
+        name: Name in tables.
         add: Function that adds the geoms to an `MjSpec`.
         height: Height of the ground, m.
         spread: Half the side of the square in which robots start, m.
-        mesh: Function that adds the concave mesh "ground" for stepper where MuJoCo has something else; None where both have the same.
+        mesh: Function that adds the concave mesh "ground" for stepper instead. None if both engines have the same geoms.
     """
 
     name: str
@@ -36,9 +36,9 @@ class Ground:
 
 
 POINTS, HALF = 100, 5.0
-"""Points along each side of the height field, and half of its width, m."""
+"""Number of points along each side of the height field, and half of its width, m."""
 STEP_DEPTH, STEP_HEIGHT, STAIRS = 0.3, 0.1, 30
-"""Of the stairs, m, and their number."""
+"""Depth and height of a stair, m, and number of stairs."""
 STONES = 200
 
 
@@ -97,7 +97,7 @@ def _field_height(x: Array, y: Array) -> Array:
 
 
 def _stones() -> Array:
-    """Centres along x and y, half sizes and turn of every stone, (STONES, 6)."""
+    """Centres in x and y, half sizes and yaw angle of each stone, (STONES, 6)."""
     rng = np.random.default_rng(1)
     return np.column_stack(
         [
@@ -150,7 +150,7 @@ GROUNDS = (
     # POINTS x POINTS points over 10 x 10 m, rough by 3 cm.
     Ground("height field", _field, _field_height),
     Ground("stones", _stones_and_floor, _stone_height),
-    # The triangles of the height field. MuJoCo has the field.
+    # Triangles of the height field in stepper; the height field itself in MuJoCo.
     Ground("concave mesh", _field, _field_height, mesh=_mesh),
     # A plane, and 200 boxes 50 m away.
     Ground("far boxes", _far_boxes, _flat),

@@ -1,4 +1,4 @@
-"""Time of a step of mjlab's Go1 on a ground, in stepper and in MuJoCo."""
+"""Step time of mjlab's Go1 on a ground, in stepper and in MuJoCo."""
 
 from __future__ import annotations
 
@@ -26,23 +26,23 @@ from stepper.shared.machine import one_core
 from terrains.grounds import Ground
 
 CHUNK = 20
-"""Steps of an engine before the next one has its turn."""
+"""Number of steps in a turn of an engine."""
 LOOKED_AT = 32
-"""Environments of which contacts and penetration are measured."""
+"""Number of environments whose contacts and penetration are measured."""
 
 
 @dataclass(frozen=True)
 class Plan:
-    """How much is measured.
+    """Extent of the measurement.
 
     Attributes:
-        num_envs: Environments of stepper.
-        peers: Environments of MuJoCo.
-        steps: Length of an episode, steps.
-        rounds: Repetitions of the episode; of each turn the median counts.
-        noise: Standard deviation of the actions, in those of mjlab's untrained policy; 0 stands.
-        precisions: "f64", "f32".
-        law: Whether stepper also runs with MuJoCo's law of contact.
+        num_envs: Number of environments in stepper.
+        peers: Number of environments in MuJoCo.
+        steps: Number of steps in an episode.
+        rounds: Number of repetitions of the episode, for the median time of each turn.
+        noise: Standard deviation of the actions, relative to mjlab's untrained policy; 0 is standing.
+        precisions: Precisions of stepper, "f64" and "f32".
+        law: Whether stepper also runs with MuJoCo's contact law.
     """
 
     num_envs: int = 256
@@ -59,12 +59,12 @@ class Track:
     """Times and errors of an engine in an episode.
 
     Attributes:
-        times: Microseconds per step and environment, by turn and round.
-        contacts: Touching pairs of geoms per environment, mean over turns.
-        penetration: Deepest penetration at the end of any turn, m.
-        flags: Environment-steps with each status flag.
-        env_steps: Environment-steps that were looked at.
-        iterations: Sum of the solver's iterations over them.
+        times: Microseconds per environment step, by turn and round.
+        contacts: Number of touching pairs of geoms per environment, for each turn.
+        penetration: Deepest penetration at the ends of the turns, m.
+        flags: Number of environment steps with each status flag.
+        env_steps: Number of environment steps whose flags are counted.
+        iterations: Sum of the solver iterations over these steps.
     """
 
     times: dict[int, list[float]] = field(default_factory=dict)
@@ -75,7 +75,7 @@ class Track:
     iterations: int = 0
 
     def look(self, batch: Ours) -> None:
-        """Adds what a batch says of its last step."""
+        """Add the flags and iterations of the last step of a batch."""
         status = np.asarray(batch.sim.status)
         self.env_steps += status.size
         self.iterations += int(np.sum(batch.sim.iterations))
@@ -84,7 +84,7 @@ class Track:
                 self.flags[str(flag.name)] += count
 
     def figures(self) -> dict[str, Any]:
-        """For JSON: microseconds are means over turns of the median round."""
+        """Figures for JSON. Times are means over turns of the median over rounds."""
         steps = max(self.env_steps, 1)
         return {
             "microseconds": float(np.mean([np.median(turn) for turn in self.times.values()])),
@@ -96,7 +96,7 @@ class Track:
 
 
 def build(ground: Ground, cache: Path, out: Path) -> tuple[Model, Path]:
-    """The model as stepper reads it, and MuJoCo's file."""
+    """Model of stepper, and file of MuJoCo's model."""
     path = _written(ground, ground.add, cache, out)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", ModelWarning)
@@ -116,7 +116,7 @@ def _written(ground: Ground, add: Callable[[Any], None], cache: Path, out: Path)
 
 
 def script(ground: Ground, model: mujoco.MjModel, plan: Plan, seed: int = 0) -> Script:
-    """Actions of an untrained policy, and starts above the ground."""
+    """Script of an episode: actions of an untrained policy, and initial states above the ground."""
     found = unitree.script(unitree.GO1, model, plan.num_envs, np.random.default_rng(seed), plan.noise)
     rng = np.random.default_rng(seed + 1)
     for qpos in (found.qpos, *(() if found.anew is None else found.anew)):
@@ -126,14 +126,14 @@ def script(ground: Ground, model: mujoco.MjModel, plan: Plan, seed: int = 0) -> 
 
 
 def _foothold(ground: Ground, qpos: Array) -> Array:
-    """Greatest height of the ground under a robot, m."""
+    """Largest height of the ground under each robot, m."""
     around = np.linspace(-0.35, 0.35, 15)
     dx, dy = (d.ravel() for d in np.meshgrid(around, around))
     return np.asarray(np.max(ground.height(qpos[:, :1] + dx, qpos[:, 1:2] + dy), axis=1))
 
 
 def measure(ground: Ground, plan: Plan, cache: Path, out: Path) -> dict[str, Any]:
-    """A row of the table, ready for JSON."""
+    """Measure a ground. Returns its row of the tables as a dictionary for JSON."""
     model, path = build(ground, cache, out)
     actions = script(ground, mujoco.MjModel.from_xml_path(str(path)), plan)
     referee = Referee(str(path))
@@ -154,7 +154,7 @@ def measure(ground: Ground, plan: Plan, cache: Path, out: Path) -> dict[str, Any
 
 
 def _play(batches: Sequence[Batch], actions: Script, plan: Plan, tracks: dict[str, Track], referee: Referee | None) -> None:
-    """Plays an episode in every batch, in turns."""
+    """Run an episode in all batches, in turns."""
     for batch in batches:
         batch.begin(actions)
     restarts = {batch.name: np.zeros(batch.num_envs, np.intp) for batch in batches}
@@ -177,7 +177,7 @@ def _play(batches: Sequence[Batch], actions: Script, plan: Plan, tracks: dict[st
 
 
 def _restart(batch: Batch, actions: Script, restarts: Any) -> None:
-    """Begins anew where a robot has fallen."""
+    """Reset the environments whose robot has fallen."""
     assert actions.ended is not None
     assert actions.anew is not None
     mask = actions.ended(batch.qpos)

@@ -13,18 +13,18 @@ PAGE = Path(__file__).parents[2] / "docs" / "benchmarks" / "terrain.md"
 
 
 def update_page(rows: Sequence[dict[str, Any]], came_from: Mapping[str, Any]) -> None:
-    """Writes the tables into docs/benchmarks/terrain.md."""
+    """Write the tables into docs/benchmarks/terrain.md."""
     machine = f"{came_from['cpu']}, CPU level {came_from['cpu_level']}, {came_from['utc'][:10]}, load {came_from['load_average']}."
     write_section(PAGE, "terrains", f"{table(rows)}\n\n{machine}")
 
 
 def table(rows: Sequence[dict[str, Any]]) -> str:
-    """Two markdown tables with a line for every ground: times with their ratios, and what the steps computed."""
+    """Two markdown tables: step times with their ratios, and contacts, penetration and flags."""
     return f"{times(rows)}\n\n{steps(rows)}"
 
 
 def times(rows: Sequence[dict[str, Any]]) -> str:
-    """Time per step, us, with the ratio of MuJoCo's faster setting to it in parentheses."""
+    """Markdown table of times per step, us, with the speedup over MuJoCo's faster setting in parentheses."""
     ours, theirs = _engines(rows)
     lines = [["ground", *map(_label, ours), *(name.removeprefix(PEERS).strip() + " (MuJoCo)" for name in theirs)]]
     for row in rows:
@@ -36,7 +36,7 @@ def times(rows: Sequence[dict[str, Any]]) -> str:
 
 
 def steps(rows: Sequence[dict[str, Any]]) -> str:
-    """Contacts, deepest penetration, iterations and flags of every engine on every ground."""
+    """Markdown table of contacts, deepest penetration, iterations and flags of each engine on each ground."""
     lines = [["ground", "engine", "contacts", "penetration, mm", "iterations", "NOT_CONVERGED, %", "other flags, %"]]
     for row in rows:
         for name, engine in row["engines"].items():
@@ -51,7 +51,7 @@ def steps(rows: Sequence[dict[str, Any]]) -> str:
 
 
 def _engines(rows: Sequence[dict[str, Any]]) -> tuple[list[str], list[str]]:
-    """Names of stepper's settings, and of MuJoCo's."""
+    """Names of stepper's settings and of MuJoCo's."""
     names = list(dict.fromkeys(name for row in rows for name in row["engines"]))
     return [name for name in names if not name.startswith(PEERS)], [name for name in names if name.startswith(PEERS)]
 

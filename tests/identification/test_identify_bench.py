@@ -35,12 +35,12 @@ def test_a_run_that_was_killed_in_a_line_goes_on(tmp_path):
 def test_repetitions_of_another_version_are_refused(tmp_path):
     path = tmp_path / "own.jsonl"
     path.write_text('{"version": 0}\n')
-    with pytest.raises(ValueError, match="begin anew without --resume"):
+    with pytest.raises(ValueError, match="run without --resume"):
         Kept(path, resume=True)
     assert path.read_text() == '{"version": 0}\n'
 
 
-@pytest.mark.parametrize("name", ["online", "strikes", "own", "coloured", "beside"])
+@pytest.mark.parametrize("name", ["online", "impacts", "own", "coloured", "peer"])
 def test_tables_have_rows(name):
     """A heading, a rule and a row or more between the marks."""
     lines = section_of(PAGE, name).splitlines()

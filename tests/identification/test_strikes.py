@@ -1,4 +1,4 @@
-"""`stepper.sysid.Tracker` where contacts begin: a part of what `make identify IDENTIFY='--only strikes'` measures."""
+"""`stepper.sysid.Tracker` where contacts begin: a part of what `make identify IDENTIFY='--only impacts'` measures."""
 
 import dataclasses
 
@@ -11,7 +11,7 @@ from stepper.sysid.linear import LENGTH, Directions, mean_shift
 
 
 @pytest.mark.parametrize(
-    ("scene", "marks"), [(struck(), {8: "struck", 9: "struck"}), (stopped(), {9: "strikes"})], ids=["struck", "stopped"]
+    ("scene", "marks"), [(struck(), {8: "hit", 9: "hit"}), (stopped(), {9: "hits the stop"})], ids=["struck", "stopped"]
 )
 def test_what_is_said_of_a_contact_that_has_just_begun_is_true(scene, marks):
     """Of 24 runs, 18 or fewer intervals of 95 % have the truth with a chance of 0.001; those of slopes at a point had it in 9 to 17."""

@@ -95,7 +95,7 @@ def test_ways_begin_and_end_at_rest():
 
 
 def test_an_episode_is_what_was_timed(tmp_path):
-    scene = dataclasses.replace(heaps.SCENES[2], phases=(Phase("stands", 4, timed=False), Phase("is struck", 6)))
+    scene = dataclasses.replace(heaps.SCENES[2], phases=(Phase("stands", 4, timed=False), Phase("impact", 6)))
     path = written(scene.spec(Assets(tmp_path)), tmp_path / "wall.xml")
     for _ in range(2):  # The second one replaces the first.
         save_episodes(scene, path, dataclasses.replace(PLAN, precisions=("f32",)), tmp_path / "episodes")

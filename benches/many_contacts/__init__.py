@@ -1,1 +1,1 @@
-"""Speed where contacts are many: robots that stand, hands and grippers that hold, heaps and walls, in stepper and beside `mujoco.batch`."""
+"""Benchmark of scenes with many contacts: standing robots, grasping hands, heaps and walls, in stepper and in `mujoco.batch`."""

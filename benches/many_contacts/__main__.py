@@ -1,4 +1,4 @@
-"""Speed where contacts are many: `python -m many_contacts` measures scenes in stepper and in MuJoCo and prints a table."""
+"""Benchmark of scenes with many contacts: `python -m many_contacts` measures stepper and MuJoCo, and prints a table."""
 
 from __future__ import annotations
 
@@ -24,35 +24,37 @@ from many_contacts.scenes import ALL
 from many_contacts.targets import robots
 
 FAILURES = (DownloadError, ModelError, UnreachableError, RuntimeError)
-"""What keeps one scene from being measured, and not the others. MuJoCo's errors are RuntimeErrors."""
+"""Errors for which a scene is skipped. MuJoCo's errors are RuntimeErrors."""
 
 
 def main() -> None:
-    """Reads the arguments, measures, writes."""
+    """Measure the scenes and write the report."""
     parser = argparse.ArgumentParser(prog="many_contacts", description=__doc__)
-    parser.add_argument("--scene", nargs="+", default=[], metavar="NAME", help="scenes with one of these in their name; default: all")
-    parser.add_argument("--num-envs", nargs="+", type=int, default=[64, 256], help="environments of stepper; default: 64 256")
-    parser.add_argument("--peers", type=int, default=64, help="environments of MuJoCo at the most; default: 64")
+    parser.add_argument("--scene", nargs="+", default=[], metavar="NAME", help="scenes with one of these texts in their name [all]")
+    parser.add_argument("--num-envs", nargs="+", type=int, default=[64, 256], help="numbers of environments in stepper [64 256]")
+    parser.add_argument("--peers", type=int, default=64, help="largest number of environments in MuJoCo [64]")
     parser.add_argument("--precision", nargs="+", choices=("f64", "f32"), default=["f64", "f32"])
     parser.add_argument("--settings", nargs="+", choices=SETTINGS, default=["default", "fast", "pgs"])
-    parser.add_argument("--rounds", type=int, default=5, help="repeats, of which the medians count; default: 5")
-    parser.add_argument("--patience", type=float, default=120.0, help="no further round of a scene after so many seconds; default: 120")
+    parser.add_argument("--rounds", type=int, default=5, help="number of repetitions, for medians [5]")
+    parser.add_argument("--patience", type=float, default=120.0, help="time after which no new round of a scene starts, s [120]")
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--quick", action="store_true", help="two rounds, default settings: to see what a change does")
-    parser.add_argument("--add", action="store_true", help="keep what many_contacts.json has of other scenes and numbers of environments")
+    parser.add_argument("--quick", action="store_true", help="rough figures: two rounds with default settings")
+    parser.add_argument("--add", action="store_true", help="keep other rows of many_contacts.json")
     parser.add_argument("--update-docs", action="store_true", help="write the page docs/benchmarks/many_contacts.md")
-    parser.add_argument("--from-json", action="store_true", help="measure nothing: show what many_contacts.json has")
-    parser.add_argument("--targets", action="store_true", help="measure nothing: show the targets beside what many_contacts.json has")
+    parser.add_argument("--from-json", action="store_true", help="print the tables from many_contacts.json, without measuring")
     parser.add_argument(
-        "--save-episodes", type=Path, metavar="DIR", help="measure nothing: record what is timed, for anatomy and its floors"
+        "--targets", action="store_true", help="print the targets with the results in many_contacts.json, without measuring"
     )
-    parser.add_argument("--list", action="store_true", help="only names of the scenes and what they are")
-    parser.add_argument("--out", type=Path, default=Path("out"), help="folder of many_contacts.json; default: out")
-    parser.add_argument("--cache", type=Path, default=Path("out/corpus"), help="folder of downloads; default: out/corpus")
+    parser.add_argument(
+        "--save-episodes", type=Path, metavar="DIR", help="record the timed phases for anatomy and its floors, without measuring"
+    )
+    parser.add_argument("--list", action="store_true", help="list the scenes with their descriptions")
+    parser.add_argument("--out", type=Path, default=Path("out"), help="folder for many_contacts.json [out]")
+    parser.add_argument("--cache", type=Path, default=Path("out/corpus"), help="folder of the downloaded packages [out/corpus]")
     args = parser.parse_args()
     scenes = [s for s in ALL if not args.scene or any(part in s.name for part in args.scene)]
     if not scenes:
-        parser.error("no such scene; there are " + ", ".join(s.name for s in ALL))
+        parser.error(f"no scene matches {args.scene}: give parts of " + ", ".join(s.name for s in ALL))
     if args.list:
         print("\n".join(f"{s.name:24} {s.about}" for s in scenes))
         return
@@ -75,9 +77,9 @@ def main() -> None:
     order = [s.name for s in ALL]
     found = sorted((row for row in kept["rows"] if row["scene"] in order), key=lambda row: order.index(row["scene"]))
     if not found:
-        parser.error(f"nothing was measured: {path}")
+        parser.error(f"{path} has no rows: run without --from-json and --targets first")
     if not any("f64 default" in row["ours"] or "f32 default" in row["ours"] for row in found):
-        print(f"wrote {path}: the report is of default settings, and these are others")
+        print(f"wrote {path}; no report, as it needs default settings")
         return
     report = Report(found, kept["provenance"], floors(args.out / "floors.json"), robots(args.out / "throughput.json"))
     print(f"\n{report.targets() if args.targets else report.show()}")

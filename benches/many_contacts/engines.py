@@ -1,4 +1,4 @@
-"""Both engines as batches that begin where a script says; `stepper.lab.demo` has what they share with other races."""
+"""Batches of both engines that follow a script. `stepper.lab.demo` has their base classes."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from many_contacts.scene import Array, Script
 
 @dataclass
 class Effort:
-    """What the solver did in a phase.
+    """Work of the solver in a phase.
 
     Attributes:
-        certificate: What the steps said of themselves.
-        sweeps: Sum of sweeps over environment-steps.
-        newton_steps: Sum of Newton steps over environment-steps.
+        certificate: Status flags and residuals of the steps.
+        sweeps: Sum of sweeps over environment steps.
+        newton_steps: Sum of Newton steps over environment steps.
     """
 
     certificate: Certificate = field(default_factory=Certificate)
@@ -30,47 +30,47 @@ class Effort:
 
 
 class Batch(Crowd, Protocol):
-    """Environments of one engine that can begin anew."""
+    """Batch of environments of one engine that can be reset."""
 
     def begin(self, script: Script) -> None:
-        """Puts all environments where the script begins."""
+        """Set all environments to the initial states of the script."""
 
     def restart(self, mask: NDArray[np.bool_], qpos: Array) -> None:
-        """Puts some environments (num_envs,) at rest at configurations (num_envs, nq)."""
+        """Reset the environments of a mask (num_envs,), at rest in configurations (num_envs, nq)."""
 
     def move(self, mocap: Array) -> None:
-        """Puts the mocap bodies at poses (num_envs, nmocap, 7)."""
+        """Set the poses of the mocap bodies, (num_envs, nmocap, 7)."""
 
     @property
     def failed(self) -> int:
-        """Environments of which the engine gave up a state since `begin`."""
+        """Number of environments that the engine has reset or marked as not finite since `begin`."""
 
 
 class Ours(StepperCrowd):
-    """stepper, one thread; arguments as of `StepperCrowd`."""
+    """Batch of stepper, with one thread and the arguments of `StepperCrowd`."""
 
     def __init__(self, model: Model, num_envs: int, *, precision: Precision, options: Options | None, setting: str) -> None:
         super().__init__(model, num_envs, precision=precision, options=options, setting=setting)
         self.efforts: dict[str, Effort] = {}
 
     def begin(self, script: Script) -> None:
-        """See `Batch.begin`."""
+        """Set all environments to the initial states, as `Batch.begin`."""
         n = self.num_envs
         self.sim.reset(qpos=script.qpos[:n], qvel=None if script.qvel is None else script.qvel[:n])
         if script.push is not None:
             self.sim.xfrc_applied[:] = script.push
 
     def restart(self, mask: NDArray[np.bool_], qpos: Array) -> None:
-        """See `Batch.restart`."""
+        """Reset the environments of a mask, as `Batch.restart`."""
         self.sim.reset(mask, qpos=qpos)
 
     def move(self, mocap: Array) -> None:
-        """See `Batch.move`."""
+        """Set the poses of the mocap bodies, as `Batch.move`."""
         self.sim.mocap_pos[:] = mocap[..., :3]
         self.sim.mocap_quat[:] = mocap[..., 3:]
 
     def record(self, phase: str) -> None:
-        """See `Crowd.record`."""
+        """Record the last step, as `Crowd.record`."""
         effort = self.efforts.setdefault(phase, Effort())
         effort.certificate.add(self.sim)
         newton_steps = int(np.sum(self.sim.newton_steps))
@@ -79,38 +79,38 @@ class Ours(StepperCrowd):
 
     @property
     def failed(self) -> int:
-        """See `Batch.failed`."""
+        """Number of failed environments, as `Batch.failed`."""
         return sum(effort.certificate.non_finite for effort in self.efforts.values())
 
 
 class Theirs(MujocoCrowd):
-    """MuJoCo, one thread."""
+    """Batch of MuJoCo, with one thread."""
 
     def begin(self, script: Script) -> None:
-        """See `Batch.begin`."""
+        """Set all environments to the initial states, as `Batch.begin`."""
         n = self.num_envs
         self.reset(script.qpos[:n], None if script.qvel is None else script.qvel[:n])
         if script.push is not None:
             self.bind("xfrc_applied")[:] = script.push
 
     def restart(self, mask: NDArray[np.bool_], qpos: Array) -> None:
-        """See `Batch.restart`."""
+        """Reset the environments of a mask, as `Batch.restart`."""
         self.bind("qpos")[mask] = qpos[mask]
         for name in ("qvel", "qacc_warmstart"):
             self.bind(name)[mask] = 0.0
 
     def move(self, mocap: Array) -> None:
-        """See `Batch.move`."""
+        """Set the poses of the mocap bodies, as `Batch.move`."""
         self.bind("mocap_pos")[:] = mocap[..., :3]
         self.bind("mocap_quat")[:] = mocap[..., 3:]
 
     @property
     def failed(self) -> int:
-        """See `Batch.failed`."""
+        """Number of failed environments, as `Batch.failed`."""
         return int(np.count_nonzero(self.restarted))
 
 
 PGS = Options(solver="pgs")
-"""Sweeps alone."""
+"""Options of projected Gauss-Seidel without Newton's method."""
 LAW = Options(contact="mujoco")
-"""MuJoCo's law of contact, with the integrator that the scene asks for."""
+"""Options of MuJoCo's contact law, with the integrator of the model."""

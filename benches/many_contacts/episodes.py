@@ -1,6 +1,6 @@
-"""Episodes: recordings that `anatomy --episode` (benches/src/bin/anatomy.rs) steps again, and what it found: parts and floors.
+"""Episodes: recordings that `anatomy --episode` (benches/src/bin/anatomy.rs) replays, and its results: parts and floors of a step.
 
-A floor is the time that the arithmetic of a step would take at the rates of the core, in lanes: docs/benchmarks/performance.md.
+A floor is the least time of the arithmetic of a step, at the peak rates of the core in lanes: docs/benchmarks/performance.md.
 """
 
 from __future__ import annotations
@@ -23,15 +23,15 @@ from stepper.lab.engines import StepperCrowd
 
 @contextmanager
 def episode(sim: Stepper, folder: Path, name: str) -> Iterator[None]:
-    """Records what a batch does, in place of an older episode of that name and kind of batch.
+    """Record a batch as an episode. An episode of the same name, number of environments and precision is replaced.
 
     Args:
-        sim: The batch.
-        folder: Where episodes are kept.
-        name: Of the episode: what finds its floor again.
+        sim: Batch to record.
+        folder: Folder of the episodes.
+        name: Name of the episode, the key of its floor.
     """
     place = folder / re.sub(r"\W+", "_", f"{name}-{sim.num_envs}-{sim.precision}")
-    # Only what is a recording is removed; anything else is refused by the recorder.
+    # Only recordings are removed; the recorder raises an error for other content.
     if (place / "run.json").exists():
         shutil.rmtree(place)
     with sim.record(place, note=name):
@@ -39,16 +39,16 @@ def episode(sim: Stepper, folder: Path, name: str) -> Iterator[None]:
 
 
 def save_robots(folder: Path, precisions: Iterable[Precision], only: list[str]) -> None:
-    """Records the robots of comparison/throughput.py under its random control, with default settings.
+    """Record the robots of comparison/throughput.py with its random controls and default settings.
 
     Args:
-        folder: Where episodes are kept.
-        precisions: "f64", "f32".
-        only: Parts of names; none is all.
+        folder: Folder of the episodes.
+        precisions: Precisions, "f64" and "f32".
+        only: Parts of the names of robots; empty is all.
     """
     for case in cases(PLAN, only):
         if isinstance(case, str):
-            sys.stderr.write(f"left out: {case}\n")
+            sys.stderr.write(f"skipped {case}\n")
             continue
         for precision in precisions:
             crowd = StepperCrowd(case.model, PLAN.num_envs, precision=precision)
@@ -59,12 +59,12 @@ def save_robots(folder: Path, precisions: Iterable[Precision], only: list[str]) 
 
 @dataclass(frozen=True)
 class Anatomy:
-    """What `anatomy` found of an episode.
+    """Results of `anatomy` for an episode.
 
     Attributes:
-        micros: Time of a step of an environment, us.
-        floor: The least that it could be, us.
-        parts: Time and floor of every part of the step, us.
+        micros: Time of an environment step, us.
+        floor: Floor of this time, us.
+        parts: Time and floor of each part of the step, us.
     """
 
     micros: float
@@ -73,22 +73,22 @@ class Anatomy:
 
     @property
     def excess(self) -> dict[str, float]:
-        """What every part takes beyond its floor, as a share of the step's time."""
+        """Time of each part above its floor, as a share of the step's time."""
         whole = sum(micros for micros, _ in self.parts.values())
         return {name: (micros - floor) / whole for name, (micros, floor) in self.parts.items()}
 
     @property
     def farthest(self) -> tuple[str, float]:
-        """The part that is farthest above its floor, and how far, as a share of the step's time."""
+        """Part with the largest excess above its floor, and this excess as a share of the step's time."""
         return max(self.excess.items(), key=lambda part: part[1])
 
 
 Floors: TypeAlias = Mapping[tuple[str, int, str], Anatomy]
-"""By name of the episode, number of environments and precision."""
+"""Results of `anatomy` by name of the episode, number of environments and precision."""
 
 
 def floors(path: Path) -> Floors:
-    """What `anatomy --json` wrote; nothing where there is no file."""
+    """Results from a file of `anatomy --json`; empty if the file does not exist."""
     if not path.exists():
         return {}
     found = json.loads(path.read_text(encoding="utf-8"))["episodes"]

@@ -1,4 +1,4 @@
-"""Inverse kinematics, for arms that are told where their hands should be."""
+"""Inverse kinematics of arms."""
 
 from __future__ import annotations
 
@@ -10,29 +10,29 @@ import numpy as np
 from many_contacts.scene import Array
 
 ROUNDS, DAMPING, NEAR, FARTHEST = 200, 1e-4, 1e-6, 0.2
-"""Iterations at the most, damping, error at which they end, and the longest step of a joint (rad or m)."""
+"""Largest number of iterations, damping, tolerance of the error, and largest step of a joint per iteration (rad or m)."""
 
 
 class UnreachableError(Exception):
-    """No configuration was found that brings a site to a pose; the message says which and how far it is."""
+    """Error of a pose that a site cannot reach; the message has the site and the remaining error."""
 
 
 def reach(model: mujoco.MjModel, qpos: Array, site: str, joints: Sequence[str], *, pos: Array, rot: Array) -> Array:
-    """A configuration near another one in which a site has a pose, by damped least squares.
+    """Configuration in which a site has a given pose, by damped least squares.
 
     Args:
-        model: The model.
-        qpos: Where to begin, (nq,); joints that are not named stay.
+        model: Model of the scene.
+        qpos: Initial configuration, (nq,).
         site: Name of the site.
         joints: Names of the hinges and slides that may move.
-        pos: Where the site should be, (3,) in m.
-        rot: How it should be turned, (3, 3).
+        pos: Target position of the site, (3,), m.
+        rot: Target rotation matrix of the site, (3, 3).
 
     Returns:
-        The configuration, (nq,).
+        Configuration, (nq,).
 
     Raises:
-        UnreachableError: The site cannot be brought nearer than a millimetre or a hundredth of a radian.
+        UnreachableError: The remaining error is above 1 mm or 0.01 rad.
     """
     data, where = mujoco.MjData(model), model.site(site).id
     adr = [model.joint(name).qposadr[0] for name in joints]
@@ -68,13 +68,13 @@ def _rotation_vector(turn: Array) -> Array:
 
 
 def eased(begin: Array, end: Array, blocks: int) -> Array:
-    """From one target to another with rest at both ends (minimum jerk), the last block at the end; (blocks, ...)."""
+    """Minimum-jerk interpolation from `begin` to `end`, at rest at both ends, (blocks, ...). The last block equals `end`."""
     t = np.arange(1, blocks + 1) / blocks
     share = (t**3 * (10 - 15 * t + 6 * t**2)).reshape(-1, *([1] * begin.ndim))
     return np.asarray(begin + share * (end - begin))
 
 
 def downwards(yaw: float) -> Array:
-    """The rotation (3, 3) of a hand whose z axis points down and whose x axis is turned by `yaw` from the world's."""
+    """Rotation matrix (3, 3) of a hand whose z axis points down, with its x axis rotated by `yaw` from the world's, rad."""
     c, s = np.cos(yaw), np.sin(yaw)
     return np.array([[c, s, 0.0], [s, -c, 0.0], [0.0, 0.0, -1.0]])

@@ -1,4 +1,4 @@
-"""A scene in both engines, in turns: times of every phase, and what the steps left unsolved, let through and let slip."""
+"""Measurement of a scene in both engines, in turns: times of each phase, unsolved steps, penetration and slip."""
 
 from __future__ import annotations
 
@@ -27,29 +27,29 @@ from many_contacts.episodes import episode
 from many_contacts.scene import Array, Scene, Script
 
 CHUNK = 20
-"""Steps of one engine before it is the next one's turn. States are looked at in between, and what has ended begins anew."""
+"""Number of steps in a turn of an engine. Between turns, states are measured and finished environments are reset."""
 LOOKED_AT = 32
-"""Environments of each batch whose contacts, penetration and slip are measured."""
+"""Number of environments of each batch whose contacts, penetration and slip are measured."""
 LEAD = Options(tolerance=1e-3)
-"""Settings of the steps that bring environments to where an episode begins."""
+"""Options of the steps that lead to the initial states of an episode."""
 DROPPED = 0.02
-"""m: what has moved farther than this in its holder is not held."""
+"""Displacement relative to the holder above which an object counts as dropped, m."""
 PEERS = (f"MuJoCo {MATCHED.setting}", "MuJoCo defaults")
 SETTINGS = ("default", "fast", "pgs", "law")
 
 
 @dataclass(frozen=True)
 class Plan:
-    """What is run.
+    """Extent of the measurement.
 
     Attributes:
-        num_envs: Environments of stepper.
-        peers: Environments of MuJoCo at the most, whose time per environment does not depend on it.
-        precisions: "f64", "f32".
-        settings: Of `SETTINGS`.
-        rounds: How often everything is repeated, from the same start; the median of the rounds counts for each chunk.
-        patience: Time after which no further round begins, s; the first is always made.
-        seed: Of what is random.
+        num_envs: Number of environments in stepper.
+        peers: Largest number of environments in MuJoCo, whose time per environment does not depend on it.
+        precisions: Precisions of stepper, "f64" and "f32".
+        settings: Names in `SETTINGS`.
+        rounds: Number of repetitions from the same states, for the median time of each chunk.
+        patience: Time after which no new round starts, s. The first round is always run.
+        seed: Seed of all random numbers.
     """
 
     num_envs: int = 64
@@ -63,14 +63,14 @@ class Plan:
 
 @dataclass
 class Track:
-    """One batch's way through one phase.
+    """Measurements of a batch in a phase.
 
     Attributes:
-        times: Microseconds per step and environment, of every chunk in every round: (chunks) lists of (rounds).
-        steps: Steps of every chunk.
-        samples: What the referee found at the end of every chunk.
-        before: Place of what is held in the frame of its holder at the beginning, (environments, 3) in m.
-        after: The same at the end.
+        times: Microseconds per environment step, a list of rounds for each chunk.
+        steps: Number of steps of each chunk.
+        samples: Contacts and penetration at the end of each chunk.
+        before: Initial position of the held object in the frame of its holder, (environments, 3), m.
+        after: Final position of the held object in that frame, (environments, 3), m.
     """
 
     times: list[list[float]] = field(default_factory=list)
@@ -81,12 +81,12 @@ class Track:
 
     @property
     def microseconds(self) -> float:
-        """Time per step and environment over the phase: the median of the rounds for each chunk, chunks weighted by their length."""
+        """Time per environment step, us: median over rounds for each chunk, averaged over chunks by their length."""
         return sum(median(found) * steps for found, steps in zip(self.times, self.steps, strict=True)) / sum(self.steps)
 
     @property
     def slip(self) -> tuple[float, float] | None:
-        """Median over environments of the way that what is held moved in its holder, m, and the share of what was dropped."""
+        """Median displacement of the held objects relative to their holder, m, and share of dropped objects."""
         if self.before is None or self.after is None:
             return None
         way = np.linalg.norm(self.after - self.before, axis=1)
@@ -94,12 +94,12 @@ class Track:
 
 
 def options(setting: str, model: Model) -> Options | None:
-    """Settings by their name in `SETTINGS`."""
+    """Options of a setting, by its name in `SETTINGS`."""
     return {"default": None, "fast": fast(model), "pgs": PGS, "law": LAW}[setting]
 
 
 def read(path: Path) -> tuple[Model, str]:
-    """The model as stepper reads it, and what it leaves out of it, in words."""
+    """Model of stepper, and a note about its omitted elements."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", ModelWarning)
         try:
@@ -109,10 +109,10 @@ def read(path: Path) -> tuple[Model, str]:
 
 
 def measure(scene: Scene, path: Path, plan: Plan) -> list[dict[str, Any]]:
-    """Rows of a scene, one for each timed phase, ready for JSON.
+    """Measure a scene. Returns a row for each timed phase, as dictionaries for JSON.
 
     Raises:
-        stepper.ModelError: stepper refuses the model.
+        stepper.ModelError: stepper cannot load the model.
     """
     model, note = read(path)
     compiled = mujoco.MjModel.from_xml_path(str(path))
@@ -164,10 +164,10 @@ def measure(scene: Scene, path: Path, plan: Plan) -> list[dict[str, Any]]:
 
 
 def save_episodes(scene: Scene, path: Path, plan: Plan, folder: Path) -> None:
-    """Plays a scene once with default settings, and records each timed phase: its name is that of its row.
+    """Run a scene once with default settings, and record each timed phase under the name of its row.
 
     Raises:
-        stepper.ModelError: stepper refuses the model.
+        stepper.ModelError: stepper cannot load the model.
     """
     model, _ = read(path)
     compiled = mujoco.MjModel.from_xml_path(str(path))
@@ -186,7 +186,7 @@ def save_episodes(scene: Scene, path: Path, plan: Plan, folder: Path) -> None:
 
 
 def _led(scene: Scene, script: Script, model: Model, path: Path) -> Script:
-    """The script from where `scene.lead` steps of stepper in f64 take it; what they came to is kept in a file beside the model."""
+    """Script with initial states after `scene.lead` steps of stepper in f64. These states are cached in a file next to the model."""
     if not scene.lead:
         return script
     digest = hashlib.sha256(path.read_bytes() + repr(LEAD).encode())
@@ -213,17 +213,17 @@ def _figures(track: Track) -> dict[str, Any]:
 
 
 class _Yard:
-    """Measures states of both engines alike, by MuJoCo's collision detection and kinematics."""
+    """Measurement of states of both engines, by MuJoCo's collision detection and kinematics."""
 
     def __init__(self, model: mujoco.MjModel, path: Path) -> None:
         self.model, self.data, self.referee = model, mujoco.MjData(model), Referee(str(path))
 
     def look(self, batch: Batch) -> Measured:
-        """Contacts and penetration of some environments."""
+        """Contacts and penetration of the first `LOOKED_AT` environments."""
         return self.referee.measure(batch.qpos[:LOOKED_AT], batch.qvel[:LOOKED_AT])
 
     def places(self, batch: Batch, held: tuple[str, str]) -> Array:
-        """Where what is held is in the frame of its holder, (environments, 3) in m."""
+        """Position of the held object in the frame of its holder, (environments, 3), m."""
         body, holder = (self.model.body(name).id for name in held)
         out = []
         for qpos in batch.qpos[:LOOKED_AT]:
@@ -234,7 +234,7 @@ class _Yard:
 
 
 def _play(scene: Scene, script: Script, batches: Sequence[Batch], plan: Plan, yard: _Yard) -> dict[tuple[str, str], Track]:
-    """Plays the script `plan.rounds` times in every batch, in turns of a chunk; tracks by name of batch and phase."""
+    """Run the script `plan.rounds` times in all batches, in turns of a chunk. Returns tracks by names of batch and phase."""
     tracks = {(batch.name, phase.name): Track() for batch in batches for phase in scene.phases}
     order, start = list(batches), time.perf_counter()
     for k in range(plan.rounds):
@@ -267,7 +267,7 @@ def _play(scene: Scene, script: Script, batches: Sequence[Batch], plan: Plan, ya
 
 
 def _chunk(batch: Batch, script: Script, steps: range, phase: str | None) -> float:
-    """Makes some steps; returns microseconds per step and environment. With the name of a phase, steps are recorded in between."""
+    """Make some steps. Returns microseconds per environment step. With the name of a phase, the batch records its steps."""
     spent, n = 0.0, batch.num_envs
     for step in steps:
         block = min(step // script.hold, len(script.control) - 1)

@@ -1,4 +1,4 @@
-"""The table, on the terminal and in docs/benchmarks/many_contacts.md."""
+"""Tables of the results, for the terminal and docs/benchmarks/many_contacts.md."""
 
 from __future__ import annotations
 
@@ -12,78 +12,76 @@ from many_contacts.measure import CHUNK, DROPPED, LOOKED_AT, PEERS
 from many_contacts.scene import MEAN, Scene
 from many_contacts.targets import UNSOLVED, Row, grouped_mean, lines, percent, scale
 
-HEAD = f"""# Where contacts are many
+HEAD = f"""# Scenes with many contacts
 
-Robots that stand on many points, hands and grippers that hold, heaps and walls: how many times faster than `mujoco.batch` one core steps
-them, and how accurately.
+Speed on one core relative to `mujoco.batch`, and accuracy, for robots with many contact points, grasping hands and grippers, heaps and
+walls.
 
-    make many-contacts                                                                       # all of it, an hour; this page
+    make many-contacts                                                                       # all scenes, an hour; writes this page
     PYTHONPATH=benches python -m many_contacts --scene g1 --num-envs 64 --precision f64 --quick   # one scene, seconds
-    PYTHONPATH=benches python -m many_contacts --list                                        # what there is
-    PYTHONPATH=benches python -m many_contacts --targets                                     # targets beside what was measured
+    PYTHONPATH=benches python -m many_contacts --list                                        # list of scenes
+    PYTHONPATH=benches python -m many_contacts --targets                                     # targets and results
     make floors                                                                              # the floors of all scenes; half an hour
 
-The first time it downloads mjlab, robosuite, gymnasium-robotics, dm-control, metaworld and gym-aloha as archives, of which only files are
-read. The models that both engines step are left in `out/many_contacts/`, the figures in `out/many_contacts.json`.
+The first run downloads mjlab, robosuite, gymnasium-robotics, dm-control, metaworld and gym-aloha, and reads only their model files. The
+script writes the models of both engines to `out/many_contacts/`, and the figures to `out/many_contacts.json`.
 
 ## How it is measured
 
 * Both engines step the same model, written to one MJCF file, with the same time step, starts, controls and random numbers, on one
-  core, in turns of {CHUNK} steps. Processor time; a round repeats everything from the same start, the median of the rounds counts for each
-  turn, and the times of a phase's turns are summed. Steps that follow a new start are part of it, starts themselves are not.
-* **x** is the time of the faster of MuJoCo's two settings (`same`: implicitfast, Newton, elliptic cones; `own`: what the model asks
-  for) over that of stepper. MuJoCo's batch has 64 environments; its time for one does not depend on their number.
-* Every engine plays the whole episode by itself, phases that are not timed included, so that each is in a state of its own. Where that
-  takes long (heaps, bodies that fall) stepper makes the first part once for all, solved to 1e-3 m/s, and each engine then has time to
-  find its rest.
-* **Floor** is the least time that the arithmetic of the step could take in lanes on this core
-  ([performance.md](performance.md#the-floor)): the operations of eight environments, each alone, at the rates of a loop of independent
-  ones. **Farthest above it** is the part of the step that takes the most beyond its own floor, and how much of the step that is. Hulls
-  and Newton's method work in plain numbers, one environment at a time, which are not counted: where rows say many Newton steps, the floor
-  is lower than any method's.
-* **Unsolved** is the share of environment-steps with NOT_CONVERGED, which should be {100 * UNSOLVED:g} % at most; more is bold. Sweeps and
-  Newton steps are means over environment-steps.
+  core, in turns of {CHUNK} steps. Times are processor times. A round repeats an episode from the same states; each turn has the median
+  over rounds, and a phase is the sum of its turns. Steps after a reset are included, resets are not.
+* **x** is the time of the faster of MuJoCo's two settings (`same`: implicitfast, Newton, elliptic cones; `own`: those of the model)
+  divided by that of stepper. MuJoCo's batch has 64 environments; its time per environment does not depend on their number.
+* Each engine simulates the whole episode, including phases that are not timed, so that states differ between engines. For long lead-ins
+  (heaps, falling bodies), stepper simulates the first part once for all engines, solved to 1e-3 m/s. Each engine then has time to settle.
+* **Floor** is the least time of the arithmetic of a step in lanes on this core ([performance](performance.md#the-floor)): the
+  operations of eight environments, each alone, at the rates of independent operations. **Farthest above it** is the part of the step with
+  the largest excess above its floor, and this excess as a share of the step. Operations of hulls and of Newton's method, which work on
+  one environment at a time, are not counted: with many Newton steps, the floor is too low.
+* **Unsolved** is the share of environment steps with NOT_CONVERGED; the target is {100 * UNSOLVED:g} % at most, and larger values are bold.
+  Sweeps and Newton steps are means over environment steps.
 * **Contacts** and the deepest **penetration** are of the first {LOOKED_AT} environments at the end of each turn, by MuJoCo's collision
-  detection for all engines alike. **Slip** is the median over environments of how far what is held moved in the frame of a finger during
-  the phase (feet: over the floor); what moved by more than {1e3 * DROPPED:g} mm counts as dropped.
+  detection for all engines. **Slip** is the median over environments of the displacement of the held object in the frame of a finger
+  during the phase (feet: relative to the floor). Objects with more than {1e3 * DROPPED:g} mm count as dropped.
 * The mean over scenes is geometric; rows of one scene, and scenes of one kind (the lifted masses, the two heaps, the hand's objects,
-  the humanoids), count once together, by their own geometric mean. Targets are in brackets, a third higher where the CPU level is avx512.
-* Settings: default; `fast` as in [performance.md](performance.md#beside-mujoco) (Euler's rule, a residual of 1e-3 m/s, overlaps
-  corrected in the velocity); `pgs`, sweeps alone, to see what is left to Newton's method."""
-REASONS = """## What falls short, and why
+  the humanoids), have the weight of one scene. Targets are in parentheses; they are a third higher with the CPU level avx512.
+* Settings: default; `fast` as in [performance](performance.md#beside-mujoco) (Euler's rule, a residual of 1e-3 m/s, position
+  errors corrected by velocities); `pgs`, projected Gauss-Seidel without Newton's method."""
+REASONS = """## Missed targets and their reasons
 
-The column "at the floor" above says how far the arithmetic of our method alone would go: beyond every target, by 1.1 (the wall that is
-struck, in 32 bits) to six times. What stands between, by the part that is farthest above its own floor:
+The column "at the floor" above is the speedup that the arithmetic alone would allow: 1.1 times (the wall at the impact, in 32 bits) to six
+times every target. The reasons for the difference, by the part that is farthest above its floor:
 
-* Feet, hands and grippers (g1, go1, panda, lift, hand): the solve. A group of lanes sweeps until its slowest lane is done, each visit of a
-  contact waits for the one before, and what sweeps leave goes to Newton's method, which works in plain numbers, one environment at a time.
-  Sweeps alone (`pgs`) are up to 1.5 times as fast in f64.
-* Panda while it holds, and the drawer: the narrow phase. Hulls and boxes are searched pair by pair, one environment at a time.
+* Feet, hands and grippers (g1, go1, panda, lift, hand): the solver. A group of lanes iterates until its slowest lane has converged. Each
+  update of a contact depends on the one before. Lanes that do not converge go to Newton's method, one environment at a time. Without it
+  (`pgs`) steps are up to 1.5 times as fast in f64.
+* Panda while it holds, and the drawer: collision detection. Hulls and boxes are processed pair by pair, one environment at a time.
 * Lifts: a step of ten contacts with torsional friction takes MuJoCo no longer than 10 to 14 us; here it takes four to six sweeps of
   contacts with six rows, and in f64 one or two Newton steps.
-* The heap of thirty and the wall that is struck: hundreds of rows whose loads depend on one another. Newton's method on the exact law
-  factors matrices of that size for each environment, 20 to 70 times a step in f64; MuJoCo's softened problem is convex, and starts next to
-  its minimum.
-* Two arms: dry friction in the joints beside contacts; sweeps leave 86 % of the steps, and Newton's method takes twenty steps.
-* Robots under random control: no part is far above its floor by itself; lanes that wait for the slowest of their group, latency, and forces
-  that are computed twice, so that the next state follows from the visible state
-  ([visible_state.md](../development/decisions/visible_state.md)), add up."""
-NOTES = f"""## What to know of the scenes
+* The heap of thirty and the wall at the impact: hundreds of coupled rows. Newton's method on the exact law
+  factors matrices of that size for each environment, 20 to 70 times a step in f64; MuJoCo's soft problem is convex, and starts near its
+  minimum.
+* Two arms: dry joint friction together with contacts; sweeps do not converge in 86 % of the steps, and Newton's method takes twenty steps.
+* Robots under random control: no single part is far above its floor. Lanes wait for the slowest of their group, latency adds up, and
+  forces are computed twice, so that the next state depends on the visible state alone
+  ([why](../development/decisions/visible_state.md))."""
+NOTES = f"""## Notes on the scenes
 
 * g1, go1: mjlab trains them on rough ground; here the ground is flat, and friction and centres of mass are not randomised. A robot that
-  leans by more than 70 degrees begins anew.
-* panda: servos in the model, since robosuite's controllers are Python.
-* two arms: ALOHA's joints have dry friction of 30 to 60 N m and no damping, and its fingers 30 N, which their servos of at most 7 N do not
-  overcome: in stepper, where dry friction is hard, they stay where they are; in MuJoCo, where it is soft, they creep to their targets.
-  Here a twentieth of it is left, and servos have damping, so that both engines do the same.
-* hand: as the package ships it, with the second, untouchable object that shows the target and falls freely.
-* drawer: the arm is welded to a mocap body, as metaworld does it, so that a step has six hard equalities; the weld's pose is the one that
-  metaworld sets.
-* g1 stands: with Euler's rule (`fast`) servos as stiff as these are beyond what 5 ms resolves, and the robots fall; so do many with
-  MuJoCo's own setting. What slipped by more than {1e3 * DROPPED:g} mm there has fallen.
+  leans by more than 70 degrees is reset.
+* panda: servos in the model replace robosuite's controllers, which are Python code.
+* two arms: ALOHA's joints have dry friction of 30 to 60 N m and no damping, and its fingers 30 N, which their servos of at most 7 N cannot
+  overcome. With stepper's exact dry friction they stick; with MuJoCo's soft one they creep to their targets. This scene has a twentieth of
+  the dry friction and damped servos, so that both engines move alike.
+* hand: the unchanged model, including a second object without contacts, which shows the target and falls freely.
+* drawer: the arm is welded to a mocap body, as in metaworld, so that a step has six hard equalities; the weld has
+  metaworld's pose.
+* g1 stands: with Euler's rule (`fast`) these stiff servos are unstable at 5 ms, and the robots fall; so do many with
+  MuJoCo's `own` setting. Robots with a slip above {1e3 * DROPPED:g} mm have fallen.
 
-Where rows say few sweeps and many Newton steps, sweeps were given up early, and Newton's method takes the time: a look at `pgs` says how
-fast the step would be if sweeps were enough, and the second table how much they leave unsolved."""
+Rows with few sweeps and many Newton steps gave up sweeps early, and Newton's method takes most of the time. `pgs` shows the speed of sweeps
+alone, and the second table the share of steps that they leave unsolved."""
 
 
 def _line(cells: Iterable[object]) -> str:
@@ -103,7 +101,7 @@ def _mm(metres: float) -> str:
 
 
 def _number(found: Row | None, name: str, form: str, unit: float = 1.0) -> str:
-    """A figure as a multiple of a unit, a dash where nothing was measured."""
+    """Figure in a unit as text; a dash if it was not measured."""
     return "-" if found is None else format(unit * found[name], form)
 
 
@@ -114,17 +112,17 @@ def _slip(found: Sequence[float] | None) -> str:
 
 
 def means(rows: Sequence[Row], column: str) -> float | None:
-    """Geometric mean of a column's ratios over scenes, of which the rows of a group count once together."""
+    """Geometric mean of a column's ratios over scenes. The rows of a group have the weight of one scene."""
     return grouped_mean((row["group"], row["ours"][column]["ratio"]) for row in rows if column in row["ours"])
 
 
 def speed(rows: Sequence[Row], floors: Floors, factor: float = 1.0) -> str:
-    """Times beside their floors, ratios beside their targets, the share of unsolved steps, sweeps and Newton steps.
+    """Markdown table of times, floors, ratios with targets, unsolved steps, sweeps and Newton steps.
 
     Args:
-        rows: Of many_contacts.json, of one number of environments.
-        floors: Of their episodes.
-        factor: What targets are multiplied by on this machine.
+        rows: Rows of many_contacts.json with the same number of environments.
+        floors: Floors of the episodes.
+        factor: Factor on the targets for this machine.
     """
     columns = list(dict.fromkeys(name for row in rows for name in row["ours"]))
     defaults = [name for name in columns if name.endswith(" default")]
@@ -179,7 +177,7 @@ def _label(column: str) -> str:
 
 
 def accuracy(rows: Sequence[Row]) -> str:
-    """Contacts, penetration and slip of every engine and setting."""
+    """Markdown table of contacts, penetration and slip of each engine and setting."""
     columns = list(dict.fromkeys(name for row in rows for name in row["ours"]))
     every = _both([*map(_label, columns), "MuJoCo same", "own"])
     lines = []
@@ -205,13 +203,13 @@ def _timed(scene: Scene) -> str:
 
 @dataclass(frozen=True)
 class Report:
-    """All that was measured.
+    """Report of all measurements.
 
     Attributes:
-        rows: Of many_contacts.json, in the order of the scenes.
-        came_from: Their machine.
-        floors: Of their episodes, and of those of the robots.
-        robots: What throughput.json has, if it is there.
+        rows: Rows of many_contacts.json, in the order of the scenes.
+        came_from: Provenance of the rows: machine, versions, time.
+        floors: Floors of the episodes of scenes and robots.
+        robots: Content of throughput.json. None if the file does not exist.
     """
 
     rows: Sequence[Row]
@@ -220,7 +218,7 @@ class Report:
     robots: Mapping[str, Any] | None
 
     def show(self) -> str:
-        """Both tables of every number of environments."""
+        """Both tables for each number of environments."""
         parts = []
         for num_envs in sorted({row["num_envs"] for row in self.rows}):
             some = [row for row in self.rows if row["num_envs"] == num_envs]
@@ -228,20 +226,20 @@ class Report:
         return "\n\n".join(parts)
 
     def targets(self) -> str:
-        """Targets beside what was reached, of the number of environments that most scenes were measured with."""
+        """Table of targets and results, for the number of environments with most measured scenes."""
         numbers = Counter(row["num_envs"] for row in self.rows)
         num_envs = max(sorted(numbers), key=lambda n: numbers[n])
         some = [row for row in self.rows if row["num_envs"] == num_envs]
         head = [f"{num_envs} environments", "target", "reached", "at the floor", "farthest above its floor", "unsolved %"]
         table = _table(head, lines(some, self.came_from, self.floors, self.robots))
-        said = f"In each cell f64 / f32; what misses its target is bold, and at most {100 * UNSOLVED:g} % should be unsolved."
+        said = f"Each cell has f64 / f32. Missed targets are bold. At most {100 * UNSOLVED:g} % of the steps may be unsolved."
         factor = scale(self.came_from)
         if factor != 1.0:
             said += f" With {self.came_from['cpu_level']} targets are {factor:.2f} times those of AVX2."
         return f"{said}\n\n{table}"
 
     def page(self, scenes: Iterable[Scene]) -> str:
-        """The page docs/benchmarks/many_contacts.md."""
+        """Content of docs/benchmarks/many_contacts.md."""
         about = [[s.name, s.about, _timed(s), f"{s.target[0]:g} / {s.target[1]:g}"] for s in scenes]
         came_from = self.came_from
         versions = ", ".join(f"{name} {came_from['versions'][name]}" for name in ("stepper", "mujoco-core", "python"))
@@ -249,6 +247,6 @@ class Report:
         machine = f"{came_from['cpu']}, CPU level {came_from['cpu_level']}, {came_from['utc'][:10]}; {versions}."
         shared = f"The machine was shared with other work (load {came_from['load_average']})"
         repeats = f"rounds of a scene: {rounds[0]} to {rounds[-1]}"
-        measured = f"## Measured\n\n{machine}\n{shared}; {repeats}. A dash is what was not measured.\n\n{self.show()}"
+        measured = f"## Measured\n\n{machine}\n{shared}; {repeats}. A dash means not measured.\n\n{self.show()}"
         table = _table(["scene", "what", "timed", "target f64 / f32"], about)
         return "\n\n".join([HEAD, f"## Scenes\n\n{table}", f"## Targets\n\n{self.targets()}", REASONS, measured, NOTES]) + "\n"

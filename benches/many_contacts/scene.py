@@ -1,4 +1,4 @@
-"""A scene: a model, where its environments begin, what they are told to do, and in which phases that is timed."""
+"""Definition of a scene: a model, a script of initial states and controls, and the timed phases."""
 
 from __future__ import annotations
 
@@ -15,20 +15,20 @@ from many_contacts.assets import Assets
 Array: TypeAlias = NDArray[np.float64]
 
 LEAST = (2.5, 4.0)
-"""Ratio to MuJoCo's time that every scene should reach at least, in f64 and f32."""
+"""Target of the speedup over MuJoCo for each scene, in f64 and f32."""
 MEAN = (5.0, 9.0)
-"""The same for the geometric mean over scenes."""
+"""Target of the geometric mean of the speedup over scenes, in f64 and f32."""
 
 
 @dataclass(frozen=True)
 class Phase:
-    """A stretch of an episode.
+    """Phase of an episode.
 
     Attributes:
-        name: What happens in it.
-        steps: Its length, steps.
-        timed: Whether it is a row of the table; other phases only lead to the next one.
-        held: Names of a body that is held and of the body that holds it ("world" for the floor); what moves between them is slip.
+        name: Name of the phase.
+        steps: Length in steps.
+        timed: Whether the phase is measured as a row of the table.
+        held: Names of a held body and of its holder ("world" for the floor). Their relative displacement is the slip.
     """
 
     name: str
@@ -39,17 +39,17 @@ class Phase:
 
 @dataclass(frozen=True)
 class Script:
-    """What happens in every environment of a batch, the same in every engine.
+    """Initial states and inputs of an episode, the same for all engines.
 
     Attributes:
-        qpos: Configurations at the beginning, (num_envs, nq).
-        control: Controls, (blocks, num_envs, nu); the last block stays in force.
-        hold: Steps that a block is held.
-        qvel: Velocities at the beginning, (num_envs, nv); None is at rest.
-        push: Force (N) and torque (N m) on every body all the time, world axes, (nbody, 6); None is none.
-        mocap: Poses of the mocap bodies, (blocks, num_envs, nmocap, 7); None leaves them where the model has them.
-        ended: Function of configurations (num_envs, nq) that says which environments begin anew, (num_envs,) bool; None is none ever.
-        anew: Configurations for that, (draws, num_envs, nq): the k-th time an environment takes draw k modulo `draws`.
+        qpos: Initial configurations, (num_envs, nq).
+        control: Controls, (blocks, num_envs, nu). The last block lasts until the end.
+        hold: Number of steps per block.
+        qvel: Initial velocities, (num_envs, nv). None is at rest.
+        push: Constant force (N) and torque (N m) on each body in world axes, (nbody, 6). None is none.
+        mocap: Poses of the mocap bodies, (blocks, num_envs, nmocap, 7). None keeps those of the model.
+        ended: Function from configurations (num_envs, nq) to a mask (num_envs,) of the environments to reset. None resets none.
+        anew: Configurations after a reset, (draws, num_envs, nq). The k-th reset of an environment uses draw k modulo `draws`.
     """
 
     qpos: Array
@@ -64,17 +64,17 @@ class Script:
 
 @dataclass(frozen=True)
 class Scene:
-    """A scene of the benchmark.
+    """Scene of the benchmark.
 
     Attributes:
-        name: Of the scene.
-        about: What it is and where its numbers come from, for the page.
-        spec: Builds the model.
-        script: Writes what happens, given the compiled model, the number of environments and random numbers.
-        phases: Of an episode, in their order.
-        lead: Steps, with the first controls, that bring environments to where the episode begins; one engine makes them for all.
-        group: Scenes of one group count once in the mean over scenes; "" is the scene's own.
-        target: Ratios that are wanted in f64 and f32.
+        name: Name of the scene.
+        about: Description of the scene and source of its parameters, for the page.
+        spec: Function that builds the model.
+        script: Function from the compiled model, the number of environments and a generator to the script.
+        phases: Phases of an episode, in order.
+        lead: Number of steps with the first controls before the episode begins. stepper makes them once for all engines.
+        group: Group of the scene. A group has the weight of one scene in the mean. "" is a group for this scene alone.
+        target: Target speedups in f64 and f32.
     """
 
     name: str
@@ -88,22 +88,22 @@ class Scene:
 
     @property
     def steps(self) -> int:
-        """Length of an episode, steps."""
+        """Number of steps in an episode."""
         return sum(phase.steps for phase in self.phases)
 
     def row(self, phase: Phase) -> str:
-        """Name of the row of a phase."""
+        """Name of the table row of a phase."""
         alone = sum(p.timed for p in self.phases) == 1
         return self.name if alone else f"{self.name}: {phase.name}"
 
 
 def still(qpos: Array, num_envs: int) -> Array:
-    """One configuration (nq,) for all environments, (num_envs, nq)."""
+    """Copies of a configuration (nq,) for all environments, (num_envs, nq)."""
     return np.tile(np.asarray(qpos, np.float64), (num_envs, 1))
 
 
 def uncontrolled(num_envs: int, nu: int = 0) -> Array:
-    """Controls of 0 throughout, (1, num_envs, nu)."""
+    """Zero controls, (1, num_envs, nu)."""
     return np.zeros((1, num_envs, nu))
 
 

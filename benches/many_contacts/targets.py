@@ -1,4 +1,4 @@
-"""Targets of speed beside what was reached: how many times faster than MuJoCo a step is wanted, is, and would be at its floor."""
+"""Speedups over MuJoCo: targets, measured values, and values at the floor of a step."""
 
 from __future__ import annotations
 
@@ -15,29 +15,29 @@ from many_contacts.scene import LEAST, MEAN
 Row = Mapping[str, Any]
 PRECISIONS = ("f64", "f32")
 UNSOLVED = 1e-4
-"""Share of environment-steps that may be unsolved."""
+"""Largest allowed share of unsolved environment steps."""
 ROBOTS, ALONE = (9.0, 15.0), (3.5,)
-"""Mean ratio that the robots of comparison/throughput.py should reach in f64 and f32, and in f64 with one environment alone."""
+"""Target mean speedups of the robots of comparison/throughput.py, in f64 and f32, and in f64 for a single environment."""
 AVX512 = 4 / 3
-"""Targets are those of a machine with AVX2; by so much they are higher with AVX-512."""
+"""Factor on the targets on machines with AVX-512. The targets are for AVX2."""
 
 
 def scale(came_from: Mapping[str, Any]) -> float:
-    """What targets are multiplied by on the machine that figures came from."""
+    """Factor on the targets for the machine of the measurements."""
     return AVX512 if came_from["cpu_level"] == "avx512" else 1.0
 
 
 @dataclass(frozen=True)
 class Reached:
-    """What one episode reached in one precision, with default settings.
+    """Result of an episode in one precision, with default settings.
 
     Attributes:
-        name: Of the episode.
-        group: Episodes of one group count once in a mean.
-        ratio: Time of MuJoCo over that of stepper.
-        micros: Time of stepper per step of an environment, us.
-        unsolved: Share of environment-steps above the tolerance.
-        anatomy: Its parts and floor; None where nobody looked.
+        name: Name of the episode.
+        group: Group of the episode, which has the weight of one scene in the mean.
+        ratio: Speedup, the time of MuJoCo divided by that of stepper.
+        micros: Time of stepper per environment step, us.
+        unsolved: Share of unsolved environment steps.
+        anatomy: Parts and floor of a step. None if not measured.
     """
 
     name: str
@@ -49,12 +49,12 @@ class Reached:
 
     @property
     def at_floor(self) -> float | None:
-        """The ratio if stepper took no longer than its floor."""
+        """Speedup that stepper would have at its floor."""
         return None if self.anatomy is None else self.ratio * self.micros / self.anatomy.floor
 
 
 def of_rows(rows: Iterable[Row], precision: str, floors: Floors) -> list[Reached]:
-    """What rows of many_contacts.json reached."""
+    """Results of the rows of many_contacts.json."""
     return [
         Reached(
             row["row"],
@@ -70,12 +70,12 @@ def of_rows(rows: Iterable[Row], precision: str, floors: Floors) -> list[Reached
 
 
 def robots(path: Path) -> Mapping[str, Any] | None:
-    """What comparison/throughput.py wrote; None where there is no file."""
+    """Content of a file of comparison/throughput.py; None if the file does not exist."""
     return json.loads(path.read_text(encoding="utf-8")) if path.exists() else None
 
 
 def of_robots(found: Mapping[str, Any], precision: str, floors: Floors, *, alone: bool = False) -> list[Reached]:
-    """What the robots of throughput.json reached, in a batch or each alone; unsolved steps are those of the batch."""
+    """Results of the robots of throughput.json, in a batch or as single environments. Unsolved steps are those of the batch."""
     name, kind = f"stepper {precision}", "_alone" if alone else ""
     num_envs = 1 if alone else found["plan"]["num_envs"]
     out = []
@@ -88,10 +88,10 @@ def of_robots(found: Mapping[str, Any], precision: str, floors: Floors, *, alone
 
 
 def grouped_mean(found: Iterable[tuple[str, float]]) -> float | None:
-    """Geometric mean over groups, each by its own geometric mean; None of nothing.
+    """Geometric mean over groups of the geometric mean in each group; None without numbers.
 
     Args:
-        found: Group and number, each above 0.
+        found: Pairs of group and positive number.
     """
     groups: dict[str, list[float]] = {}
     for group, number in found:
@@ -100,20 +100,20 @@ def grouped_mean(found: Iterable[tuple[str, float]]) -> float | None:
 
 
 def percent(share: float) -> str:
-    """A share of unsolved steps in per cent, bold where it is too large."""
+    """Share of unsolved steps in per cent, bold if it is too large."""
     text = f"{100 * share:.2g}"
     return text if share <= UNSOLVED else f"**{text}**"
 
 
 def mean(found: Sequence[Reached], value: Callable[[Reached], float | None]) -> float | None:
-    """`grouped_mean` of a value; None where one is missing."""
+    """Grouped mean of a value over results; None if one of them is missing."""
     numbers = [(one.group, value(one)) for one in found]
     known = [(group, number) for group, number in numbers if number is not None]
     return grouped_mean(known) if len(known) == len(numbers) else None
 
 
 def part(found: Sequence[Reached]) -> tuple[str, float] | None:
-    """The part that takes the most beyond its floor, as a share of the step's time, on average over episodes; None where one is missing."""
+    """Part of the step with the largest mean excess above its floor, and this excess as a share of the step's time."""
     looked = [one.anatomy.excess for one in found if one.anatomy]
     if len(looked) < len(found):
         return None
@@ -123,7 +123,7 @@ def part(found: Sequence[Reached]) -> tuple[str, float] | None:
 
 
 def lines(rows: Sequence[Row], came_from: Mapping[str, Any], floors: Floors, throughput: Mapping[str, Any] | None) -> list[list[str]]:
-    """Cells of the table: what, target, reached, at the floor, the part in the way, unsolved; each f64 / f32."""
+    """Cells of the table of targets, in the order of its head, each with values for f64 / f32."""
     by_precision = [of_rows(rows, precision, floors) for precision in PRECISIONS]
     factor = scale(came_from)
     out = []
@@ -134,12 +134,12 @@ def lines(rows: Sequence[Row], came_from: Mapping[str, Any], floors: Floors, thr
     least = [[min(found, key=lambda one: one.ratio)] if found else [] for found in by_precision]
     names = " / ".join(dict.fromkeys(one.name for found in least for one in found))
     out.append(_line("geometric mean over scenes", MEAN, by_precision, factor))
-    out.append(_line(f"the least of them ({names})", LEAST, least, factor))
+    out.append(_line(f"smallest over scenes ({names})", LEAST, least, factor))
     if throughput:
         factor = scale(throughput["provenance"])
         batch = [of_robots(throughput, precision, floors) for precision in PRECISIONS]
         out.append(_line(f"{len(batch[0])} robots, random control, mean", ROBOTS, batch, factor))
-        out.append(_line("the same, one environment alone", ALONE, [of_robots(throughput, "f64", floors, alone=True)], factor))
+        out.append(_line("the robots, a single environment", ALONE, [of_robots(throughput, "f64", floors, alone=True)], factor))
     return out
 
 

@@ -1,4 +1,4 @@
-"""Humanoids that lie, and a robot that stands on flat feet."""
+"""Scenes with lying humanoids, and with a robot that stands on flat feet."""
 
 from __future__ import annotations
 
@@ -13,20 +13,20 @@ from many_contacts.scene import Phase, Scene, Script, still, turned, uncontrolle
 from many_contacts.scenes import unitree
 
 FALL, SETTLE, LIE = 800, 40, 200
-"""Steps in which a humanoid falls, in which each engine finds its own rest, and in which it lies."""
+"""Numbers of steps of the fall, of settling in each engine, and of lying."""
 STIFFER = 20.0
-"""Gains over mjlab's: with those of training, which expect a policy, the robot falls."""
+"""Factor on mjlab's servo gains. With mjlab's gains the robot would fall without a policy."""
 SOLE = (0.093, 0.026, 0.01)
-"""m: half sizes of a sole that covers the seven capsules of a foot."""
+"""Half sizes of a sole that covers the seven capsules of a foot, m."""
 
 
 def humanoid(file: str, assets: Assets) -> Any:
-    """A humanoid of dm_control's suite, 2 cm above its floor at least whatever its pose."""
+    """Humanoid of dm_control's suite."""
     return assets.spec("dm-control", f"dm_control/suite/{file}.xml")
 
 
 def limp(model: mujoco.MjModel, num_envs: int, rng: np.random.Generator) -> Script:
-    """Turned at random, a metre up, joints within a third of a radian of the reference and their ranges, no controls."""
+    """Script from random orientations at a height of 1 m, with random joint angles within 0.35 rad, without controls."""
     qpos = still(model.qpos0, num_envs)
     qpos[:, 2] = 1.0
     qpos[:, 3:7] = turned(rng, num_envs)
@@ -36,7 +36,7 @@ def limp(model: mujoco.MjModel, num_envs: int, rng: np.random.Generator) -> Scri
 
 
 def on_soles(assets: Assets) -> Any:
-    """G1 as of mjlab, with a box for the seven capsules of each foot, and stiffer servos."""
+    """Model of mjlab's G1, with a box instead of the seven capsules of each foot, and stiffer servos."""
     s = unitree.spec(unitree.G1, assets)
     for geom in list(s.geoms):
         if "_foot" in (geom.name or ""):
@@ -53,7 +53,7 @@ def on_soles(assets: Assets) -> Any:
 
 
 def stand(model: mujoco.MjModel, num_envs: int, rng: np.random.Generator) -> Script:
-    """Every robot holds a pose of its own near mjlab's home."""
+    """Script in which each robot holds a random pose near mjlab's home pose."""
     home = unitree.home(unitree.G1, model)
     joints = model.jnt_qposadr[model.actuator_trnid[:, 0]]
     control = home[joints] + rng.normal(scale=0.01, size=(1, num_envs, model.nu))
@@ -61,7 +61,7 @@ def stand(model: mujoco.MjModel, num_envs: int, rng: np.random.Generator) -> Scr
 
 
 def _lying(name: str, file: str) -> Scene:
-    about = f"{name}, limp on the floor where it has fallen"
+    about = f"{name}, lying on the floor without control"
     phases = (Phase("settles", SETTLE, timed=False), Phase("lies", LIE))
     return Scene(f"{file} lies", about, functools.partial(humanoid, file), limp, phases, lead=FALL, group="humanoids that lie")
 
@@ -69,7 +69,7 @@ def _lying(name: str, file: str) -> Scene:
 SCENES = (
     Scene(
         "g1 stands",
-        "Unitree's G1 on flat soles, servos twenty times as stiff as mjlab's, no actions, 5 ms",
+        "Unitree's G1 standing on flat soles, with servos twenty times as stiff as mjlab's, 5 ms",
         on_soles,
         stand,
         (Phase("settles", 40, timed=False), Phase("stands", 200, held=("left_ankle_roll_link", "world"))),

@@ -1,4 +1,4 @@
-"""A drawer that Sawyer opens (metaworld), and two arms that put a peg into a socket (gym-aloha)."""
+"""Scenes with a Sawyer arm that opens a drawer (metaworld), and with two arms that push a peg and a socket (gym-aloha)."""
 
 from __future__ import annotations
 
@@ -12,21 +12,21 @@ from many_contacts.kinematics import eased, reach
 from many_contacts.scene import Array, Phase, Scene, Script, still
 
 HANDLE = np.array([0.0, 0.74, 0.09])
-"""m: middle of the drawer's handle."""
+"""Centre of the drawer's handle, m."""
 BESIDE = np.array([0.0, -0.003, 0.02])
-"""m: from there to where the hand is lowered, one finger on each side of the bar."""
+"""Displacement from the handle to the lowered hand, with one finger on each side of the bar, m."""
 ABOVE, PULL = np.array([0.0, 0.0, 0.12]), np.array([0.0, -0.12, 0.0])
 SAWYER = (Phase("settles", 40, timed=False), Phase("reaches", 200), Phase("pulls", 200))
 BENT = (1.39, -0.75, -0.07, 1.06, 0.05, 1.26, 3.16)
-"""rad: joints of the arm near the beginning; in the reference pose they are beyond their ranges."""
+"""Initial guess of the joint angles, rad. The reference pose is outside the joint ranges."""
 DOWN = np.array([1.0, 0.0, 1.0, 0.0]) / np.sqrt(2)
 """Orientation of the mocap body (`sawyer_xyz_env.py`)."""
 HOLD = 5
-"""Steps that a target is held; metaworld's `frame_skip`."""
+"""Number of steps per target, metaworld's `frame_skip`."""
 
 
 def sawyer(assets: Assets) -> Any:
-    """Sawyer with its drawer, 2.5 ms; its hand is welded to a mocap body as `reset_mocap_welds` does it."""
+    """Model of Sawyer with its drawer, at 2.5 ms. The hand is welded to a mocap body, as by `reset_mocap_welds`."""
     s = assets.spec("metaworld", "metaworld/assets/sawyer_xyz/sawyer_drawer.xml")
     s.body("hand").add_site(name="hand")
     for weld in s.equalities:
@@ -35,7 +35,7 @@ def sawyer(assets: Assets) -> Any:
 
 
 def open_drawer(model: mujoco.MjModel, num_envs: int, rng: np.random.Generator) -> Script:
-    """The hand comes down about the handle, a little elsewhere in each environment, and pulls."""
+    """Script in which the hand moves down to a random place along the handle, and pulls."""
     target = HANDLE + BESIDE + np.concatenate([rng.uniform(-0.02, 0.02, (num_envs, 1)), np.zeros((num_envs, 2))], axis=1)
     starts, rot = still(model.qpos0, num_envs), np.zeros(9)
     mujoco.mju_quat2Mat(rot, DOWN)
@@ -54,21 +54,22 @@ def open_drawer(model: mujoco.MjModel, num_envs: int, rng: np.random.Generator) 
 ALOHA = (Phase("comes", 300, timed=False), Phase("pushes", 300))
 ARM = ("waist", "shoulder", "elbow", "forearm_roll", "wrist_angle", "wrist_rotate")
 ARMS = {"right": ("peg", 0.01), "left": ("socket", 0.022)}
-"""What each arm has before it, and the height of its middle where it lies (m)."""
+"""Object in front of each arm, and height of its centre when it lies on the table, m."""
 WAYPOINTS = 4
 SPREAD = np.array([0.03, 0.03, 0.005])
-"""m: how far the hands wander about what lies before them."""
+"""Range of the random hand positions about the object, m."""
 DRY, DAMPING = 0.05, 0.07
-"""Share of the dry friction that stays; damping of joints over the stiffness of their servos, s."""
+"""Factor on the dry friction of the joints, and joint damping divided by servo stiffness, s."""
 STEEP = 0.9
-"""rad: how far hands point downwards."""
+"""Downward inclination of the hands, rad."""
 
 
 def aloha(assets: Assets) -> Any:
-    """ALOHA's two arms with peg and socket on a table; a site between the fingers of each hand.
+    """Model of ALOHA's two arms with peg and socket on a table, with an added site between the fingers of each hand.
 
-    The package's joints have dry friction of 30 to 60 N m and its fingers 30 N, and no damping. Its servos do not overcome that where dry
-    friction is hard (fingers are pressed with 7 N at the most); MuJoCo's is soft, and creeps. So most of it becomes damping.
+    The joints of the package have dry friction of 30 to 60 N m, its fingers 30 N, without damping. Its servos cannot overcome exact dry
+    friction: the fingers press with at most 7 N. In MuJoCo the joints creep, as its dry friction is soft. This model replaces most of it by
+    damping.
     """
     s = assets.spec("gym-aloha", "gym_aloha/assets/bimanual_viperx_insertion.xml")
     for act in s.actuators:
@@ -81,7 +82,7 @@ def aloha(assets: Assets) -> Any:
 
 
 def push(model: mujoco.MjModel, num_envs: int, rng: np.random.Generator) -> Script:
-    """Hands come down on peg and socket, and wander about there with their fingers closed."""
+    """Script in which the hands with closed fingers move down to peg and socket, and move randomly there."""
     home: Array = model.key_qpos[0].copy()
     home[[-5, -12]] = ARMS["left"][1], ARMS["right"][1]
     starts = still(home, num_envs)
@@ -105,7 +106,7 @@ def push(model: mujoco.MjModel, num_envs: int, rng: np.random.Generator) -> Scri
 
 
 def _pointing(way: Array) -> Array:
-    """The rotation (3, 3) of a hand whose x axis goes the way (3,) of an arm, but down by `STEEP`."""
+    """Rotation matrix (3, 3) of a hand whose x axis has the horizontal direction of `way` (3,), inclined downwards by `STEEP`."""
     along = np.array([way[0], way[1], 0.0]) / np.hypot(way[0], way[1])
     down = np.cos(STEEP) * along - np.array([0.0, 0.0, np.sin(STEEP)])
     across = np.array([-along[1], along[0], 0.0])
@@ -127,7 +128,7 @@ SCENES = (
     ),
     Scene(
         "two arms",
-        "gym-aloha's bimanual cell: two ViperX arms, dry friction in every joint, push a peg and a socket about, 2 ms",
+        "gym-aloha's bimanual cell: two ViperX arms, dry friction in every joint, push a peg and a socket, 2 ms",
         aloha,
         push,
         ALOHA,

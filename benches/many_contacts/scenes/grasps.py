@@ -1,4 +1,4 @@
-"""Two fingers that lift a box of 0.05 to 2 kg, with one grip for all."""
+"""Scenes in which two fingers lift a box of 0.05 to 2 kg, with the same grip force."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ from many_contacts.scenes.heaps import parsed
 MASSES = (0.05, 0.3, 2.0)
 """kg."""
 HALF, OPEN, GRIP = 0.02, 0.03, 20.0
-"""m: half size of the box, and half the distance between open fingers; N: force of each finger."""
+"""Half size of the box, m; half the distance between open fingers, m; force of each finger, N."""
 LIFT, HOLD = 0.15, 5
-"""m: height of the lift; steps that a target is held."""
+"""Height of the lift, m, and number of steps per target."""
 HELD = ("box", "left")
 PHASES = (Phase("grips", 150, timed=False), Phase("lifts", 250, held=HELD))
 
 
 def gripper(mass: float, _: Assets) -> Any:
-    """A hand of 1 kg on a vertical slide, with two fingers on slides that close on a box on the floor; friction 1."""
+    """Model of a hand of 1 kg on a vertical slide, with two fingers on slides, and a box on the floor; friction 1."""
     pad = f'type="box" size="0.01 0.005 0.02" pos="0 {{}} {HALF}" mass="0.05"'
     finger = '<body name="{0}"><joint name="{0}" type="slide" axis="0 1 0" damping="5" armature="0.05"/><geom name="{0}" {1}/></body>'
     fingers = "".join(finger.format(name, pad.format(side * (OPEN + 0.005))) for name, side in (("left", 1), ("right", -1)))
@@ -38,7 +38,10 @@ def gripper(mass: float, _: Assets) -> Any:
 
 
 def lift(model: Any, num_envs: int, rng: np.random.Generator) -> Script:
-    """The box lies up to 4 mm from the middle and turned by up to 5 degrees; fingers close, and the hand goes up within half a second."""
+    """Script in which the fingers close, and the hand rises within 0.5 s.
+
+    The box is displaced by up to 4 mm and rotated by up to 5 degrees, at random.
+    """
     qpos = still(model.qpos0, num_envs)
     qpos[:, -6] = rng.uniform(-0.004, 0.004, num_envs)
     half = rng.uniform(-0.09, 0.09, num_envs) / 2

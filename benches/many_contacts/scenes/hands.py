@@ -1,7 +1,7 @@
-"""The Shadow hand of gymnasium-robotics with a block and with a pen, under random actions of its tasks HandManipulateBlock and -Pen.
+"""Scenes with the Shadow hand of gymnasium-robotics, a block or a pen, and random actions of HandManipulateBlock and HandManipulatePen.
 
-Files of gymnasium-robotics 1.4.2; an action is a target anywhere in the range of each actuator and is held for 20 steps of 2 ms
-(`shadow_dexterous_hand/hand_env.py`). The object begins above the palm, a block turned at random, and does so anew when it has
+The models are those of gymnasium-robotics 1.4.2. An action is a random target in the range of each actuator, for 20 steps of 2 ms
+(`shadow_dexterous_hand/hand_env.py`). The object starts above the palm; a block has a random orientation. It is reset there after it has
 fallen off (`manipulate.py`: below 4 cm).
 """
 
@@ -19,18 +19,18 @@ from many_contacts.scene import Array, Phase, Scene, Script, still, turned
 
 HOLD, STEPS = 20, 300
 PALM = 0.04
-"""m: height below which the object is no longer in the hand."""
+"""Height below which the object counts as fallen off, m."""
 DRAWS = 6
 PHASES = (Phase("drops", 100, timed=False), Phase("turns", STEPS))
 
 
 def spec(name: str, assets: Assets) -> Any:
-    """The hand with its object."""
+    """Model of the hand with its object."""
     return assets.spec("gymnasium-robotics", f"gymnasium_robotics/envs/assets/hand/manipulate_{name}.xml")
 
 
 def script(name: str, model: mujoco.MjModel, num_envs: int, rng: np.random.Generator) -> Script:
-    """Targets in the middle of their ranges while the object drops, random ones afterwards."""
+    """Script with targets in the middle of their ranges while the object drops, and random targets afterwards."""
     place = int(model.joint("object:joint").qposadr[0])
     starts = np.tile(still(model.qpos0, num_envs), (DRAWS + 1, 1, 1))
     starts[..., place : place + 3] += rng.normal(scale=0.005, size=(DRAWS + 1, num_envs, 3))

@@ -1,4 +1,4 @@
-"""Bodies on bodies: boxes in a heap, bricks in a wall, balls on a plate."""
+"""Scenes with a heap of boxes, a wall of bricks, and balls on a plate."""
 
 from __future__ import annotations
 
@@ -14,28 +14,28 @@ from many_contacts.assets import Assets
 from many_contacts.scene import Phase, Scene, Script, still, turned, uncontrolled
 
 BIN = 0.22
-"""m: half the width of the bin that boxes fall into."""
+"""Half the width of the bin, m."""
 DENSITY = 500.0
-"""kg/m^3: of wood."""
+"""Density of boxes and bricks, that of wood, kg/m^3."""
 FALL, SETTLE, LIE = 600, 60, 100
-"""Steps of 2 ms in which a heap comes to rest, in which each engine finds its own rest, and in which it lies."""
+"""Numbers of steps of 2 ms of the fall, of settling in each engine, and of lying."""
 BRICK, JOINT = np.array([0.1, 0.05, 0.03]), 0.004
-"""m: half sizes, and the gap between bricks of one course."""
+"""Half sizes of a brick, m, and gap between bricks of a course, m."""
 COURSES, LENGTH = 5, 3
-"""Courses of bricks, and bricks of every course."""
+"""Number of courses of bricks, and of bricks per course."""
 STRIKER = (0.06, 2.0, 3.0)
-"""m, kg, m/s: radius, mass and speed of the ball that strikes the wall."""
+"""Radius (m), mass (kg) and speed (m/s) of the ball that hits the wall."""
 
 
 def parsed(text: str, timestep: float) -> Any:
-    """A model that is text."""
+    """Model specification from MJCF text, with a time step in s."""
     s = mujoco.MjSpec.from_string(text)
     s.option.timestep = timestep
     return s
 
 
 def bin_of_boxes(count: int, _: Assets) -> Any:
-    """Boxes of 4 to 10 cm above a bin without lid."""
+    """Model of boxes of 4 to 10 cm above an open bin."""
     rng = np.random.default_rng(count)
     halves = rng.uniform(0.02, 0.05, (count, 3))
     boxes = "".join(free(f"box{i}", box(half, float(DENSITY * 8 * half.prod())), (0, 0, 1)) for i, half in enumerate(halves))
@@ -46,7 +46,7 @@ def bin_of_boxes(count: int, _: Assets) -> Any:
 
 
 def pour(count: int, model: mujoco.MjModel, num_envs: int, rng: np.random.Generator) -> Script:
-    """Boxes begin in layers of four above the bin, turned at random."""
+    """Script from layers of four boxes above the bin, with random orientations."""
     qpos = still(model.qpos0, num_envs).reshape(num_envs, count, 7)
     layer, place = np.divmod(np.arange(count), 4)
     corner = 0.1 * np.array([(-1, -1), (1, -1), (-1, 1), (1, 1)])[place]
@@ -57,7 +57,7 @@ def pour(count: int, model: mujoco.MjModel, num_envs: int, rng: np.random.Genera
 
 
 def wall_of_bricks(_: Assets) -> Any:
-    """A wall in running bond, shifted by two fifths of a brick so that each centre is carried, and a ball in front of it."""
+    """Model of a wall in running bond, and a ball. Courses are shifted by two fifths of a brick, so that each centre is supported."""
     mass = float(DENSITY * 8 * BRICK.prod())
     bricks = ""
     for course in range(COURSES):
@@ -69,7 +69,7 @@ def wall_of_bricks(_: Assets) -> Any:
 
 
 def strike(model: mujoco.MjModel, num_envs: int, rng: np.random.Generator) -> Script:
-    """The ball is under way while the wall stands, and strikes it at a place that differs between environments."""
+    """Script in which the ball flies towards the standing wall, and hits it at a random place."""
     before = PHASES_OF_WALL[0].steps * float(model.opt.timestep)
     qpos, qvel = still(model.qpos0, num_envs), np.zeros((num_envs, model.nv))
     speed, gravity = STRIKER[2], -float(model.opt.gravity[2])
@@ -81,16 +81,16 @@ def strike(model: mujoco.MjModel, num_envs: int, rng: np.random.Generator) -> Sc
     return Script(qpos, uncontrolled(num_envs), qvel=qvel)
 
 
-PHASES_OF_WALL = (Phase("stands", 100), Phase("is struck", 60))
+PHASES_OF_WALL = (Phase("stands", 100), Phase("impact", 60))
 
 
 def plate(_: Assets) -> Any:
-    """SimBenchmark's plate with 25 balls."""
+    """Model of SimBenchmark's plate with 25 balls."""
     return parsed(balls_on_plate(), 0.002)
 
 
 def pulled(model: mujoco.MjModel, num_envs: int, rng: np.random.Generator) -> Script:
-    """A constant force on the plate; each environment begins with a speed of its own."""
+    """Script with a constant force on the plate and a random initial speed."""
     push = np.zeros((model.nbody, 6))
     push[model.body("plate").id, :3] = FORCE * WAY
     qvel = np.zeros((num_envs, model.nv))
@@ -115,14 +115,14 @@ SCENES = (
     _heap(30, "thirty"),
     Scene(
         "wall",
-        f"{COURSES} courses of {LENGTH} bricks in running bond, friction 0.6, 2 ms; then a ball of 2 kg strikes it with 3 m/s",
+        f"{COURSES} courses of {LENGTH} bricks in running bond, friction 0.6, 2 ms; then a ball of 2 kg hits it at 3 m/s",
         wall_of_bricks,
         strike,
         PHASES_OF_WALL,
     ),
     Scene(
         "balls on a plate",
-        "SimBenchmark's 25 balls that roll on a plate which 150 N pull over the floor, 2 ms",
+        "SimBenchmark's 25 balls that roll on a plate, which a force of 150 N pulls over the floor, 2 ms",
         plate,
         pulled,
         (Phase("roll", 100),),

@@ -1,9 +1,8 @@
-"""robosuite's Panda with its gripper picks the cube of its task Lift from its table, carries it and puts it down.
+"""Scene in which robosuite's Panda picks a cube from a table, carries it and puts it down.
 
-Robot, gripper and base settings (impratio 20, elliptic cones) are files of robosuite 1.5.2; table, cube, place of the robot and 2 ms
-are those of its task Lift (`environments/manipulation/lift.py`, `models/assets/arenas/table_arena.xml`). robosuite computes torques in
-Python; here servos in the model follow joint angles, so that both engines get the same controls. Their gains are libfranka's for joint
-impedance.
+Robot, gripper and settings (impratio 20, elliptic cones) are those of robosuite 1.5.2. Table, cube, robot position and time step are those
+of its task Lift (`environments/manipulation/lift.py`, `models/assets/arenas/table_arena.xml`). The controllers of robosuite are Python
+code. This model has servos instead, with libfranka's gains for joint impedance, so that both engines get the same controls.
 """
 
 from __future__ import annotations
@@ -20,18 +19,18 @@ from many_contacts.scene import Array, Phase, Scene, Script
 FOLDER = "robosuite/models/assets"
 JOINTS = tuple(f"joint{i}" for i in range(1, 8))
 GAINS = ((600, 50), (600, 50), (600, 50), (600, 50), (250, 30), (150, 25), (50, 15))
-"""N m/rad and N m s/rad: libfranka, examples/joint_impedance_control.cpp."""
+"""Stiffness (N m/rad) and damping (N m s/rad) of each joint, from libfranka's examples/joint_impedance_control.cpp."""
 TORQUE = (80, 80, 80, 80, 80, 12, 12)
-"""N m: limits of robosuite's motors."""
+"""Torque limits of robosuite's motors, N m."""
 REST = (0.0, np.pi / 16, 0.0, -np.pi / 2 - np.pi / 3, 0.0, np.pi - 0.2, np.pi / 4)
-"""rad: robosuite's `init_qpos`."""
+"""Joint angles of robosuite's `init_qpos`, rad."""
 BASE, TABLE, CUBE = (-0.56, 0.0, 0.912), 0.8, 0.021
-"""m: place of the robot, height of the table's top, half size of the cube."""
+"""Position of the robot, height of the table top, and half size of the cube, m."""
 OPEN, CLOSED = (0.04, -0.04), (0.0, 0.0)
 ABOVE, ASIDE = 0.12, 0.15
-"""m: how far the cube is lifted, and carried."""
+"""Height of the lift, and distance of the transport, m."""
 HOLD = 5
-"""Steps that a target is held: 10 ms."""
+"""Number of steps per target, 10 ms."""
 HELD = ("cube", "leftfinger")
 PHASES = (
     Phase("approach", 250),
@@ -43,7 +42,7 @@ PHASES = (
 
 
 def spec(assets: Assets) -> Any:
-    """The robot with its gripper, servos and a cube on a table."""
+    """Model of the robot with gripper and servos, and a cube on a table."""
     s = bare(mujoco.MjSpec.from_file(str(assets.file("robosuite", f"{FOLDER}/base.xml"))))
     robot = assets.spec("robosuite", f"{FOLDER}/robots/panda/robot.xml")
     gripper = assets.spec("robosuite", f"{FOLDER}/grippers/panda_gripper.xml")
@@ -72,7 +71,7 @@ def spec(assets: Assets) -> Any:
 
 
 def script(model: mujoco.MjModel, num_envs: int, rng: np.random.Generator) -> Script:
-    """Every environment has its cube at a place of its own, within 3 cm and 20 degrees of the middle of the table."""
+    """Script of picking and placing. The cube lies within 3 cm and 20 degrees of the middle of the table, at random."""
     places = rng.uniform(-0.03, 0.03, (num_envs, 2))
     yaws = rng.uniform(-0.35, 0.35, num_envs)
     starts = np.tile(model.qpos0, (num_envs, 1))
@@ -93,7 +92,7 @@ def script(model: mujoco.MjModel, num_envs: int, rng: np.random.Generator) -> Sc
 
 
 def _controls(way: Array, num_envs: int) -> Array:
-    """Targets of arm and fingers for the phases, from angles (num_envs, 5, 7) at the ends of the arm's ways."""
+    """Servo targets of arm and fingers in all phases, from the joint angles at five waypoints (num_envs, 5, 7)."""
 
     def both(k: int, grip: tuple[float, float]) -> Array:
         return np.concatenate([way[:, k], np.tile(grip, (num_envs, 1))], axis=1)

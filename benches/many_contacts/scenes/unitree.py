@@ -1,8 +1,8 @@
-"""Unitree's G1 and Go1 as mjlab trains them to walk, with the noise of an untrained policy on the targets of their joints.
+"""Scenes with Unitree's G1 and Go1 as in mjlab's walking tasks, with the random actions of an untrained policy.
 
-Numbers are those of mjlab 1.6.0: `asset_zoo/robots/unitree_*/*_constants.py` (motors, gains, collisions, poses, scale of actions), and
-`tasks/velocity/velocity_env_cfg.py` with `config/*/env_cfgs.py` (time step, solver, 4 steps for each action, starts, ends).
-mjlab itself needs torch, so they are written down here; its MJCF is read from the package.
+Parameters are those of mjlab 1.6.0: `asset_zoo/robots/unitree_*/*_constants.py` (motors, gains, collisions, poses, scale of actions), and
+`tasks/velocity/velocity_env_cfg.py` with `config/*/env_cfgs.py` (time step, solver, 4 steps per action, resets). They are copied here,
+because mjlab needs torch. The MJCF comes from the package.
 """
 
 from __future__ import annotations
@@ -22,23 +22,23 @@ from many_contacts.assets import Assets
 from many_contacts.scene import Array, Phase, Scene, Script
 
 HOLD = 4
-"""Steps that an action is held."""
+"""Number of steps per action."""
 STEPS = 300
 WALKING = (6.0, 10.0)
-"""Ratios that are wanted of walkers, in f64 and f32."""
+"""Target speedups of walkers, in f64 and f32."""
 FREQUENCY, DAMPING_RATIO = 10 * 2.0 * math.pi, 2.0
-"""rad/s and 1: gains are chosen so that a motor alone has these."""
+"""Natural frequency (rad/s) and damping ratio of a servo that moves its armature alone; they determine the gains."""
 FALLEN = math.cos(math.radians(70.0))
-"""Height of the trunk's z axis below which an episode ends."""
+"""Vertical component of the trunk's z axis below which the robot counts as fallen."""
 DRAWS = 8
 
 
 @dataclass(frozen=True)
 class Motor:
-    """A kind of motor and the joints that it drives.
+    """Kind of motor, with its joints.
 
     Attributes:
-        joints: Patterns of their names.
+        joints: Regular expressions for the names of the joints.
         armature: Reflected inertia, kg m^2.
         effort: Largest torque, N m.
     """
@@ -49,34 +49,34 @@ class Motor:
 
     @property
     def stiffness(self) -> float:
-        """N m/rad."""
+        """Stiffness of the servo, N m/rad."""
         return self.armature * FREQUENCY**2
 
     @property
     def damping(self) -> float:
-        """N m s/rad."""
+        """Damping of the servo, N m s/rad."""
         return 2.0 * DAMPING_RATIO * self.armature * FREQUENCY
 
     @property
     def scale(self) -> float:
-        """rad: what an action of 1 moves the target by."""
+        """Displacement of the target by an action of 1, rad."""
         return 0.25 * self.effort / self.stiffness
 
 
 @dataclass(frozen=True)
 class Walker:
-    """A robot.
+    """Walking robot.
 
     Attributes:
-        xml: Its file in mjlab.
-        height: Of the trunk at the start, m.
-        pose: Angles of joints at the start by pattern, rad; others are 0.
-        motors: Of its joints.
-        colliding: Pattern of geoms that collide.
-        feet: Pattern of geoms of feet; the others are without friction.
-        foot: condim and friction of feet.
-        geom: Further attributes of what collides.
-        option: Attributes of `mjOption` that differ from MuJoCo's.
+        xml: MJCF file in mjlab.
+        height: Initial height of the trunk, m.
+        pose: Initial joint angles by regular expression, rad; others are 0.
+        motors: Motors of the joints.
+        colliding: Regular expression for the names of colliding geoms.
+        feet: Regular expression for the names of the feet. Other geoms have no friction.
+        foot: Attributes condim and friction of the feet.
+        geom: Further attributes of the colliding geoms.
+        option: Attributes of `mjOption` that differ from MuJoCo's defaults.
     """
 
     xml: str
@@ -142,7 +142,7 @@ GO1 = Walker(
 
 
 def spec(walker: Walker, assets: Assets) -> Any:
-    """The robot on a plane, with mjlab's collisions, motors and solver."""
+    """Model of the robot on a plane, with mjlab's collisions, motors and solver settings."""
     s = assets.spec("mjlab", walker.xml)
     s.option.timestep, s.option.iterations, s.option.ls_iterations = 0.005, 10, 20
     s.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
@@ -173,7 +173,7 @@ def _servo(s: Any, joint: str, motor: Motor) -> None:
 
 
 def home(walker: Walker, model: mujoco.MjModel) -> Array:
-    """The configuration at the start, (nq,)."""
+    """Initial configuration, (nq,)."""
     qpos: Array = model.qpos0.copy()
     qpos[2] = walker.height
     for j in range(model.njnt):
@@ -184,7 +184,7 @@ def home(walker: Walker, model: mujoco.MjModel) -> Array:
 
 
 def script(walker: Walker, model: mujoco.MjModel, num_envs: int, rng: np.random.Generator, noise: float = 1.0) -> Script:
-    """Actions of standard deviation `noise` (mjlab's `init_std` is 1), and a new start where a robot has fallen."""
+    """Script with random actions of standard deviation `noise` (mjlab's `init_std` is 1), and resets of fallen robots."""
     qpos = home(walker, model)
     starts = np.tile(qpos, (DRAWS + 1, num_envs, 1))
     starts[..., :2] += rng.uniform(-0.5, 0.5, (DRAWS + 1, num_envs, 2))
@@ -203,7 +203,7 @@ def _motor(walker: Walker, joint: str) -> Motor:
 
 
 def fallen(qpos: Array) -> NDArray[np.bool_]:
-    """Which robots (n, nq) lean by more than 70 degrees, (n,)."""
+    """Mask (n,) of the robots (n, nq) that lean by more than 70 degrees."""
     x, y = qpos[:, 4], qpos[:, 5]
     return np.asarray(1 - 2 * (x * x + y * y) < FALLEN)
 
@@ -220,6 +220,6 @@ def _scene(name: str, walker: Walker, about: str) -> Scene:
 
 
 SCENES = (
-    _scene("g1", G1, "Unitree's G1 as mjlab trains it to walk: seven capsules a foot, self-collisions, 5 ms"),
-    _scene("go1", GO1, "Unitree's Go1 as mjlab trains it to walk: feet with torsional and rolling friction, 5 ms"),
+    _scene("g1", G1, "Unitree's G1 in mjlab's walking task: seven capsules per foot, self-collisions, 5 ms"),
+    _scene("go1", GO1, "Unitree's Go1 in mjlab's walking task: feet with torsional and rolling friction, 5 ms"),
 )

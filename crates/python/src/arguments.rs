@@ -1,4 +1,4 @@
-//! Arguments as Python gives them: whole numbers and environments.
+//! Conversion of arguments from Python: integers, indices of environments, unknown keywords.
 
 use pyo3::exceptions::{PyOverflowError, PyTypeError};
 use pyo3::prelude::*;
@@ -6,10 +6,10 @@ use pyo3::types::PyDict;
 
 use crate::array::whole;
 
-/// Error of the first keyword that a call does not take, with its present name or similar ones.
+/// Checks that a call has no unknown keywords.
 ///
 /// # Errors
-/// `TypeError` if there is such a keyword.
+/// `TypeError` for the first unknown keyword, with its current name or similar names.
 pub(crate) fn no_others(call: &str, others: Option<&Bound<'_, PyDict>>, known: &[&str]) -> PyResult<()> {
     let Some((name, _)) = others.and_then(|others| others.iter().next()) else { return Ok(()) };
     let hints = name.py().import("stepper._hints")?;
@@ -17,7 +17,7 @@ pub(crate) fn no_others(call: &str, others: Option<&Bound<'_, PyDict>>, known: &
     Err(PyTypeError::new_err(text))
 }
 
-/// A whole number as it was given; the common case costs no import.
+/// Integer argument, before its range is checked.
 #[derive(FromPyObject)]
 pub(crate) enum Whole<'py> {
     Number(u64),
@@ -25,7 +25,7 @@ pub(crate) enum Whole<'py> {
 }
 
 impl Whole<'_> {
-    /// The number, if it is at least `least`; the error has the argument's name.
+    /// Value of the argument `name`, at least `least`; otherwise an error.
     pub(crate) fn from(&self, least: u64, name: &str) -> PyResult<u64> {
         match self {
             Self::Number(number) => Ok(*number),
@@ -34,7 +34,7 @@ impl Whole<'_> {
     }
 }
 
-/// An environment as it was given: negative from the end, and never too large to say so.
+/// Index argument of an environment. Negative indices count from the end; large ones saturate, so that the range check reports them.
 #[derive(Clone, Copy)]
 pub(crate) struct Env(pub(crate) isize);
 

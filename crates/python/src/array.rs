@@ -1,4 +1,4 @@
-//! NumPy arrays in and out: shapes are checked here, and both are named when they differ.
+//! Conversion of NumPy arrays, with checks of their shapes.
 
 use numpy::npyffi::{NPY_ARRAY_WRITEABLE, PY_ARRAY_API};
 use numpy::{
@@ -14,7 +14,7 @@ use stepper_core::rollout::Numbers;
 
 use crate::error::ModelError;
 
-/// An array of the given shape; float32 in that precision.
+/// Array of the given shape, float64 or float32 by precision.
 pub(crate) fn array<'py>(py: Python<'py>, shape: &[usize], data: Vec<f64>, precision: Precision) -> PyResult<Bound<'py, PyAny>> {
     let shaped = ArrayD::from_shape_vec(shape, data).map_err(|e| PyValueError::new_err(e.to_string()))?;
     Ok(match precision {
@@ -23,14 +23,14 @@ pub(crate) fn array<'py>(py: Python<'py>, shape: &[usize], data: Vec<f64>, preci
     })
 }
 
-/// Numbers in one of the two precisions, to become an array.
+/// Buffer of numbers in one of the two precisions, for a new array.
 pub(crate) enum OwnNumbers {
     F64(Vec<f64>),
     F32(Vec<f32>),
 }
 
 impl OwnNumbers {
-    /// So many zeros.
+    /// Buffer of `count` zeros.
     pub(crate) fn new(count: usize, precision: Precision) -> Self {
         match precision {
             Precision::F64 => Self::F64(vec![0.0; count]),
@@ -38,7 +38,7 @@ impl OwnNumbers {
         }
     }
 
-    /// The numbers, to be written.
+    /// Mutable view of the numbers.
     pub(crate) fn numbers(&mut self) -> Numbers<'_> {
         match self {
             Self::F64(x) => Numbers::F64(x),
@@ -46,7 +46,7 @@ impl OwnNumbers {
         }
     }
 
-    /// The array of this shape.
+    /// Array of the given shape with the numbers.
     pub(crate) fn into_array<'py>(self, py: Python<'py>, shape: &[usize]) -> PyResult<Bound<'py, PyAny>> {
         fn shaped<T>(shape: &[usize], data: Vec<T>) -> PyResult<ArrayD<T>> {
             ArrayD::from_shape_vec(shape, data).map_err(|e| PyValueError::new_err(e.to_string()))
@@ -58,7 +58,7 @@ impl OwnNumbers {
     }
 }
 
-/// Seeds: one for all environments, or one for each of `count`.
+/// Seeds from an argument: one for all environments, or one for each of `count`.
 pub(crate) fn seeds(given: &Bound<'_, PyAny>, count: usize) -> PyResult<Vec<u64>> {
     let numpy = given.py().import("numpy")?;
     let array = numpy.call_method1("asarray", (given,))?;
@@ -84,13 +84,13 @@ pub(crate) fn seeds(given: &Bound<'_, PyAny>, count: usize) -> PyResult<Vec<u64>
     words.as_slice().map(<[u64]>::to_vec).map_err(|e| PyValueError::new_err(format!("seed: {e}")))
 }
 
-/// A read-only array that an attribute is read as, which names the call that sets `field` to whoever writes to it (`stepper._hints`).
+/// Read-only array of an attribute. Writing to it raises an error that names the call that sets `field` (`stepper._hints`).
 pub(crate) fn read_only<'py>(array: Bound<'py, PyAny>, field: &str) -> PyResult<Bound<'py, PyAny>> {
     static KINDS: PyOnceLock<Py<PyDict>> = PyOnceLock::new();
     read_only_as(array, field, "kind", &KINDS)
 }
 
-/// The same of what environments have of their own.
+/// Read-only array of an attribute with values per environment, as [`read_only`].
 pub(crate) fn read_only_of_environments<'py>(array: Bound<'py, PyAny>, field: &str) -> PyResult<Bound<'py, PyAny>> {
     static KINDS: PyOnceLock<Py<PyDict>> = PyOnceLock::new();
     read_only_as(array, field, "kind_of_environments", &KINDS)
@@ -108,8 +108,8 @@ fn read_only_as<'py>(array: Bound<'py, PyAny>, field: &str, make: &str, kinds: &
         }
     };
     let array = array.cast_into::<PyUntypedArray>()?;
-    // SAFETY: the array was made here, like the one that it may be a view of, and nobody else has them; the kind is a subclass of ndarray,
-    // and without a dtype it keeps its own.
+    // SAFETY: this crate has just created the array and its possible base, and no other code has a reference. The kind is a
+    // subclass of ndarray, and a view without a dtype keeps that of the array.
     unsafe {
         let mut part = array.as_array_ptr();
         while !part.is_null() && numpy::npyffi::PyArray_Check(py, part.cast()) != 0 {
@@ -121,7 +121,7 @@ fn read_only_as<'py>(array: Bound<'py, PyAny>, field: &str, make: &str, kinds: &
     }
 }
 
-/// "(2, 3)"
+/// Text of a shape, "(2, 3)".
 pub(crate) fn shape_text(shape: &[usize]) -> String {
     match shape {
         [n] => format!("({n},)"),
@@ -129,7 +129,7 @@ pub(crate) fn shape_text(shape: &[usize]) -> String {
     }
 }
 
-/// A C-contiguous float64 array; what is not one already is converted, which copies.
+/// C-contiguous float64 array of an argument. Other types and layouts are converted, which copies.
 pub(crate) fn readonly<'py>(given: &Bound<'py, PyAny>, name: &str) -> PyResult<PyReadonlyArrayDyn<'py, f64>> {
     if let Ok(exact) = given.cast::<PyArrayDyn<f64>>()
         && exact.is_c_contiguous()
@@ -143,10 +143,10 @@ pub(crate) fn readonly<'py>(given: &Bound<'py, PyAny>, name: &str) -> PyResult<P
     array.try_readonly().map_err(|e| PyValueError::new_err(format!("{name}: {e}")))
 }
 
-/// What `read` makes of shape and numbers of a C-contiguous float64 array; nothing of anything else.
+/// Result of `read` for the shape and the numbers of a C-contiguous float64 array; None for other objects.
 ///
-/// Without the account that [`PyReadonlyArrayDyn`] keeps of who reads and writes, which costs as much as the rest of a call, and with a
-/// dtype compared by its address: NumPy has one of each of its own.
+/// This function avoids the run-time borrow tracking of [`PyReadonlyArrayDyn`], which takes as long as the rest of a call. It compares
+/// dtypes by address, as NumPy has one object for each built-in dtype.
 pub(crate) fn with_numbers<T>(given: &Bound<'_, PyAny>, read: impl FnOnce(&[usize], &[f64]) -> T) -> Option<T> {
     static FLOAT64: PyOnceLock<Py<PyArrayDescr>> = PyOnceLock::new();
     let array = given.cast::<PyUntypedArray>().ok()?;
@@ -156,16 +156,16 @@ pub(crate) fn with_numbers<T>(given: &Bound<'_, PyAny>, read: impl FnOnce(&[usiz
     if found.cast() != float64.as_ptr() || !array.is_c_contiguous() {
         return None;
     }
-    // SAFETY: its dtype is that of f64, and this type says nothing of its axes.
+    // SAFETY: its dtype is that of f64, and the type accepts any number of axes.
     let array = unsafe { array.cast_unchecked::<PyArrayDyn<f64>>() };
-    // SAFETY: the numbers are looked at here only, while this thread is attached to the interpreter. Nothing in this crate writes to them
-    // meanwhile: it touches arrays of Python's only while attached, and detached it has copies. Of Python's other threads that is what
-    // pyo3's safe `PyBuffer::copy_to_slice` relies on as well.
+    // SAFETY: the slice is used only here, while this thread is attached to the interpreter. This crate does not write to it meanwhile: it
+    // accesses arrays of Python only while attached, and uses copies while detached. For other Python threads, pyo3's safe
+    // `PyBuffer::copy_to_slice` makes the same assumption.
     let numbers = unsafe { array.as_slice() }.ok()?;
     Some(read(array.shape(), numbers))
 }
 
-/// Refuses a shape that is none of `allowed`, naming both.
+/// Checks that a shape is one of `allowed`; the error has both.
 pub(crate) fn check_shape(name: &str, found: &[usize], allowed: &[&[usize]]) -> PyResult<()> {
     if allowed.contains(&found) {
         return Ok(());
@@ -174,7 +174,7 @@ pub(crate) fn check_shape(name: &str, found: &[usize], allowed: &[&[usize]]) -> 
     Err(PyValueError::new_err(format!("{name} has shape {}, must be {}", shape_text(found), must.join(" or "))))
 }
 
-/// As [`check_shape`] of an array that was converted from `given`, so that a single number is named as one.
+/// Check of the shape of an array that was converted from `given`. The error distinguishes a single number from an array.
 pub(crate) fn check_shape_of(given: &Bound<'_, PyAny>, name: &str, found: &[usize], allowed: &[&[usize]]) -> PyResult<()> {
     if found != [1] || allowed.contains(&found) || given.py().import("numpy")?.call_method1("ndim", (given,))?.extract::<usize>()? > 0 {
         return check_shape(name, found, allowed);
@@ -184,7 +184,7 @@ pub(crate) fn check_shape_of(given: &Bound<'_, PyAny>, name: &str, found: &[usiz
     Err(PyValueError::new_err(format!("{name} is {}, a single number, must be an array of shape {must}", described(given))))
 }
 
-/// A whole number from `least` on, as Python's own or NumPy's integer.
+/// Integer of an argument, from Python or NumPy, at least `least`.
 pub(crate) fn whole(given: &Bound<'_, PyAny>, name: &str, least: u64) -> PyResult<u64> {
     let index = given.py().import("operator")?.call_method1("index", (given,));
     let index = index.map_err(|_| PyTypeError::new_err(format!("{name} is {}, must be a whole number", described(given))))?;
@@ -194,7 +194,7 @@ pub(crate) fn whole(given: &Bound<'_, PyAny>, name: &str, least: u64) -> PyResul
     }
 }
 
-/// Assigns an attribute as Python does; where it takes none, the error says which call does (`stepper._hints`).
+/// Assigns an attribute. For a read-only attribute, the error names the call that sets it (`stepper._hints`).
 pub(crate) fn assign_attribute(owner: &Bound<'_, PyAny>, name: &Bound<'_, PyAny>, value: &Bound<'_, PyAny>) -> PyResult<()> {
     let py = owner.py();
     // SAFETY: three objects that live as long as the call.
@@ -207,20 +207,20 @@ pub(crate) fn assign_attribute(owner: &Bound<'_, PyAny>, name: &Bound<'_, PyAny>
     }
 }
 
-/// What to say of an attribute that is not there, or takes no assignment.
+/// Error for an attribute that does not exist or is read-only, with a hint.
 pub(crate) fn hint(owner: &Bound<'_, PyAny>, which: &str, name: &Bound<'_, PyAny>) -> PyResult<PyErr> {
     let class = owner.get_type();
     let error = owner.py().import("stepper._hints")?.call_method1(which, (class, name))?;
     Ok(PyErr::from_value(error))
 }
 
-/// Error for the name of a field that is none of those `known` to a call and `listed` in its help, with similar names (`stepper._hints`).
+/// Error for an unknown field name, with similar names among `known` and the help text `listed` (`stepper._hints`).
 pub(crate) fn unknown_field(py: Python<'_>, call: &str, name: &str, known: Vec<&str>, listed: &str) -> PyResult<PyErr> {
     let text: String = py.import("stepper._hints")?.call_method1("unknown_field", (call, name, known, listed))?.extract()?;
     Ok(ModelError::new_err(text))
 }
 
-/// "'five' (str)", for messages about values of the wrong type.
+/// Text of a value with its type, "'five' (str)", for messages about wrong types.
 pub(crate) fn described(given: &Bound<'_, PyAny>) -> String {
     let kind = given.get_type().name().map_or_else(|_| "?".into(), |name| name.to_string());
     given.repr().map_or_else(|_| kind.clone(), |text| format!("{text} ({kind})"))

@@ -10,7 +10,7 @@ use stepper_core::{Error, Precision};
 use crate::array::{array, readonly, shape_text};
 use crate::error::value_error;
 
-/// Rows of numbers as they were given: one, (width,), or one after the other, (..., width).
+/// Rows of an argument: one row, (width,), or several, (..., width).
 struct Rows<'py> {
     name: &'static str,
     numbers: PyReadonlyArrayDyn<'py, f64>,
@@ -33,7 +33,7 @@ impl<'py> Rows<'py> {
         }
     }
 
-    /// The same, with quaternions that are orientations.
+    /// Rows of configurations, with a check that quaternions are not zero.
     fn of_configurations(given: &Bound<'py, PyAny>, name: &'static str, model: &Core) -> PyResult<Self> {
         let rows = Self::new(given, name, model.nq())?;
         for (row, q) in rows.numbers.as_slice()?.chunks_exact(model.nq().max(1)).enumerate() {
@@ -52,14 +52,14 @@ impl<'py> Rows<'py> {
         &self.numbers.shape()[..self.numbers.shape().len() - 1]
     }
 
-    /// A row; a single one is everybody's.
+    /// Row `k`. A single row is broadcast.
     fn row(&self, k: usize) -> PyResult<&[f64]> {
         let all = self.numbers.as_slice()?;
         Ok(if self.lead().is_empty() { all } else { &all[k * self.width..(k + 1) * self.width] })
     }
 }
 
-/// What `combine` makes of each row of one array and that of another.
+/// Array of the results of `combine` for each pair of rows of two arrays.
 fn each_row<'py>(
     py: Python<'py>,
     [a, b]: [Rows<'py>; 2],
@@ -82,13 +82,13 @@ fn each_row<'py>(
     array(py, &shape, out, Precision::F64)
 }
 
-/// See `Model.integrate_pos`.
+/// Implementation of `Model.integrate_pos`.
 pub(crate) fn integrate<'py>(model: &Core, q: &Bound<'py, PyAny>, dv: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
     let rows = [Rows::of_configurations(q, "q", model)?, Rows::new(dv, "dv", model.nv())?];
     each_row(q.py(), rows, model.nq(), |q, dv| stepper_core::analysis::configurations::integrate(model, q, dv))
 }
 
-/// See `Model.differentiate_pos`.
+/// Implementation of `Model.differentiate_pos`.
 pub(crate) fn differentiate<'py>(model: &Core, q1: &Bound<'py, PyAny>, q2: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
     let rows = [Rows::of_configurations(q1, "q1", model)?, Rows::of_configurations(q2, "q2", model)?];
     each_row(q1.py(), rows, model.nv(), |q1, q2| stepper_core::analysis::configurations::differentiate(model, q1, q2))

@@ -6,14 +6,14 @@ use pyo3::sync::PyOnceLock;
 use pyo3::types::{PyByteArray, PyDict, PyTuple};
 use stepper_core::Simulation;
 
-/// A row of the array: what its dtype says, in that order.
+/// Row of the structured array, with the layout of its dtype.
 #[repr(C)]
 #[derive(Clone, Copy)]
 struct Row {
     env: i32,
     geom: [i32; 2],
     body: [i32; 2],
-    /// What aligns the numbers that follow.
+    /// Padding that aligns the following numbers.
     unused: i32,
     pos: [f64; 3],
     normal: [f64; 3],
@@ -46,7 +46,7 @@ fn dtype(py: Python<'_>) -> PyResult<Py<PyArrayDescr>> {
     Ok(made.cast_into::<PyArrayDescr>()?.unbind())
 }
 
-/// The array that `Stepper.contacts` returns, of these environments.
+/// Structured array of the contacts of some environments, for `Stepper.contacts`.
 pub(crate) fn structured<'py>(
     py: Python<'py>,
     simulation: &Simulation,

@@ -1,22 +1,23 @@
-//! Arrays of derived quantities that were handed out: they are handed out again until something changes.
+//! Cache of the arrays of derived quantities: repeated reads return the same array until the state changes.
 
 use pyo3::prelude::*;
 use stepper_core::DerivedQuantity;
 
-/// Arrays of one moment of a simulation, and what was asked for at the last one: who reads several quantities after every step gets them in
-/// one pass over the environments.
+/// Cached arrays of the current state, and the quantities that were read at the previous state.
+///
+/// A program that reads several quantities after each step gets them in one pass over the environments.
 #[derive(Default)]
 pub(crate) struct DerivedArrays {
-    /// [`stepper_core::Simulation::revision`] that they are of.
+    /// Revision of the arrays, by [`stepper_core::Simulation::revision`].
     revision: u64,
     arrays: Vec<(DerivedQuantity, Py<PyAny>)>,
-    /// What was asked for at this revision, and at the last one at which anything was.
+    /// Quantities that were read at this revision, and at the last revision with reads.
     asked: Vec<DerivedQuantity>,
     before: Vec<DerivedQuantity>,
 }
 
 impl DerivedArrays {
-    /// The array of a quantity at a revision, if it was kept; arrays of another revision are given up.
+    /// Cached array of a quantity at a revision. Arrays of other revisions are dropped.
     pub(crate) fn get(&mut self, revision: u64, quantity: DerivedQuantity) -> Option<&Py<PyAny>> {
         if self.revision != revision {
             self.arrays.clear();
@@ -32,8 +33,10 @@ impl DerivedArrays {
         self.arrays.iter().find(|(of, _)| *of == quantity).map(|(_, array)| array)
     }
 
-    /// What to derive when a quantity that is not kept is asked for: itself, and what is likely to be asked for next, where it was asked
-    /// for together with this one before. What the last step did is derived alone: it may take another step.
+    /// Quantities to compute for a read that the cache does not serve.
+    ///
+    /// They are the requested one and those that were read together with it before. Results of the last step are computed alone, as they
+    /// may need another step.
     pub(crate) fn together(&self, quantity: DerivedQuantity) -> Vec<DerivedQuantity> {
         let mut all = vec![quantity];
         if self.before.contains(&quantity) && !quantity.is_of_last_step() {
@@ -43,7 +46,7 @@ impl DerivedArrays {
         all
     }
 
-    /// Keeps an array of the revision that [`DerivedArrays::get`] was asked for last.
+    /// Adds an array to the cache, for the revision of the last call of [`DerivedArrays::get`].
     pub(crate) fn keep(&mut self, quantity: DerivedQuantity, array: Py<PyAny>) {
         self.arrays.push((quantity, array));
     }

@@ -1,4 +1,4 @@
-//! `stepper.SensorModel` and `stepper.ActuatorModel` as the core takes them.
+//! Conversion of `stepper.SensorModel` and `stepper.ActuatorModel` to types of the core.
 
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
@@ -7,13 +7,13 @@ use stepper_core::{ActuatorSpec, Transfer};
 use crate::array::described;
 use crate::model::Model;
 
-/// What a `stepper.SensorModel` says of every sensor of a model.
+/// Transfer functions of a `stepper.SensorModel` for all sensors of a model.
 pub(crate) fn transfers(sensors: &Bound<'_, PyAny>, model: &Py<Model>, num_envs: usize) -> PyResult<Vec<Option<Transfer>>> {
     let all = resolved(sensors, (model.clone_ref(sensors.py()), num_envs), ["sensors", "transfers", "SensorModel"])?;
     pythonize::depythonize(&all).map_err(|e| PyValueError::new_err(format!("sensors: {e}")))
 }
 
-/// What a `stepper.ActuatorModel` says of every actuator of a model, in all environments or in those of `envs`.
+/// Drives of a `stepper.ActuatorModel` for all actuators of a model, in all environments or in those of `envs`.
 pub(crate) fn drives(
     actuators: &Bound<'_, PyAny>,
     model: &Py<Model>,
@@ -25,7 +25,7 @@ pub(crate) fn drives(
     pythonize::depythonize(&all).map_err(|e| PyValueError::new_err(format!("actuators: {e}")))
 }
 
-/// What an argument says of every sensor or actuator, by a method of its class.
+/// Result of the method of an argument's class that resolves it for all sensors or actuators.
 fn resolved<'py>(
     given: &Bound<'py, PyAny>,
     arguments: impl pyo3::call::PyCallArgs<'py>,

@@ -1,4 +1,4 @@
-//! Elements of a model by name or index, and their rows of its tables, in MuJoCo's words.
+//! Elements of a model by name or index, with attributes named as in MuJoCo.
 
 mod lookup;
 mod values;
@@ -7,7 +7,8 @@ pub(crate) use lookup::Kind;
 
 use pyo3::prelude::*;
 
-/// Declares what is said of each kind of element: a class with an attribute for each field, whose documentation is that of the field.
+/// Declares a Python class for each kind of element, with an attribute for each field. The documentation of a field is that of the
+/// attribute.
 macro_rules! elements {
     ($($(#[$doc:meta])* $class:ident { $($(#[$what:meta])* $field:ident,)* })*) => {
         $(
@@ -38,13 +39,13 @@ macro_rules! elements {
 }
 
 elements! {
-    /// A body of a model.
+    /// Body of a model.
     Body {
-        /// Index; the world's is 0.
+        /// Index; that of the world is 0.
         id,
         /// Name; may be empty.
         name,
-        /// Index of the parent; the world's is 0.
+        /// Index of the parent body; 0 for the world.
         parentid,
         /// Mass, kg.
         mass,
@@ -52,13 +53,13 @@ elements! {
         inertia,
         /// Position in the parent's frame, m: (3,).
         pos,
-        /// Orientation in the parent's frame: (4,).
+        /// Orientation in the parent's frame, quaternion (w, x, y, z): (4,).
         quat,
         /// Centre of mass in the body's frame, m: (3,).
         ipos,
-        /// Orientation of the principal axes in the body's frame: (4,).
+        /// Orientation of the principal axes in the body's frame, quaternion (w, x, y, z): (4,).
         iquat,
-        /// Row of `mocap_pos` and `mocap_quat` of a body that the user poses, else -1.
+        /// Row in `mocap_pos` and `mocap_quat`; -1 for bodies that are not mocap bodies.
         mocapid,
         /// Index of its first joint; -1 without one.
         jntadr,
@@ -74,15 +75,15 @@ elements! {
         geomnum,
     }
 
-    /// A joint of a model.
+    /// Joint of a model.
     Joint {
         /// Index.
         id,
         /// Name; may be empty.
         name,
-        /// "free", "ball", "slide" or "hinge".
+        /// Type: "free", "ball", "slide" or "hinge".
         r#type,
-        /// Index of the body that it moves.
+        /// Index of its body.
         bodyid,
         /// Address of its first coordinate in qpos.
         qposadr,
@@ -94,7 +95,7 @@ elements! {
         nv,
         /// Whether its position has bounds.
         limited,
-        /// Lowest and highest position, m or rad: (2,), infinite where there is no bound.
+        /// Lowest and highest position, m or rad: (2,), infinite without a bound.
         range,
         /// Anchor in the body's frame, m: (3,).
         pos,
@@ -104,49 +105,49 @@ elements! {
         stiffness,
         /// Viscous damping, N s/m or N m s/rad.
         damping,
-        /// Added inertia, kg or kg m^2.
+        /// Armature (added inertia), kg or kg m^2.
         armature,
-        /// Dry friction, N or N m.
+        /// Dry friction (frictionloss), N or N m.
         frictionloss,
-        /// Highest speed that the source allows, rad/s or m/s, not enforced; infinite where there is none.
+        /// Speed limit in the source, rad/s or m/s, not enforced; infinite without one.
         velocity_limit,
     }
 
-    /// A geom of a model.
+    /// Geom of a model.
     Geom {
         /// Index.
         id,
         /// Name; may be empty.
         name,
-        /// Index of the body that it is fixed to.
+        /// Index of its body.
         bodyid,
-        /// "plane", "sphere", "capsule", "cylinder", "ellipsoid", "box", "mesh" or "hfield".
+        /// Type: "plane", "sphere", "capsule", "cylinder", "ellipsoid", "box", "mesh" or "hfield".
         r#type,
-        /// Radius, half length; or half sizes; or semi-axes; 0 where the shape has no number; m: (3,).
+        /// Sizes, m: (3,). They are radius and half length, half sizes, or semi-axes; unused entries are 0.
         size,
         /// Position in the body's frame, m: (3,).
         pos,
-        /// Orientation in the body's frame: (4,).
+        /// Orientation in the body's frame, quaternion (w, x, y, z): (4,).
         quat,
-        /// Bit mask: two geoms may collide if one's contype meets the other's conaffinity.
+        /// Bit mask: two geoms may collide if the contype of one has a common bit with the conaffinity of the other.
         contype,
-        /// Bit mask, see `contype`.
+        /// Bit mask of the contypes of other geoms with which this one may collide.
         conaffinity,
-        /// Rows of a contact: 1, 3, 4 or 6.
+        /// Dimension of a contact: 1, 3, 4 or 6, as in MuJoCo.
         condim,
-        /// The pair takes the friction and condim of the geom with the higher priority.
+        /// Priority: a contact uses the friction and condim of its geom with the higher one.
         priority,
         /// Sliding (1), torsional (m), rolling (m) friction: (3,).
         friction,
         /// Newton's coefficient of restitution, 0 to 1.
         restitution,
-        /// Distance at which a contact pushes, m.
+        /// Distance at which a contact begins to push, m.
         margin,
-        /// Distance beyond the margin that is reported, m.
+        /// Distance beyond the margin up to which MuJoCo reports contacts without force, m.
         gap,
     }
 
-    /// An explicit pair of geoms of a model: they collide whatever filters say, with the pair's own numbers.
+    /// Explicit pair of geoms of a model. The geoms collide independent of filters, with the parameters of the pair.
     Pair {
         /// Index.
         id,
@@ -156,83 +157,83 @@ elements! {
         geom1,
         /// Index of the second geom.
         geom2,
-        /// Rows of a contact: 1, 3, 4 or 6.
+        /// Dimension of a contact: 1, 3, 4 or 6, as in MuJoCo.
         dim,
         /// Sliding (1), torsional (m), rolling (m) friction: (3,).
         friction,
         /// Newton's coefficient of restitution, 0 to 1.
         restitution,
-        /// Distance at which a contact pushes, m.
+        /// Distance at which a contact begins to push, m.
         margin,
-        /// Distance beyond the margin that is reported, m.
+        /// Distance beyond the margin up to which MuJoCo reports contacts without force, m.
         gap,
     }
 
-    /// A site of a model.
+    /// Site of a model.
     Site {
         /// Index.
         id,
         /// Name; may be empty.
         name,
-        /// Index of the body that it is fixed to.
+        /// Index of its body.
         bodyid,
-        /// "sphere", "capsule", "cylinder", "ellipsoid" or "box".
+        /// Type: "sphere", "capsule", "cylinder", "ellipsoid" or "box".
         r#type,
         /// Position in the body's frame, m: (3,).
         pos,
-        /// Orientation in the body's frame: (4,).
+        /// Orientation in the body's frame, quaternion (w, x, y, z): (4,).
         quat,
     }
 
-    /// An actuator of a model.
+    /// Actuator of a model.
     Actuator {
-        /// Index: its place in ctrl.
+        /// Index, also of its control in ctrl.
         id,
         /// Name; may be empty.
         name,
-        /// What it pulls on: "joint", "tendon" or "site".
+        /// Type of its transmission target: "joint", "tendon" or "site".
         trntype,
-        /// Index of that.
+        /// Index of the transmission target.
         trnid,
         /// Address of its activation in act; -1 without one.
         actadr,
-        /// Bounds of the control: (2,), infinite where there is none.
+        /// Bounds of the control: (2,), infinite without a bound.
         ctrlrange,
-        /// Bounds of the force, N or N m: (2,), infinite where there is none.
+        /// Bounds of the force, N or N m: (2,), infinite without a bound.
         forcerange,
-        /// Bounds of the activation: (2,), infinite where there is none.
+        /// Bounds of the activation: (2,), infinite without a bound.
         actrange,
-        /// Scale of length, velocity and force, in column 0; force and torque on a site: (6,).
+        /// Gear: (6,). Entry 0 scales length, velocity and force. For a site, the entries are force and torque directions.
         gear,
         /// Type of the gain: "fixed", "affine", "dcmotor" or "pid".
         gaintype,
-        /// Parameters of the gain: constant, per length, per velocity; others are 0: (10,).
+        /// Parameters of the gain: constant, factor of length, factor of velocity; others are 0: (10,).
         gainprm,
         /// Type of the bias: "none", "affine" or "dcmotor".
         biastype,
-        /// Parameters of the bias: constant, per length, per velocity; others are 0: (10,).
+        /// Parameters of the bias: constant, factor of length, factor of velocity; others are 0: (10,).
         biasprm,
     }
 
-    /// A sensor of a model.
+    /// Sensor of a model.
     Sensor {
         /// Index.
         id,
         /// Name; may be empty.
         name,
-        /// Kind, as MJCF calls it: "gyro".
+        /// Type as in MJCF, such as "gyro".
         r#type,
         /// Address of its first reading.
         adr,
         /// Number of its readings.
         dim,
-        /// Noise that the source declares.
+        /// Noise in the source.
         noise,
-        /// Cutoff that the source declares.
+        /// Cutoff in the source.
         cutoff,
     }
 
-    /// A fixed tendon of a model: its length is a linear combination of joint positions.
+    /// Fixed tendon of a model, whose length is a linear combination of joint positions.
     Tendon {
         /// Index.
         id,
@@ -240,11 +241,11 @@ elements! {
         name,
         /// Indices of its joints: (n,) int64.
         jntid,
-        /// Their coefficients: (n,).
+        /// Coefficients of the joints: (n,).
         coef,
         /// Whether its length has bounds.
         limited,
-        /// Lowest and highest length: (2,), infinite where there is no bound.
+        /// Lowest and highest length: (2,), infinite without a bound.
         range,
         /// Spring stiffness.
         stiffness,
@@ -256,13 +257,13 @@ elements! {
         frictionloss,
     }
 
-    /// A keyframe of a model: a named state, which `Stepper.reset(keyframe=)` starts from.
+    /// Keyframe of a model: a named state for `Stepper.reset(keyframe=)`.
     Keyframe {
         /// Index.
         id,
         /// Name; may be empty.
         name,
-        /// s
+        /// Time, s.
         time,
         /// Configuration: (nq,).
         qpos,

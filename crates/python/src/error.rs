@@ -1,4 +1,4 @@
-//! Errors of the core as exceptions.
+//! Conversion of the core's errors to exceptions.
 
 use pyo3::PyErr;
 use pyo3::exceptions::{PyMemoryError, PyOSError, PyRuntimeError, PyValueError};
@@ -10,7 +10,7 @@ pyo3::create_exception!(
     stepper._stepper,
     ModelError,
     PyValueError,
-    "A model that cannot be simulated: what is wrong, where, and what to do."
+    "Error of a model that cannot be simulated. The message says what is wrong, where, and what to do."
 );
 
 pub(crate) fn to_py(error: stepper_core::ModelError) -> PyErr {

@@ -1,4 +1,4 @@
-//! Python bindings: they translate, then stop. What is said here is said in `python/stepper/_stepper.pyi`.
+//! Python bindings, which only convert arguments and results. `python/stepper/_stepper.pyi` has the same documentation.
 
 mod arguments;
 mod array;
@@ -32,16 +32,16 @@ fn _stepper(m: &Bound<'_, PyModule>) -> PyResult<()> {
     Ok(())
 }
 
-/// Environments that an argument `envs` selects, in its order: see `Stepper.reset`.
+/// Indices of the environments that an argument `envs` selects, in its order; see `Stepper.reset`.
 ///
 /// Args:
-///     envs: A boolean mask (num_envs,), or integer indices; None is all.
+///     envs: Boolean mask (num_envs,), or integer indices (k,). None is all.
 ///     num_envs: Number of environments.
 ///
 /// Raises:
-///     TypeError: Numbers that are no integers, with the first of them.
-///     ValueError: A mask of another length, an index twice.
-///     IndexError: An index out of range.
+///     TypeError: An index is no integer; the message has the first one.
+///     ValueError: A mask has another length, or an index appears twice.
+///     IndexError: An index is out of range.
 #[pyfunction]
 #[pyo3(signature = (envs, num_envs))]
 fn selected(envs: Option<Bound<'_, PyAny>>, num_envs: usize) -> PyResult<Vec<usize>> {

@@ -20,16 +20,16 @@ use crate::elements::{self, Kind};
 use crate::error::{ModelError, to_py, value_error};
 use crate::phrases::in_python;
 
-/// A scene, immutable: bodies, joints, geoms, actuators, sensors.
+/// Immutable model of a scene: bodies, joints, geoms, actuators, sensors.
 ///
-/// Every field that `replace` takes is an attribute, a read-only copy, e.g. `model.geom_friction` (ngeom, 3). Models compare by
-/// value and pickle.
+/// Each field of `replace` is also an attribute, a read-only copy: `model.geom_friction` has shape (ngeom, 3). Models compare by value and
+/// can be pickled.
 #[pyclass(module = "stepper._stepper", frozen, weakref)]
 pub(crate) struct Model {
     pub(crate) core: Arc<stepper_core::Model>,
 }
 
-/// "Mass, kg: (nbody,)."
+/// Documentation of a field, such as "Mass, kg: (nbody,)."
 fn describe(field: &Field) -> String {
     let meaning = field.meaning();
     let mut letters = meaning.chars();
@@ -39,14 +39,14 @@ fn describe(field: &Field) -> String {
     first.chain(letters).collect::<String>() + &end + "."
 }
 
-/// Fields that `Model.replace` takes: name, shape ("(ngeom, 3)"), quantity, unit, and whether `Stepper.randomize` takes it.
+/// Fields of `Model.replace`: name, shape ("(ngeom, 3)"), quantity, unit, and whether `Stepper.randomize` accepts it.
 #[pyfunction]
 pub(crate) fn fields() -> Vec<(&'static str, String, &'static str, &'static str, bool)> {
     let row = |field: &Field| (field.name, field.axes(), field.what, field.unit, field.name.parse::<Parameter>().is_ok());
     REPLACEABLE.iter().map(row).collect()
 }
 
-/// Gives the class an attribute for every field that `replace` takes.
+/// Adds an attribute to the class for each field of `replace`.
 pub(crate) fn add_fields(class: &Bound<'_, PyType>) -> PyResult<()> {
     let py = class.py();
     let property = py.import("builtins")?.getattr("property")?;
@@ -62,7 +62,7 @@ pub(crate) fn add_fields(class: &Bound<'_, PyType>) -> PyResult<()> {
     Ok(())
 }
 
-/// A description as it was given, with assets from arrays: of a large mesh there are a million numbers, which take long one by one.
+/// Description from a Python argument. Arrays of assets are converted as a whole, because large meshes have millions of numbers.
 fn described(given: &Bound<'_, PyAny>) -> PyResult<Description> {
     let given = given.cast::<PyDict>()?.copy()?;
     let meshes = assets(&given, "meshes", &["vertices", "faces"], |mesh: &mut Mesh, [vertices, faces]| {
@@ -78,7 +78,7 @@ fn described(given: &Bound<'_, PyAny>) -> PyResult<Description> {
     Ok(Description { meshes, height_fields, ..pythonize::depythonize(&given)? })
 }
 
-/// Assets of one kind, taken out of a description, whose `arrays` are filled in by `fill`.
+/// Assets of one kind, removed from a description. `fill` converts their `arrays`.
 fn assets<'py, T: DeserializeOwned, const N: usize>(
     description: &Bound<'py, PyDict>,
     kind: &str,
@@ -102,7 +102,7 @@ fn assets<'py, T: DeserializeOwned, const N: usize>(
     Ok(found)
 }
 
-/// An array (n, 3), row by row; one that is empty has no rows.
+/// Rows of an array (n, 3); an empty array has none.
 fn rows<T: Element + Copy>(array: &PyReadonlyArrayDyn<'_, T>, name: &str) -> PyResult<Vec<[T; 3]>> {
     if array.len() > 0 {
         check_shape(name, array.shape(), &[&[array.len() / 3, 3]])?;
@@ -120,7 +120,7 @@ impl Model {
         (a, b, overlap.depth)
     }
 
-    /// A keyframe by name or index.
+    /// Keyframe by name or index.
     pub(crate) fn find_keyframe(&self, given: &Bound<'_, PyAny>) -> PyResult<Keyframe> {
         let all = &self.core.keyframes;
         if all.is_empty() && given.is_instance_of::<PyString>() {
@@ -129,7 +129,7 @@ impl Model {
         }
         match Kind::Keyframe.find(&self.core, given) {
             Ok(index) => Ok(all[index].clone()),
-            // An index that is too large is answered as a name that nothing has.
+            // An index out of range raises the error of an unknown name.
             Err(error) if error.is_instance_of::<PyIndexError>(given.py()) => {
                 let known = all.iter().enumerate().map(|(i, k)| if k.name.is_empty() { i.to_string() } else { k.name.clone() });
                 Err(PyKeyError::new_err(format!("no keyframe {given}, there are: {}", known.collect::<Vec<_>>().join(", "))))
@@ -141,69 +141,72 @@ impl Model {
 
 #[pymethods]
 impl Model {
-    /// The model of a plain description (the fields of the Rust crate's `Description`), checked.
+    /// Checked model from a plain description, a dictionary with the fields of the Rust crate's `Description`.
     ///
     /// Vertices and faces of meshes and elevations of height fields may be arrays.
     ///
     /// Raises:
-    ///     ModelError: The description is not valid, or strict and it has elements that are not simulated.
+    ///     ModelError: The description is not valid, or `strict` is set and it has unsupported elements.
     #[staticmethod]
     fn from_description(description: &Bound<'_, PyAny>, strict: bool) -> PyResult<Self> {
         let not_one = |e: PyErr| ModelError::new_err(format!("not a model description: {e}"));
         described(description).map_err(not_one)?.finish(strict).map(Self::of).map_err(to_py)
     }
 
-    /// The inverse of `to_bytes`.
+    /// Model from the bytes of `to_bytes`.
     #[staticmethod]
     fn from_bytes(bytes: &[u8]) -> PyResult<Self> {
         Core::from_bytes(bytes).map(Self::of).map_err(to_py)
     }
 
-    /// A model that `save` wrote.
+    /// Model from a file of `save`.
     #[staticmethod]
     fn from_file(path: PathBuf) -> PyResult<Self> {
         Core::load(&path).map(Self::of).map_err(to_py)
     }
 
-    /// The contents of a saved model.
+    /// Content of a file of `save`.
     fn to_bytes<'py>(&self, py: Python<'py>) -> Bound<'py, PyBytes> {
         PyBytes::new(py, &self.core.to_bytes())
     }
 
-    /// Writes the model so that `stepper.load(path)` gives the same one, bit for bit, without the MJCF reader.
+    /// Writes the model to a file. `stepper.load(path)` reads the same model, bit for bit, without MuJoCo.
     fn save(&self, path: PathBuf) -> PyResult<()> {
         self.core.save(&path).map_err(to_py)
     }
 
-    /// A report on the model as text.
+    /// Report on the model as text.
     ///
-    /// Its sections: settings of the source that default options do not use; modelled elements; left-out elements, with reasons;
-    /// absent elements, which cost nothing; limits of rigid-body models; excluded overlaps; convex hulls that are much larger than their
-    /// mesh; overlaps and violated joint limits at the reference pose.
+    /// Sections of the report:
+    ///
+    /// * settings of the source that default options ignore
+    /// * simulated elements; omitted elements with reasons; absent elements, which cost nothing
+    /// * limits of rigid-body models
+    /// * excluded overlaps; convex hulls much larger than their mesh
+    /// * overlaps and violated joint limits in the reference pose
     fn explain(&self) -> String {
         in_python(overlaps::explain(&self.core))
     }
 
-    /// A new model with other values in some fields; what derives from a field follows.
+    /// New model with other values in some fields. Quantities that depend on these fields are recomputed.
     ///
     ///     model.replace(geom_restitution=[0.2, 0.8])  # (ngeom,)
     ///     model.replace({"geom_friction[floor,box][0]": 0.5})
     ///
     /// Args:
-    ///     values: Values by selector, `field[names][columns]` (docs/reference/what_can_vary.md); other numbers of these
-    ///         fields stay as they are. The
-    ///         shape is that of the selected numbers: one name or index and one column have no axis. A single number is for all of them.
-    ///     **fields: Whole fields, in the shape that the model has them.
+    ///     values: Values by selector, `field[names][columns]` (docs/reference/what_can_vary.md). Other entries of these fields keep their
+    ///         values. The shape is that of the selected entries; a single name or index and a single column have no axis. A scalar sets
+    ///         all selected entries.
+    ///     **fields: Values of whole fields, in the shape of the model's attribute.
     ///
-    /// Contacts of an explicit pair use the fields of the pair (pair_friction, pair_restitution, ...) and ignore those of its geoms. A new
-    /// geom_friction, geom_restitution, geom_margin, geom_gap, geom_condim, geom_solref, geom_solimp, geom_solmix, geom_stiffness or
-    /// geom_damping for a geom of a pair therefore needs the field of the pair in the same call, with new values or the model's: pair_dim
-    /// for geom_condim, pair_solref for geom_solmix.
+    /// Contacts of an explicit pair use the fields of the pair (pair_friction, pair_restitution, ...) and ignore those of its geoms. So a
+    /// new value for a geom of a pair needs the field of the pair in the same call, with new values or those of the model. This holds for
+    /// geom_friction, geom_restitution, geom_margin, geom_gap, geom_condim, geom_solref, geom_solimp, geom_solmix, geom_stiffness and
+    /// geom_damping. The field for geom_condim is pair_dim, that for geom_solmix is pair_solref.
     ///
     /// Raises:
-    ///     ValueError: A wrong shape.
-    ///     ModelError: An unknown field, values that the model cannot have, or values of a geom that an explicit pair overrides, with the
-    ///         pair.
+    ///     ValueError: A shape is wrong.
+    ///     ModelError: A field is unknown, a value is invalid, or an explicit pair overrides the value of a geom; the message has the pair.
     #[pyo3(signature = (values=None, /, **fields))]
     fn replace(slf: &Bound<'_, Self>, values: Option<Bound<'_, PyAny>>, fields: Option<Bound<'_, PyDict>>) -> PyResult<Self> {
         let fields = match values {
@@ -235,40 +238,40 @@ impl Model {
         Ok(Self::of(core))
     }
 
-    /// A new model without contact between bodies that overlap at the reference pose: `stepper.load(..., overlaps="exclude")`.
+    /// New model without contacts between bodies that overlap in the reference pose, as by `stepper.load(..., overlaps="exclude")`.
     ///
-    /// `excluded_overlaps` lists the pairs, from a depth of 0.01 mm on. No geoms of the two bodies collide any more; world geoms are
-    /// excluded one by one. Overlaps with the ground stay, and `overlaps()` lists them: those of planes and height fields, and those of
-    /// fixed geoms with a body that has a free joint.
+    /// `excluded_overlaps` lists the pairs, which are deeper than 0.01 mm. All contacts between the two bodies are disabled; geoms of the
+    /// world are excluded one by one. Overlaps with the ground are kept, and `overlaps()` lists them. The ground is planes, height fields,
+    /// and for bodies with a free joint all fixed geoms.
     fn exclude_overlaps(&self) -> Self {
         Self::of(overlaps::exclude(&self.core))
     }
 
-    /// Pairs of geoms that can collide and overlap by more than 0.01 mm at the reference pose, the deepest first.
+    /// Pairs of geoms that can collide and overlap by more than 0.01 mm in the reference pose, the deepest first.
     ///
     /// Returns:
-    ///     (name of one geom, name of the other, depth in m); "#3 of body arm" where a geom has no name.
+    ///     Tuples (name of the first geom, name of the second, depth in m). Geoms without a name are listed as "#3 of body arm".
     fn overlaps(&self) -> Vec<(String, String, f64)> {
         overlaps::overlaps(&self.core).iter().map(|overlap| self.named(overlap)).collect()
     }
 
-    /// A new model with more sensors by name, behind its own.
+    /// New model with further sensors by name, after the existing ones.
     ///
     /// Raises:
-    ///     ValueError: A name that nothing has, or directions that are none.
-    ///     ModelError: A sensor that the model cannot have.
+    ///     ValueError: An element does not exist, or a direction has length 0.
+    ///     ModelError: The model cannot have a sensor.
     fn with_sensors(slf: &Bound<'_, Self>, sensors: &Bound<'_, PyAny>) -> PyResult<Self> {
         let described = slf.py().import("stepper.sensors.readings")?.getattr("describe")?.call1((slf, sensors))?;
         let more: Vec<Sensor> = pythonize::depythonize(&described)?;
         slf.get().core.with_sensors(more).map(Self::of).map_err(to_py)
     }
 
-    /// What solref and solimp of the scene's contacts amount to under MuJoCo's law, in newtons and metres, at the model's time step.
+    /// Stiffness and damping of the contacts under MuJoCo's contact law, from solref and solimp at the time step of the model.
     ///
     /// Returns:
-    ///     A dictionary of arrays with a row for every pair of geoms that can collide: `geoms` (npair, 2), `stiffness` (npair, 2), N/m at
-    ///     rest, at the first touch and where the impedance is largest, and `damping` (npair, 2), N s/m, at the same depths. Pairs of a
-    ///     crowd, which are too many to be listed, are left out.
+    ///     Dictionary of arrays with a row for each pair of geoms that can collide: `geoms` (npair, 2), `stiffness` (npair, 2) in N/m, and
+    ///     `damping` (npair, 2) in N s/m, for contacts without acceleration. Column 0 of both is at the first touch, column 1 at the depth
+    ///     of the largest impedance. Pairs that large scenes find only during the simulation are not listed.
     fn equivalent_springs<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let springs = equivalent_springs(&self.core);
         let rows = |of: &dyn Fn(&EquivalentSpring) -> [f64; 2]| {
@@ -282,121 +285,121 @@ impl Model {
         Ok(table)
     }
 
-    /// A body by its name or index (negative from the end).
+    /// Body by name or index (negative from the end).
     ///
     /// Raises:
-    ///     KeyError: No body of that name; the message has near ones.
-    ///     IndexError: No body of that index.
+    ///     KeyError: The model has no body of that name; the message has similar names.
+    ///     IndexError: The model has no body of that index.
     fn body(&self, py: Python<'_>, key: &Bound<'_, PyAny>) -> PyResult<elements::Body> {
         elements::Body::of(py, &self.core, Kind::Body.find(&self.core, key)?)
     }
 
-    /// A joint by its name or index (negative from the end): `model.joint("hip").qposadr`.
+    /// Joint by name or index (negative from the end): `model.joint("hip").qposadr`.
     ///
     /// Raises:
-    ///     KeyError: No joint of that name; the message has near ones.
-    ///     IndexError: No joint of that index.
+    ///     KeyError: The model has no joint of that name; the message has similar names.
+    ///     IndexError: The model has no joint of that index.
     fn joint(&self, py: Python<'_>, key: &Bound<'_, PyAny>) -> PyResult<elements::Joint> {
         elements::Joint::of(py, &self.core, Kind::Joint.find(&self.core, key)?)
     }
 
-    /// A geom by its name or index (negative from the end).
+    /// Geom by name or index (negative from the end).
     ///
     /// Raises:
-    ///     KeyError: No geom of that name; the message has near ones.
-    ///     IndexError: No geom of that index.
+    ///     KeyError: The model has no geom of that name; the message has similar names.
+    ///     IndexError: The model has no geom of that index.
     fn geom(&self, py: Python<'_>, key: &Bound<'_, PyAny>) -> PyResult<elements::Geom> {
         elements::Geom::of(py, &self.core, Kind::Geom.find(&self.core, key)?)
     }
 
-    /// An explicit pair of geoms by its name or index (negative from the end).
+    /// Explicit pair of geoms by name or index (negative from the end).
     ///
     /// Raises:
-    ///     KeyError: No pair of that name; the message has near ones.
-    ///     IndexError: No pair of that index.
+    ///     KeyError: The model has no pair of that name; the message has similar names.
+    ///     IndexError: The model has no pair of that index.
     fn pair(&self, py: Python<'_>, key: &Bound<'_, PyAny>) -> PyResult<elements::Pair> {
         elements::Pair::of(py, &self.core, Kind::Pair.find(&self.core, key)?)
     }
 
-    /// A site by its name or index (negative from the end).
+    /// Site by name or index (negative from the end).
     ///
     /// Raises:
-    ///     KeyError: No site of that name; the message has near ones.
-    ///     IndexError: No site of that index.
+    ///     KeyError: The model has no site of that name; the message has similar names.
+    ///     IndexError: The model has no site of that index.
     fn site(&self, py: Python<'_>, key: &Bound<'_, PyAny>) -> PyResult<elements::Site> {
         elements::Site::of(py, &self.core, Kind::Site.find(&self.core, key)?)
     }
 
-    /// An actuator by its name or index (negative from the end).
+    /// Actuator by name or index (negative from the end).
     ///
     /// Raises:
-    ///     KeyError: No actuator of that name; the message has near ones.
-    ///     IndexError: No actuator of that index.
+    ///     KeyError: The model has no actuator of that name; the message has similar names.
+    ///     IndexError: The model has no actuator of that index.
     fn actuator(&self, py: Python<'_>, key: &Bound<'_, PyAny>) -> PyResult<elements::Actuator> {
         elements::Actuator::of(py, &self.core, Kind::Actuator.find(&self.core, key)?)
     }
 
-    /// A sensor by its name or index (negative from the end).
+    /// Sensor by name or index (negative from the end).
     ///
     /// Raises:
-    ///     KeyError: No sensor of that name; the message has near ones.
-    ///     IndexError: No sensor of that index.
+    ///     KeyError: The model has no sensor of that name; the message has similar names.
+    ///     IndexError: The model has no sensor of that index.
     fn sensor(&self, py: Python<'_>, key: &Bound<'_, PyAny>) -> PyResult<elements::Sensor> {
         elements::Sensor::of(py, &self.core, Kind::Sensor.find(&self.core, key)?)
     }
 
-    /// A fixed tendon by its name or index (negative from the end).
+    /// Fixed tendon by name or index (negative from the end).
     ///
     /// Raises:
-    ///     KeyError: No tendon of that name; the message has near ones.
-    ///     IndexError: No tendon of that index.
+    ///     KeyError: The model has no tendon of that name; the message has similar names.
+    ///     IndexError: The model has no tendon of that index.
     fn tendon(&self, py: Python<'_>, key: &Bound<'_, PyAny>) -> PyResult<elements::Tendon> {
         elements::Tendon::of(py, &self.core, Kind::Tendon.find(&self.core, key)?)
     }
 
-    /// A keyframe by its name or index (negative from the end).
+    /// Keyframe by name or index (negative from the end).
     ///
     /// Raises:
-    ///     KeyError: No keyframe of that name; the message has near ones.
-    ///     IndexError: No keyframe of that index.
+    ///     KeyError: The model has no keyframe of that name; the message has similar names.
+    ///     IndexError: The model has no keyframe of that index.
     fn keyframe(&self, py: Python<'_>, key: &Bound<'_, PyAny>) -> PyResult<elements::Keyframe> {
         elements::Keyframe::of(py, &self.core, Kind::Keyframe.find(&self.core, key)?)
     }
 
-    /// Configuration that a displacement leads to, with unit quaternions: MuJoCo's mj_integratePos over a time of 1.
+    /// Configurations after displacements, with unit quaternions, as MuJoCo's mj_integratePos over a time of 1.
     ///
     /// Args:
     ///     q: Configurations, (..., nq).
-    ///     dv: Displacements in the coordinates of velocities, (..., nv): of a ball or free joint the rotation vector in the body's frame.
-    ///         The axes before the last are those of `q`, or those of either are absent.
+    ///     dv: Displacements on the tangent space, in the coordinates of qvel, (..., nv). Rotations of ball and free joints are rotation
+    ///         vectors in the body's frame. The leading axes equal those of `q`, or one of the arguments has none.
     ///
     /// Returns:
-    ///     (..., nq) float64.
+    ///     Configurations, (..., nq) float64.
     ///
     /// Raises:
-    ///     ValueError: Shapes that do not fit, a number that is not finite, a quaternion of zeros.
+    ///     ValueError: Shapes do not match, a number is not finite, or a quaternion is zero.
     fn integrate_pos<'py>(&self, q: &Bound<'py, PyAny>, dv: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
         configurations::integrate(&self.core, q, dv)
     }
 
-    /// Displacement from one configuration to another, the shortest: MuJoCo's mj_differentiatePos over a time of 1.
+    /// Shortest displacements from one configuration to another, as MuJoCo's mj_differentiatePos over a time of 1.
     ///
-    /// It is the inverse of `integrate_pos`.
+    /// This is the inverse of `integrate_pos`.
     ///
     /// Args:
-    ///     q1: Where it begins, (..., nq).
-    ///     q2: Where it ends, (..., nq); the axes before the last are those of `q1`, or those of either are absent.
+    ///     q1: Initial configurations, (..., nq).
+    ///     q2: Final configurations, (..., nq). The leading axes equal those of `q1`, or one of the arguments has none.
     ///
     /// Returns:
-    ///     (..., nv) float64.
+    ///     Displacements, (..., nv) float64.
     ///
     /// Raises:
-    ///     ValueError: Shapes that do not fit, a number that is not finite, a quaternion of zeros.
+    ///     ValueError: Shapes do not match, a number is not finite, or a quaternion is zero.
     fn differentiate_pos<'py>(&self, q1: &Bound<'py, PyAny>, q2: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
         configurations::differentiate(&self.core, q1, q2)
     }
 
-    /// Indices of the geoms that rays from a site can meet: all that the model has the form of but those of the site's own body.
+    /// Indices of the geoms that rays from a site can hit: all geoms with a shape in the model, except those of the site's body.
     fn geoms_seen_from(&self, site: &Bound<'_, PyAny>) -> PyResult<Vec<usize>> {
         let (site, count) = (whole(site, "site", 0)? as usize, self.core.sites.len());
         if site >= count {
@@ -413,7 +416,7 @@ impl Model {
         assign_attribute(slf, name, value)
     }
 
-    /// Settings that the source asks for, for `Options.from_model`: contact, integrator, iterations; empty where it asks for none.
+    /// Settings of the source for `Options.from_model`: contact, integrator, iterations; empty if it has none.
     fn _requested_options<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let settings = PyDict::new(py);
         if self.core.requested.is_some() {
@@ -425,31 +428,29 @@ impl Model {
         Ok(settings)
     }
 
-    /// What the source asks of a simulator that stepper does in its own way: integrator, solver, iterations, cone, constrained
-    /// (whether it has constraints, which are soft there), soft (what has solref or solimp of its own). None where the model was made
-    /// in code.
+    /// Settings of the source that default options replace: integrator, solver, iterations, cone, constrained (whether the model has
+    /// constraints, which are soft in MuJoCo), and soft (elements with non-default solref or solimp). None for models made in code.
     #[getter]
     fn requested<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyAny>>> {
         let asked = self.core.requested.as_ref().map(|asked| pythonize::pythonize(py, asked));
         asked.transpose().map_err(|e| PyValueError::new_err(e.to_string()))
     }
 
-    /// What the source asks for expressly and default options do otherwise, in words: an integrator other than Euler's, softness.
+    /// Explicit settings of the source from which default options deviate, as texts: an integrator other than Euler's, softness.
     #[getter]
     fn deviations(&self) -> Vec<String> {
         self.core.deviations(false).into_iter().map(in_python).collect()
     }
 
-    /// Pairs of geoms that overlap at the reference pose and whose bodies do not collide for that reason (`exclude_overlaps`), in the
-    /// format of `overlaps()`.
+    /// Pairs of geoms that overlap in the reference pose and whose contacts `exclude_overlaps` has disabled, in the format of `overlaps()`.
     #[getter]
     fn excluded_overlaps(&self) -> Vec<(String, String, f64)> {
         self.core.excluded_overlaps.iter().map(|overlap| self.named(overlap)).collect()
     }
 
-    /// Geoms whose convex hull, as which they collide, has at least twice the volume of their mesh, or 1.25 times for fixed geoms: (index
-    /// of the geom, hull volume / mesh volume). The mesh volume is the space that other geoms cannot enter; the ratio is infinite if there
-    /// is none, as for an open valley.
+    /// Mesh geoms that collide as a much larger convex hull: tuples (index of the geom, hull volume / mesh volume). The list has ratios of
+    /// 2 or more, and of 1.25 or more for fixed geoms. The mesh volume is the enclosed space. The ratio is infinite if there is none, as
+    /// for an open surface.
     #[getter]
     fn wide_hulls(&self) -> Vec<(usize, f64)> {
         self.core.wide_hulls().iter().map(|hull| (hull.geom, hull.ratio)).collect()
@@ -461,115 +462,116 @@ impl Model {
         &self.core.name
     }
 
-    /// Coordinates of a configuration.
+    /// Number of position coordinates, the length of qpos.
     #[getter]
     fn nq(&self) -> usize {
         self.core.nq()
     }
 
-    /// Degrees of freedom.
+    /// Number of degrees of freedom, the length of qvel.
     #[getter]
     fn nv(&self) -> usize {
         self.core.nv()
     }
 
-    /// Controls.
+    /// Number of controls.
     #[getter]
     fn nu(&self) -> usize {
         self.core.nu()
     }
 
-    /// Activations of actuators.
+    /// Number of actuator activations.
     #[getter]
     fn na(&self) -> usize {
         self.core.na()
     }
 
-    /// Bodies, the world included, which is body 0.
+    /// Number of bodies, including the world, which is body 0.
     #[getter]
     fn nbody(&self) -> usize {
         self.core.bodies.len()
     }
 
-    /// Joints.
+    /// Number of joints.
     #[getter]
     fn njnt(&self) -> usize {
         self.core.joints.len()
     }
 
-    /// Sites.
+    /// Number of sites.
     #[getter]
     fn nsite(&self) -> usize {
         self.core.sites.len()
     }
 
-    /// Geoms.
+    /// Number of geoms.
     #[getter]
     fn ngeom(&self) -> usize {
         self.core.geoms.len()
     }
 
-    /// Explicit pairs of geoms.
+    /// Number of explicit pairs of geoms.
     #[getter]
     fn npair(&self) -> usize {
         self.core.pairs.len()
     }
 
-    /// Readings of all sensors together.
+    /// Number of readings of all sensors.
     #[getter]
     fn nsensordata(&self) -> usize {
         self.core.nsensordata()
     }
 
-    /// Names of the bodies in their order; empty where one has none.
+    /// Names of the bodies in order; empty for those without a name.
     #[getter]
     fn body_names(&self) -> Vec<&str> {
         Kind::Body.names(&self.core)
     }
 
-    /// Names of the joints in their order; empty where one has none.
+    /// Names of the joints in order; empty for those without a name.
     #[getter]
     fn joint_names(&self) -> Vec<&str> {
         Kind::Joint.names(&self.core)
     }
 
-    /// Names of the geoms in their order; empty where one has none.
+    /// Names of the geoms in order; empty for those without a name.
     #[getter]
     fn geom_names(&self) -> Vec<&str> {
         Kind::Geom.names(&self.core)
     }
 
-    /// Names of the explicit pairs of geoms in their order; empty where one has none.
+    /// Names of the explicit pairs of geoms in order; empty for those without a name.
     #[getter]
     fn pair_names(&self) -> Vec<&str> {
         Kind::Pair.names(&self.core)
     }
 
-    /// Names of the actuators in their order; empty where one has none.
+    /// Names of the actuators in order; empty for those without a name.
     #[getter]
     fn actuator_names(&self) -> Vec<&str> {
         Kind::Actuator.names(&self.core)
     }
 
-    /// Names of the sensors in their order; empty where one has none.
+    /// Names of the sensors in order; empty for those without a name.
     #[getter]
     fn sensor_names(&self) -> Vec<&str> {
         Kind::Sensor.names(&self.core)
     }
 
-    /// Names of the sites in their order; empty where one has none.
+    /// Names of the sites in order; empty for those without a name.
     #[getter]
     fn site_names(&self) -> Vec<&str> {
         Kind::Site.names(&self.core)
     }
 
-    /// Names of the fixed tendons in their order; empty where one has none.
+    /// Names of the fixed tendons in order; empty for those without a name.
     #[getter]
     fn tendon_names(&self) -> Vec<&str> {
         Kind::Tendon.names(&self.core)
     }
 
-    /// name, type, adr (of the first reading), dim, datatype; and what the source declares: noise, cutoff, delay, interval.
+    /// Sensors as dictionaries: name, type, adr (index of the first reading), dim, datatype, and noise, cutoff, delay and interval if the
+    /// source has them.
     #[getter]
     fn sensors<'py>(&self, py: Python<'py>) -> PyResult<Vec<Bound<'py, PyDict>>> {
         let one = |(sensor, at): (&Sensor, usize)| {
@@ -587,13 +589,13 @@ impl Model {
         self.core.sensors.iter().zip(self.core.sensor_addresses()).map(one).collect()
     }
 
-    /// Names of the keyframes in their order; empty where one has none.
+    /// Names of the keyframes in order; empty for those without a name.
     #[getter]
     fn keyframe_names(&self) -> Vec<&str> {
         Kind::Keyframe.names(&self.core)
     }
 
-    /// (kind, name, reason) of everything in the source that this model leaves out.
+    /// Elements of the source that this model omits, as tuples (kind, name, reason).
     #[getter]
     fn omitted(&self) -> Vec<(&str, &str, &str)> {
         self.core.omitted.iter().map(|o| (o.kind.as_str(), o.name.as_str(), o.reason.as_str())).collect()

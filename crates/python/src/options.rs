@@ -1,4 +1,4 @@
-//! `stepper.Options` as the core's settings.
+//! Conversion of `stepper.Options` to the settings of the core.
 
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
@@ -7,7 +7,7 @@ use stepper_core::{ContactLaw, Integrator, Options, Solver, Stabilization};
 use crate::array::{described, whole};
 use crate::error::value_error;
 
-/// The attributes of the Python dataclass, by name.
+/// Access to the attributes of the Python dataclass by name.
 struct Given<'a, 'py>(&'a Bound<'py, PyAny>);
 
 impl<'py> Given<'_, 'py> {
@@ -35,13 +35,13 @@ impl<'py> Given<'_, 'py> {
         u32::try_from(number).map_err(|_| PyValueError::new_err(format!("option {name} is {number}, must be at most {}", u32::MAX)))
     }
 
-    /// What `read` says, if the option is not None.
+    /// Value from `read` if the option is not None.
     fn optional<T>(&self, name: &str, read: impl Fn(&Self, &str) -> PyResult<T>) -> PyResult<Option<T>> {
         if self.value(name)?.is_none() { Ok(None) } else { read(self, name).map(Some) }
     }
 }
 
-/// The core's settings, from a `stepper.Options`.
+/// Settings of the core from a `stepper.Options`.
 pub(crate) fn settings(given: &Bound<'_, PyAny>) -> PyResult<Options> {
     let given = Given(given);
     let solver = match given.word("solver")?.as_str() {
@@ -89,7 +89,7 @@ pub(crate) fn settings(given: &Bound<'_, PyAny>) -> PyResult<Options> {
     Ok(options)
 }
 
-/// An error that lists what there is.
+/// Error of an unknown value, with the list of known ones.
 pub(crate) fn unknown(what: &str, found: &str, known: &str) -> PyErr {
     PyValueError::new_err(format!("{what} is \"{found}\", must be one of: {known}"))
 }

@@ -1,6 +1,6 @@
-//! Messages of the core, with the names that calls have in Python.
+//! Translation of names of Rust calls to Python in messages of the core.
 
-/// Phrases of the core's messages that name a call, and the names of that call in Python.
+/// Phrases of the core's messages with Rust calls, and their translations.
 const PHRASES: [(&str, &str); 14] = [
     ("Options::from_model(&model)", "Options.from_model(model)"),
     ("choose ContactLaw::Mujoco and an integrator", "choose Options(contact=\"mujoco\", integrator=...)"),
@@ -18,13 +18,13 @@ const PHRASES: [(&str, &str); 14] = [
     ("this simulation has", "this stepper has"),
 ];
 
-/// A message of the core with the names that calls have in Python.
+/// Message of the core with Python names of calls.
 pub(crate) fn in_python(text: String) -> String {
     let text = PHRASES.iter().fold(text, |text, (rust, python)| text.replace(rust, python));
     replace_call(&text).unwrap_or(text)
 }
 
-/// The text with `model.replace("field", ..)` as `model.replace(field=...)`, if it is in the text.
+/// Text with `model.replace("field", ..)` changed to `model.replace(field=...)`; None without such a call.
 fn replace_call(text: &str) -> Option<String> {
     let (before, rest) = text.split_once("model.replace(\"")?;
     let (field, after) = rest.split_once("\", ..)")?;

@@ -10,12 +10,12 @@ use crate::array::{check_shape, check_shape_of, readonly, shape_text};
 /// Environments that are selected, in the order of the argument.
 pub(crate) struct Selection {
     pub(crate) envs: Vec<usize>,
-    /// Whether they were given as indices: rows of other arguments are then those of these environments, in this order.
+    /// Whether the argument has indices. Other arguments then have rows for these environments only, in this order.
     pub(crate) by_index: bool,
 }
 
 impl Selection {
-    /// Environments of `given`, all `n` where it is None.
+    /// Selection of an argument; None selects all `n` environments.
     pub(crate) fn of(given: Option<&Bound<'_, PyAny>>, n: usize) -> PyResult<Self> {
         let Some(given) = given else { return Ok(Self { envs: (0..n).collect(), by_index: false }) };
         let array = given.py().import("numpy")?.call_method1("asarray", (given,))?;
@@ -35,7 +35,7 @@ impl Selection {
         Ok(Self { envs, by_index: true })
     }
 
-    /// The environments in ascending order.
+    /// Selected environments in ascending order.
     pub(crate) fn ascending(&self) -> Vec<usize> {
         let mut envs = self.envs.clone();
         envs.sort_unstable();
@@ -49,12 +49,12 @@ impl Selection {
         mask
     }
 
-    /// Number of rows that arrays for these environments have, of `n` environments.
+    /// Number of rows in arrays for the selection, with `n` environments in all.
     pub(crate) fn rows(&self, n: usize) -> usize {
         if self.by_index { self.envs.len() } else { n }
     }
 
-    /// Rows of all `n` environments from those of the selected ones, zero for the others; as they are where there was a mask.
+    /// Rows of all `n` environments. With indices, the rows of other environments are zero; with a mask, the input already has all rows.
     pub(crate) fn scattered<T: Copy + Default>(&self, rows: &[T], n: usize) -> Vec<T> {
         if !self.by_index {
             return rows.to_vec();
@@ -67,7 +67,7 @@ impl Selection {
         all
     }
 
-    /// Array of a row (..., tail) for each selected environment, or of one for all without that axis where `shared`.
+    /// Array of an argument with a row (..., tail) for each selected environment. If `shared`, a single row for all is allowed too.
     pub(crate) fn numbers<'py>(
         &self,
         given: &Bound<'py, PyAny>,
@@ -91,7 +91,7 @@ impl Selection {
     }
 }
 
-/// Numbers for all environments.
+/// Rows of an argument, as an array or as converted numbers.
 pub(crate) enum Numbers<'py> {
     Given(PyReadonlyArrayDyn<'py, f64>),
     Scattered(Vec<f64>),
@@ -106,7 +106,7 @@ impl Numbers<'_> {
     }
 }
 
-/// Indices of environments below `n`; a single number is one index.
+/// Indices of environments below `n` from an array. A scalar is one index.
 pub(crate) fn indices(array: &Bound<'_, PyAny>, n: usize, name: &str) -> PyResult<Vec<usize>> {
     let shape = shape_of(array)?;
     if shape.len() > 1 {
@@ -116,7 +116,7 @@ pub(crate) fn indices(array: &Bound<'_, PyAny>, n: usize, name: &str) -> PyResul
         )));
     }
     let listed: Vec<Bound<'_, PyAny>> = array.call_method0("ravel")?.call_method0("tolist")?.extract()?;
-    // NumPy holds integers of more than 64 bits as objects.
+    // NumPy stores integers of more than 64 bits as objects.
     let large = |index: &Bound<'_, PyAny>| index.is_instance_of::<PyInt>() && !index.is_instance_of::<PyBool>();
     if !listed.is_empty() && !matches!(kind_of(array)?.as_str(), "i" | "u") && !listed.iter().all(large) {
         return Err(PyTypeError::new_err(format!(

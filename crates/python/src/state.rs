@@ -6,15 +6,15 @@ use stepper_core::SavedState;
 
 use crate::error::value_error;
 
-/// Everything that survives a step, of all environments of a `Stepper` or of one; see `Stepper.get_state`.
+/// Complete state of one or all environments of a `Stepper`; see `Stepper.get_state`.
 ///
-/// Compares by bits and pickles.
+/// States compare bit for bit and can be pickled.
 ///
 /// Args:
-///     bytes: What `State.bytes` gave.
+///     bytes: Bytes from `State.bytes`.
 ///
 /// Raises:
-///     ValueError: The bytes are no state, cut off or damaged, or of another version.
+///     ValueError: The bytes are not a state, are truncated or damaged, or have another version.
 #[pyclass(module = "stepper._stepper", frozen)]
 pub(crate) struct State {
     pub(crate) saved: SavedState,
@@ -37,13 +37,13 @@ impl State {
         self.saved == other.saved
     }
 
-    /// What `State(bytes)` takes: the state with a checksum and the digest of its model.
+    /// Bytes for `State(bytes)`: the state with a checksum and the digest of its model.
     #[getter]
     fn bytes<'py>(&self, py: Python<'py>) -> Bound<'py, PyBytes> {
         PyBytes::new(py, &self.saved.to_bytes())
     }
 
-    /// SHA-256 of the model that it belongs to.
+    /// SHA-256 of the model of the state.
     #[getter]
     fn digest<'py>(&self, py: Python<'py>) -> Bound<'py, PyBytes> {
         PyBytes::new(py, &self.saved.model())

@@ -1,4 +1,4 @@
-//! `stepper.Stepper`: how it is made, and what all that it can do has in common. The rest is in files by subject.
+//! `stepper.Stepper`: construction, attributes, and shared functions. The other methods are in modules by topic.
 
 mod applied;
 mod derived;
@@ -36,22 +36,22 @@ use crate::model::Model;
 use crate::options::{settings, unknown};
 use crate::selection::{Numbers, Selection};
 
-/// Environments of one model, stepped together. The GIL is released while stepping. Pickles with its state.
+/// Batch of environments of one model. The GIL is released while stepping. A pickle includes the state.
 ///
 /// Args:
-///     model: The scene.
-///     num_envs: Number of environments; None is a single one, without the leading axis.
-///     options: Settings of the step; None is `Options()`.
-///     precision: "f64" or "f32".
-///     threads: Threads that step; 0 is all that this process may use. The bits are the same for any number.
-///     seed: For what is random: the errors of sensors.
-///     sensors: What sensors make of the truth; None is ideal ones.
-///     actuators: What becomes of controls before they are forces; None is ideal actuators.
+///     model: Model of the scene.
+///     num_envs: Number of environments. None is a single one, with arrays without the leading axis.
+///     options: Settings of the step. None is `Options()`.
+///     precision: Floating-point precision, "f64" or "f32".
+///     threads: Number of threads; 0 is all processors of this process. Results do not depend on it.
+///     seed: Seed of the random sensor errors.
+///     sensors: Sensor model. None is ideal sensors.
+///     actuators: Actuator model between controls and forces. None is ideal actuators.
 ///
 /// Raises:
-///     ValueError: A setting out of its range.
-///     TypeError: A setting of the wrong type.
-///     MemoryError: More environments than there is memory for.
+///     ValueError: A setting is out of range.
+///     TypeError: A setting has the wrong type.
+///     MemoryError: The memory is too small for the environments.
 #[pyclass(module = "stepper._stepper", weakref)]
 pub(crate) struct Stepper {
     simulation: Simulation,
@@ -60,7 +60,7 @@ pub(crate) struct Stepper {
     batched: bool,
     threads: usize,
     seed: u64,
-    /// Arrays that the user writes and every step reads, in the order of [`AppliedInput::ALL`](stepper_core::AppliedInput::ALL).
+    /// Writable arrays that each step reads, in the order of [`AppliedInput::ALL`](stepper_core::AppliedInput::ALL).
     applied: [Option<Py<PyUntypedArray>>; 5],
     derived: DerivedArrays,
     recorder: Option<Py<PyAny>>,
@@ -73,7 +73,7 @@ impl Stepper {
         self.simulation.num_envs()
     }
 
-    /// (num_envs, ...tail), or the tail alone for a single environment.
+    /// Array shape (num_envs, ...tail), or the tail alone for a single environment.
     pub(crate) fn shape(&self, tail: &[usize]) -> Vec<usize> {
         let lead = self.batched.then(|| self.n());
         lead.into_iter().chain(tail.iter().copied()).collect()
@@ -89,7 +89,7 @@ impl Stepper {
         let data: Vec<T> = (0..self.n()).map(read).collect();
         let shape = self.shape(&[]);
         let out = numpy::PyArray1::from_vec(py, data).reshape(shape)?;
-        // A single environment answers with a scalar, not with an array without axes.
+        // A single environment gives a scalar instead of an array without axes.
         if self.batched { read_only(out.into_any(), name) } else { out.call_method0("item") }
     }
 
@@ -98,7 +98,7 @@ impl Stepper {
         Selection::of(envs, self.n())
     }
 
-    /// Rows of a (num_envs, width) or (width,) array, one per environment.
+    /// Array argument with rows (num_envs, width), or (width,) for all environments.
     fn rows<'py>(&self, given: &Bound<'py, PyAny>, name: &str, width: usize) -> PyResult<PyReadonlyArrayDyn<'py, f64>> {
         let numbers = readonly(given, name)?;
         let full = [self.n(), width];
@@ -107,7 +107,7 @@ impl Stepper {
         Ok(numbers)
     }
 
-    /// Rows of the selected environments: with indices (k, width), else as of [`Stepper::rows`].
+    /// Array argument for selected environments: (k, width) with indices, otherwise as in [`Stepper::rows`].
     fn selected_rows<'py>(&self, given: &Bound<'py, PyAny>, name: &str, width: usize, selection: &Selection) -> PyResult<Numbers<'py>> {
         if !self.batched && !selection.by_index {
             return self.rows(given, name, width).map(Numbers::Given);
@@ -123,10 +123,10 @@ fn precision_name(precision: Precision) -> &'static str {
     }
 }
 
-/// A stepper that a method reads. While another thread steps it, this is an error that says so.
+/// Shared borrow of a stepper for reading. The conversion is an error while another thread steps it.
 pub(crate) struct Reading<'py>(PyRef<'py, Stepper>);
 
-/// A stepper that a method writes to, one thread at a time.
+/// Exclusive borrow of a stepper for writing. The conversion is an error while another thread uses it.
 pub(crate) struct Writing<'py>(PyRefMut<'py, Stepper>);
 
 impl<'py> TryFrom<&Bound<'py, Stepper>> for Reading<'py> {
@@ -167,7 +167,7 @@ impl DerefMut for Writing<'_> {
     }
 }
 
-/// The stepper, to be written to by one thread at a time.
+/// Exclusive borrow of a stepper, or an error that another thread uses it.
 fn borrow<'py>(slf: &Bound<'py, Stepper>) -> PyResult<PyRefMut<'py, Stepper>> {
     slf.try_borrow_mut().map_err(|_| PyRuntimeError::new_err(BUSY))
 }
@@ -235,55 +235,55 @@ impl Stepper {
         })
     }
 
-    /// The scene.
+    /// Model of the scene.
     #[getter]
     fn model(slf: Reading<'_>, py: Python<'_>) -> Py<Model> {
         slf.model.clone_ref(py)
     }
 
-    /// Settings of the step, as they were given.
+    /// Settings of the step, as given at construction.
     #[getter]
     fn options(slf: Reading<'_>, py: Python<'_>) -> Py<PyAny> {
         slf.options.clone_ref(py)
     }
 
-    /// Number of environments; None is a single one, without the leading axis.
+    /// Number of environments. None is a single one, with arrays without the leading axis.
     #[getter]
     pub(crate) fn num_envs(slf: Reading<'_>) -> Option<usize> {
         slf.batched.then(|| slf.n())
     }
 
-    /// Time step in force, s.
+    /// Current time step, s.
     #[getter]
     fn timestep(slf: Reading<'_>) -> f64 {
         slf.simulation.timestep()
     }
 
-    /// Residual at which the solver stops, in force, m/s.
+    /// Current tolerance of the solver: it stops at this residual, m/s.
     #[getter]
     fn tolerance(slf: Reading<'_>) -> f64 {
         slf.simulation.tolerance()
     }
 
-    /// Scalar type of the lanes: "f64" or "f32".
+    /// Floating-point precision: "f64" or "f32".
     #[getter]
     fn precision(slf: Reading<'_>) -> &'static str {
         precision_name(slf.simulation.precision())
     }
 
-    /// Threads that step; 0 is all that this process may use.
+    /// Number of threads; 0 is all processors of this process.
     #[getter]
     fn threads(slf: Reading<'_>) -> usize {
         slf.threads
     }
 
-    /// Seed of the errors of sensors.
+    /// Seed of the random sensor errors.
     #[getter]
     fn seed(slf: Reading<'_>) -> u64 {
         slf.seed
     }
 
-    /// What becomes of controls before they are forces, as the stepper was made; what `randomize` drew since is in `randomized`.
+    /// Actuator model given at construction. `randomized` has later changes by `randomize`.
     #[getter]
     fn actuators(slf: Reading<'_>, py: Python<'_>) -> Option<Py<PyAny>> {
         slf.actuators.as_ref().map(|a| a.clone_ref(py))

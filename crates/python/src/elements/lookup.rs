@@ -35,7 +35,7 @@ impl Kind {
         }
     }
 
-    /// Names of all elements in their order; empty where one has none.
+    /// Names of all elements in order; empty for elements without a name.
     pub(crate) fn names(self, model: &Core) -> Vec<&str> {
         match self {
             Self::Body => model.bodies.iter().map(|x| x.name.as_str()).collect(),
@@ -50,7 +50,7 @@ impl Kind {
         }
     }
 
-    /// Index of an element given by its name or its index, negative from the end.
+    /// Index of an element from its name or index. Negative indices count from the end.
     pub(crate) fn find(self, model: &Core, given: &Bound<'_, PyAny>) -> PyResult<usize> {
         let (word, names) = (self.word(), self.names(model));
         if let Ok(name) = given.extract::<String>() {

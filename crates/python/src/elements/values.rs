@@ -1,4 +1,4 @@
-//! What is said of an element, taken from its model.
+//! Attribute values of elements, from their model.
 
 use numpy::IntoPyArray;
 use pyo3::IntoPyObjectExt;
@@ -9,7 +9,7 @@ use stepper_core::model::{Activation, JointKind, Model as Core, Shape, Transmiss
 use crate::array::{array, read_only};
 use crate::elements::{Actuator, Body, Geom, Joint, Keyframe, Pair, Sensor, Site, Tendon};
 
-/// Values of an element as Python has them.
+/// Conversion of an element's values to Python.
 #[derive(Clone, Copy)]
 struct Values<'a, 'py> {
     py: Python<'py>,
@@ -21,7 +21,7 @@ impl<'py> Values<'_, 'py> {
         value.into_py_any(self.py)
     }
 
-    /// A read-only array, a row of `field`.
+    /// Read-only array with a row of `field`.
     fn row(self, numbers: &[f64], field: &str) -> PyResult<Py<PyAny>> {
         Ok(read_only(array(self.py, &[numbers.len()], numbers.to_vec(), Precision::F64)?, field)?.unbind())
     }
@@ -31,7 +31,7 @@ impl<'py> Values<'_, 'py> {
     }
 }
 
-/// Index of the first of those that are among some elements, -1 if there is none, and how many there are.
+/// Index of the first element for which `among` is true, -1 without one, and number of such elements.
 fn span(mut among: impl Iterator<Item = bool>) -> (i64, usize) {
     match among.by_ref().position(|is| is) {
         Some(first) => (first as i64, 1 + among.filter(|&is| is).count()),

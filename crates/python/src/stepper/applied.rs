@@ -1,6 +1,7 @@
-//! Arrays that the user writes and every step reads: forces, poses of mocap bodies, and which equalities act.
+//! Writable arrays that each step reads: applied forces, poses of mocap bodies, and active equalities.
 //!
-//! Their memory is Python's, which other threads of Python may write to while the core runs: the core has copies, made before each call.
+//! Python owns their memory, and other Python threads may write to it while the core runs. So the core works on copies, made before each
+//! call.
 
 use std::borrow::Cow;
 
@@ -13,14 +14,14 @@ use crate::array::shape_text;
 use crate::error::value_error;
 use crate::stepper::{Stepper, Writing};
 
-/// A writable array: of numbers, or of truths where it says which equalities act.
+/// Writable array of numbers, or of booleans for active equalities.
 enum Applied<'py> {
     Numbers(Bound<'py, PyArrayDyn<f64>>),
     Truths(Bound<'py, PyArrayDyn<bool>>),
 }
 
 impl<'py> Applied<'py> {
-    /// An array with these numbers, 0 for false.
+    /// New array with the given numbers; 0 is false.
     fn new(py: Python<'py>, input: AppliedInput, numbers: Vec<f64>, shape: Vec<usize>) -> PyResult<Self> {
         Ok(match input {
             AppliedInput::EqActive => Self::Truths(PyArray1::from_vec(py, numbers.into_iter().map(|x| x != 0.0).collect()).reshape(shape)?),
@@ -28,7 +29,7 @@ impl<'py> Applied<'py> {
         })
     }
 
-    /// The array, if it is C-contiguous and has the type and shape of its input.
+    /// Typed array; None if it is not C-contiguous or has another type or shape than its input.
     fn of(array: &Bound<'py, PyUntypedArray>, input: AppliedInput, shape: &[usize]) -> Option<Self> {
         if array.shape() != shape || !array.is_c_contiguous() {
             return None;
@@ -46,7 +47,7 @@ impl<'py> Applied<'py> {
         }
     }
 
-    /// Writes rows of some environments, the same to each.
+    /// Writes the same row for some environments.
     fn write_rows(&self, envs: &[usize], row: &[f64]) -> PyResult<()> {
         let width = row.len();
         match self {
@@ -66,7 +67,7 @@ impl<'py> Applied<'py> {
         Ok(())
     }
 
-    /// Hands the numbers, 0 for false, to `read`; `name` is for messages.
+    /// Calls `read` with the numbers; false is 0. Messages have `name`.
     fn with_numbers<T>(&self, name: &str, read: impl FnOnce(&[f64]) -> PyResult<T>) -> PyResult<T> {
         let taken = |e: BorrowError| PyValueError::new_err(format!("{name}: {e}"));
         match self {
@@ -86,7 +87,7 @@ impl Stepper {
         self.shape(&input.shape(self.simulation.model()))
     }
 
-    /// Puts the rows of some environments in the writable arrays back to what they are at reset.
+    /// Restores the reset values of some environments in the writable arrays.
     pub(super) fn reset_applied(&mut self, py: Python<'_>, envs: &[usize]) -> PyResult<()> {
         for input in AppliedInput::ALL {
             let Some(array) = self.made(py, input)? else { continue };
@@ -96,10 +97,10 @@ impl Stepper {
         Ok(())
     }
 
-    /// The writable array, if it was made; an error if the user has made something else of it.
+    /// Writable array if it exists. An error if the user has changed its type or shape.
     fn made<'py>(&self, py: Python<'py>, input: AppliedInput) -> PyResult<Option<Applied<'py>>> {
         let Some(array) = &self.applied[input as usize] else { return Ok(None) };
-        // It was of this type, but NumPy lets whoever has an array give it another.
+        // NumPy allows users to change the dtype and shape of an existing array.
         let shape = self.applied_shape(input);
         Applied::of(array.bind(py), input, &shape).map(Some).ok_or_else(|| {
             let (name, shape) = (input.name(), shape_text(&shape));
@@ -108,7 +109,7 @@ impl Stepper {
         })
     }
 
-    /// The writable array, made at its first use.
+    /// Writable array, created at its first use.
     pub(super) fn applied_array<'py>(&mut self, py: Python<'py>, input: AppliedInput) -> PyResult<Bound<'py, PyUntypedArray>> {
         if self.applied[input as usize].is_none() {
             let all = input.at_reset(self.simulation.model()).repeat(self.n());
@@ -139,7 +140,7 @@ impl Stepper {
         })
     }
 
-    /// Hands the writable arrays that were made to the core, which copies them.
+    /// Copies the existing writable arrays to the core.
     pub(super) fn apply(&mut self, py: Python<'_>) -> PyResult<()> {
         if self.applied.iter().all(Option::is_none) { Ok(()) } else { self.apply_arrays(py) }
     }
@@ -156,7 +157,7 @@ impl Stepper {
 
 #[pymethods]
 impl Stepper {
-    /// Writable, read by every step until changed or reset: forces on the joints in N or N m, (num_envs, nv).
+    /// Applied joint forces, (num_envs, nv), N or N m. Writable; each step applies them until they are changed or reset.
     #[getter]
     fn qfrc_applied<'py>(mut slf: Writing<'_>, py: Python<'py>) -> PyResult<Bound<'py, PyUntypedArray>> {
         slf.applied_array(py, AppliedInput::QfrcApplied)
@@ -167,8 +168,8 @@ impl Stepper {
         slf.assign(py, AppliedInput::QfrcApplied, &value)
     }
 
-    /// Writable, read by every step until changed or reset: force (N) and torque (N m) at every body's centre of mass, world axes,
-    /// (num_envs, nbody, 6).
+    /// Applied force (N) and torque (N m) at the centre of mass of each body in world axes, (num_envs, nbody, 6). Writable; each step
+    /// applies them until they are changed or reset.
     #[getter]
     fn xfrc_applied<'py>(mut slf: Writing<'_>, py: Python<'py>) -> PyResult<Bound<'py, PyUntypedArray>> {
         slf.applied_array(py, AppliedInput::XfrcApplied)
@@ -179,7 +180,7 @@ impl Stepper {
         slf.assign(py, AppliedInput::XfrcApplied, &value)
     }
 
-    /// Writable, read by every step until changed or reset: positions of the mocap bodies in m, (num_envs, nmocap, 3).
+    /// Positions of the mocap bodies, (num_envs, nmocap, 3), m. Writable; each step uses them until they are changed or reset.
     #[getter]
     fn mocap_pos<'py>(mut slf: Writing<'_>, py: Python<'py>) -> PyResult<Bound<'py, PyUntypedArray>> {
         slf.applied_array(py, AppliedInput::MocapPos)
@@ -190,7 +191,8 @@ impl Stepper {
         slf.assign(py, AppliedInput::MocapPos, &value)
     }
 
-    /// Writable, read by every step until changed or reset: orientations of the mocap bodies, (num_envs, nmocap, 4).
+    /// Orientations of the mocap bodies as quaternions, (num_envs, nmocap, 4). Writable; each step uses them until they are changed or
+    /// reset.
     #[getter]
     fn mocap_quat<'py>(mut slf: Writing<'_>, py: Python<'py>) -> PyResult<Bound<'py, PyUntypedArray>> {
         slf.applied_array(py, AppliedInput::MocapQuat)
@@ -201,11 +203,11 @@ impl Stepper {
         slf.assign(py, AppliedInput::MocapQuat, &value)
     }
 
-    /// Whether each equality is active, (num_envs, neq) bool, as MuJoCo's `eq_active`: writable, and valid for every step until changed.
+    /// Whether each equality is active, (num_envs, neq) bool, as MuJoCo's `eq_active`. Writable; each step uses it until it is changed.
     /// `reset` restores the model's `eq_active0`; `get_state` and `set_state` do not include it.
     ///
     /// The step ignores inactive equalities. If one is activated with a large position error, position correction closes it at up to
-    /// `Options.max_correction_speed`. A weld pulls the bodies to the relative pose in `eq_data`, not to the present one.
+    /// `Options.max_correction_speed`. A weld pulls the bodies to the relative pose in `eq_data`, not to the current one.
     #[getter]
     fn eq_active<'py>(mut slf: Writing<'_>, py: Python<'py>) -> PyResult<Bound<'py, PyUntypedArray>> {
         slf.applied_array(py, AppliedInput::EqActive)

@@ -10,7 +10,7 @@ use crate::error::value_error;
 use crate::stepper::{Stepper, Writing};
 
 impl Stepper {
-    /// Quantities, in one pass, as arrays of their own.
+    /// New arrays of quantities, computed in one pass.
     pub(super) fn derive<'py>(&mut self, py: Python<'py>, quantities: &[DerivedQuantity]) -> PyResult<Vec<Bound<'py, PyAny>>> {
         let (model, precision) = (self.simulation.model(), self.simulation.precision());
         let shapes: Vec<_> = quantities.iter().map(|q| self.shape(&q.shape(model))).collect();
@@ -21,7 +21,7 @@ impl Stepper {
         data.into_iter().zip(&shapes).map(|(data, shape)| data.into_array(py, shape)).collect()
     }
 
-    /// The read-only array of a quantity, the same one as long as nothing has changed.
+    /// Read-only array of a quantity, cached until something changes.
     fn derived<'py>(&mut self, py: Python<'py>, quantity: DerivedQuantity) -> PyResult<Bound<'py, PyAny>> {
         self.apply(py)?;
         if let Some(known) = self.derived.get(self.simulation.revision(), quantity) {
@@ -41,10 +41,9 @@ impl Stepper {
 
 #[pymethods]
 impl Stepper {
-    /// Positions of the bodies at the present `qpos`: (num_envs, nbody, 3) in m, of their frames' origins. Body 0 is the world.
-    /// MuJoCo's `mj_step` leaves those before the step, `mj_forward` these. Like all that is derived from the state, they are computed
-    /// when asked for, of all environments at once, and the array is the same one until something changes; what was asked for together
-    /// after the last change is computed in one pass.
+    /// Positions of the body frames at the current `qpos`, (num_envs, nbody, 3), m. Body 0 is the world. Unlike after MuJoCo's `mj_step`,
+    /// they belong to the state after the step, as after `mj_forward`. Derived quantities are computed at the first read for all
+    /// environments and cached until something changes. Quantities that are read together are computed in one pass.
     #[getter]
     fn xpos<'py>(mut slf: Writing<'_>, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         slf.derived(py, DerivedQuantity::BodyPos)
@@ -56,8 +55,8 @@ impl Stepper {
         slf.derived(py, DerivedQuantity::BodyQuat)
     }
 
-    /// Velocities of the bodies' frames at the present state in world axes: (num_envs, nbody, 3) in m/s. Bodies that the user poses
-    /// stand still, as in MuJoCo.
+    /// Linear velocities of the body frames at the current state in world axes, (num_envs, nbody, 3), m/s. Those of mocap bodies are zero,
+    /// as in MuJoCo.
     #[getter]
     fn body_linvel<'py>(mut slf: Writing<'_>, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         slf.derived(py, DerivedQuantity::BodyLinVel)
@@ -93,8 +92,7 @@ impl Stepper {
         slf.derived(py, DerivedQuantity::GeomQuat)
     }
 
-    /// Centres of mass of every body with all that hangs from it at the present `qpos`: (num_envs, nbody, 3) in m. Row 0 is that of the
-    /// whole scene.
+    /// Centre of mass of each body with its descendants at the current `qpos`, (num_envs, nbody, 3), m. Row 0 is that of the whole scene.
     #[getter]
     fn subtree_com<'py>(mut slf: Writing<'_>, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         slf.derived(py, DerivedQuantity::SubtreeCom)
@@ -106,91 +104,90 @@ impl Stepper {
         slf.derived(py, DerivedQuantity::BodyCom)
     }
 
-    /// Inertias of the bodies about the centre of mass of their tree, world axes: (num_envs, nbody, 10), the inertia's xx, yy, zz, xy, xz,
-    /// yz in kg m^2, the mass times the place of the body's centre of mass in kg m, the mass in kg. The world's row is zero. A tree is a
-    /// child of the world with all that hangs from it.
+    /// Inertias of the bodies about the centre of mass of their tree in world axes, (num_envs, nbody, 10), as MuJoCo's `cinert`. The
+    /// columns are the inertia xx, yy, zz, xy, xz, yz (kg m^2), mass times position of the centre of mass (3, kg m), and mass (kg). The row
+    /// of the world is zero. A tree is a child of the world with its descendants.
     #[getter]
     fn cinert<'py>(mut slf: Writing<'_>, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         slf.derived(py, DerivedQuantity::BodyInertia)
     }
 
-    /// Velocities of the bodies at the present state, of the point of each that is at the centre of mass of its tree, world axes:
-    /// (num_envs, nbody, 6), angular velocity (3) in rad/s, linear velocity (3) in m/s.
+    /// Velocities of the bodies about the centre of mass of their tree in world axes, (num_envs, nbody, 6), as MuJoCo's `cvel`. The
+    /// columns are angular velocity (3, rad/s), and linear velocity (3, m/s) of the body-fixed point at that centre of mass.
     #[getter]
     fn cvel<'py>(mut slf: Writing<'_>, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         slf.derived(py, DerivedQuantity::BodyMotion)
     }
 
-    /// Torques (3) in N m and forces (3) in N on the bodies of the contacts that the last step left, about the centre of mass of their
-    /// tree, world axes: (num_envs, nbody, 6). The world's row is zero, and where no step was made since the state was set all are.
-    /// MuJoCo counts `xfrc_applied` and connect and weld equalities as well.
+    /// Torques (3, N m) and forces (3, N) of the contacts of the last step on the bodies, about the centre of mass of their tree in world
+    /// axes, (num_envs, nbody, 6). The row of the world is zero, and all rows are zero before the first step after a reset or `set_state`.
+    /// MuJoCo's `cfrc_ext` also includes `xfrc_applied` and connect and weld equalities.
     #[getter]
     fn cfrc_ext<'py>(mut slf: Writing<'_>, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         slf.derived(py, DerivedQuantity::BodyForce)
     }
 
-    /// Acceleration (v+ - v) / h of the last step, impulses of contacts and limits included: (num_envs, nv).
+    /// Acceleration (v+ - v) / h of the last step, including impulses of contacts and limits, (num_envs, nv), m/s^2 or rad/s^2.
     ///
-    /// Where no step was made since the state was set, it is that of the step that would be made from it; so are `qfrc_constraint` and
-    /// `body_contact_force`.
+    /// Before the first step after a reset or `set_state`, it is the acceleration of a step from the current state. This also holds for
+    /// `qfrc_constraint` and `body_contact_force`.
     #[getter]
     fn qacc<'py>(mut slf: Writing<'_>, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         slf.derived(py, DerivedQuantity::Acceleration)
     }
 
-    /// Coriolis, centrifugal and gravitational forces of the present state: (num_envs, nv) in N or N m. As `mj_forward` leaves them.
+    /// Coriolis, centrifugal and gravitational forces at the current state, (num_envs, nv), N or N m, as after `mj_forward`.
     #[getter]
     fn qfrc_bias<'py>(mut slf: Writing<'_>, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         slf.derived(py, DerivedQuantity::BiasForce)
     }
 
-    /// Acceleration without constraints at the present state with the controls in force: (num_envs, nv) in m/s^2 or rad/s^2. As
-    /// `mj_forward` leaves it. With `actuators=`, drives contribute what they handed on in the last step.
+    /// Acceleration without constraints at the current state and controls, (num_envs, nv), m/s^2 or rad/s^2, as after `mj_forward`. With
+    /// `actuators=`, it uses the outputs of the drives in the last step.
     #[getter]
     fn qacc_smooth<'py>(mut slf: Writing<'_>, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         slf.derived(py, DerivedQuantity::SmoothAcceleration)
     }
 
-    /// Forces of the actuators at the present state with the controls in force, before their gears: (num_envs, nu) in N or N m. As
-    /// `mj_forward` leaves them.
+    /// Actuator forces before the gear at the current state and controls, (num_envs, nu), N or N m, as after `mj_forward`.
     #[getter]
     fn actuator_force<'py>(mut slf: Writing<'_>, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         slf.derived(py, DerivedQuantity::ActuatorForce)
     }
 
-    /// Forces of the actuators on the joints, within the joints' `actuatorfrcrange`: (num_envs, nv) in N or N m.
+    /// Joint forces of the actuators, clipped to `actuatorfrcrange`, (num_envs, nv), N or N m.
     #[getter]
     fn qfrc_actuator<'py>(mut slf: Writing<'_>, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         slf.derived(py, DerivedQuantity::JointActuatorForce)
     }
 
-    /// Force of all constraints of the last step on the joints, its impulse over h: contacts, limits, dry friction, equalities and
-    /// tendons: (num_envs, nv) in N or N m.
+    /// Joint forces of all constraints in the last step, (num_envs, nv), N or N m: impulses of contacts, limits, dry friction, equalities
+    /// and tendons, divided by h.
     #[getter]
     fn qfrc_constraint<'py>(mut slf: Writing<'_>, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         slf.derived(py, DerivedQuantity::JointConstraintForce)
     }
 
-    /// Force (3) in N and torque (3) in N m of all contacts of the last step on every body, world axes: (num_envs, nbody, 6). The torque
-    /// is about the body's present centre of mass.
+    /// Force (3, N) and torque (3, N m) of all contacts of the last step on each body in world axes, (num_envs, nbody, 6). The torque is
+    /// about the body's current centre of mass.
     #[getter]
     fn body_contact_force<'py>(mut slf: Writing<'_>, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         slf.derived(py, DerivedQuantity::BodyContactForce)
     }
 
-    /// Jacobian of the origin of a body's frame, or of a site, at the present `qpos`: its velocity is `jacobian @ qvel`.
+    /// Jacobian of a body frame or a site at the current `qpos`, with velocity = `jacobian @ qvel`.
     ///
     /// Args:
     ///     body: Name or index of a body.
-    ///     site: Name or index of a site, instead.
+    ///     site: Name or index of a site, instead of a body.
     ///
     /// Returns:
-    ///     (num_envs, 6, nv), world axes: three rows of the linear velocity, then three of the angular one.
+    ///     Jacobian in world axes, (num_envs, 6, nv): three rows for the linear velocity, then three for the angular velocity.
     ///
     /// Raises:
-    ///     ValueError: Both were given, or neither.
-    ///     KeyError: No body or site of that name.
-    ///     IndexError: No body or site of that index.
+    ///     ValueError: Both or none of body and site are given.
+    ///     KeyError: The model has no body or site of that name.
+    ///     IndexError: The model has no body or site of that index.
     #[pyo3(signature = (body=None, site=None))]
     fn jacobian<'py>(
         mut slf: Writing<'_>,

@@ -12,11 +12,11 @@ use crate::stepper::{Stepper, Writing};
 
 #[pymethods]
 impl Stepper {
-    /// Derivatives of a step by the implicit function theorem, for `stepper.derivatives.implicit`, which says what the arguments are.
+    /// Derivatives of a step by the implicit function theorem. `stepper.derivatives.implicit` documents the arguments.
     ///
     /// Returns:
-    ///     Arrays by name, rows first an environment each: "slopes" (num_envs, 2 nv + na, columns), "causes" (num_envs, columns) uint32,
-    ///     "distance", "sound" (uint8), "residual" and "status" (num_envs,), and "qpos", "qvel" and "act" after the step.
+    ///     Arrays by name: "slopes" (num_envs, 2 nv + na, columns), "causes" (num_envs, columns) uint32, "distance", "sound" (uint8),
+    ///     "residual" and "status" (num_envs,), and "qpos", "qvel" and "act" after the step.
     #[pyo3(signature = (ctrl, parts, offsets, tolerance))]
     fn _differentiate<'py>(
         mut slf: Writing<'_>,

@@ -1,4 +1,4 @@
-//! Methods whose work modules of the package do, in Python: they are called through the stepper, where users look for them.
+//! Methods of `Stepper` that are implemented in Python modules of the package.
 
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -7,37 +7,36 @@ use crate::stepper::Stepper;
 
 #[pymethods]
 impl Stepper {
-    /// Derivatives of the state after `nstep` steps by the state, controls and parameters now, in all environments; advances nothing.
+    /// Derivatives of the state after `nstep` steps with respect to the current state, controls and parameters, in all environments.
     ///
-    /// Every column is a central difference between two perturbed copies of an environment, or a difference to one side. Copies of all
-    /// environments and columns are stepped together, in lanes and on the stepper's threads, with its options and all that environments
-    /// have of their own, but to a tighter tolerance; the stepper is only read, and keeps room for copies for the next call. With contact
-    /// the step is smooth only between kinks: see `Linearization.near_kink`
-    /// and docs/how-to/derivatives.md.
+    /// The method does not change the stepper. Each column is a finite difference between perturbed copies of an environment. Copies of all
+    /// environments and columns are stepped as one batch, with the options, parameters and threads of the stepper, but a tighter tolerance.
+    /// The stepper keeps their memory for the next call. With contact, the step is smooth only between kinks: see
+    /// `Linearization.near_kink` and docs/how-to/derivatives.md.
     ///
     /// Args:
-    ///     wrt: "qpos", "qvel", "act", "ctrl", and fields of `Stepper.randomize`, whole ("body_mass") or in part, by selector
-    ///         ("geom_friction[floor,box][0]", docs/reference/what_can_vary.md). Columns are zero where a mass, size, stiffness or
-    ///         frictionloss of 0 says that the model has none. None is ("qpos", "qvel", "act", "ctrl").
-    ///     ctrl: Controls held during the steps, (num_envs, nu) or (nu,); None is those in force.
+    ///     wrt: Names of the inputs: "qpos", "qvel", "act", "ctrl", and fields of `Stepper.randomize`, whole ("body_mass") or by selector
+    ///         ("geom_friction[floor,box][0]", docs/reference/what_can_vary.md). Columns are zero for a mass, size, stiffness or
+    ///         frictionloss of 0, which the model does not simulate. None is ("qpos", "qvel", "act", "ctrl").
+    ///     ctrl: Constant controls during the steps, (num_envs, nu) or (nu,). None is the current ones.
     ///     nstep: Number of steps.
-    ///     method: "fd", finite differences of whole steps, or "implicit": the step is solved once, and its derivative is that at the
-    ///         modes of the solution, which contacts push, stick and slip, by the implicit function theorem. That is for the midpoint rule,
-    ///         Euler's and the implicit one, and for `contact="mujoco"` with "euler", "implicitfast" or "implicit"; by the state and
-    ///         the controls. Environments that it says nothing of are taken by differences (`Linearization.implicit`).
-    ///     step: Half width of the differences, for coordinates in SI units and for parameters relative to their size; None is the one
-    ///         that the tolerance asks for (`stepper.derivatives.perturbations.step_of`), or `stepper.derivatives.implicit.STEP`.
-    ///     tolerance: Residual to which copies are solved, m/s; None is 1e-13, or the stepper's own if that is less.
-    ///     centered: Whether differences are central. Differences to one side cost half the copies; their error is of first order in the
-    ///         step instead of second, and slopes on both sides are not compared.
-    ///     extrapolate: Whether differences of twice the width are taken too, and Richardson's extrapolation of both, which costs twice
-    ///         the copies and estimates errors.
-    ///     sensors: Whether to give derivatives of the ideal sensors' readings too.
+    ///     method: "fd" is finite differences of whole steps. "implicit" solves the step once and applies the implicit function theorem
+    ///         with fixed contact modes (which contacts push, stick and slip). It supports derivatives by state and controls with the
+    ///         integrators "midpoint", "euler" and "implicit", and with `contact="mujoco"` and "euler", "implicitfast" or "implicit".
+    ///         Environments where it does not apply use differences (`Linearization.implicit`).
+    ///     step: Half width of the differences, in SI units for coordinates and relative for parameters. None chooses it by the tolerance
+    ///         (`stepper.derivatives.perturbations.step_of`), or is `stepper.derivatives.implicit.STEP` for "implicit".
+    ///     tolerance: Solver tolerance of the copies, m/s. None is 1e-13, or that of the stepper if it is smaller.
+    ///     centered: Whether differences are central. One-sided differences need half the copies. Their error is of first order in `step`
+    ///         instead of second, and they cannot compare the slopes of both sides.
+    ///     extrapolate: Whether to apply Richardson extrapolation with differences of twice the width. It needs twice the copies and gives
+    ///         error estimates.
+    ///     sensors: Whether to compute derivatives of the ideal sensor readings too.
     ///
     /// Raises:
-    ///     ValueError: An unknown name, a wrong shape, a step or number of steps that is none; of `method="implicit"`, options or
-    ///         derivatives that only `method="fd"` takes.
-    ///     ModelError: A parameter that cannot be perturbed, with its element.
+    ///     ValueError: A name is unknown, a shape is wrong, or `step` or `nstep` is not positive. Or `method="implicit"` does not support
+    ///         the options or derivatives.
+    ///     ModelError: A parameter cannot be perturbed; the message has its element.
     #[pyo3(signature = (
         wrt=None, *, ctrl=None, nstep=1, method="fd", step=None, tolerance=None, centered=true, extrapolate=false, sensors=false
     ))]
@@ -73,46 +72,46 @@ impl Stepper {
     ///     sim.read("qvel", ["left_knee", "right_knee"])  # (num_envs, 2)
     ///
     /// Args:
-    ///     name: An attribute of `Stepper`: "xpos", "qvel", "sensordata".
-    ///     of: A body, site, geom, joint, actuator or sensor, whichever the quantity is of, or several; None is all. One body, site or
-    ///         geom is without its axis: (num_envs, 3). Columns of joints and sensors stand one after the other: (num_envs, n).
+    ///     name: Name of an attribute of `Stepper`, such as "xpos", "qvel" or "sensordata".
+    ///     of: Name or index of a body, site, geom, joint, actuator or sensor, by the kind of quantity, or a list of several. None is all.
+    ///         A single body, site or geom has no axis: (num_envs, 3). The columns of joints and sensors are concatenated: (num_envs, n).
     ///
     /// Returns:
-    ///     (num_envs, ...) in the stepper's scalar type, the caller's own.
+    ///     New array (num_envs, ...) in the precision of the stepper.
     ///
     /// Raises:
-    ///     ValueError: An unknown quantity.
-    ///     KeyError, IndexError: No element of that name or index.
+    ///     ValueError: The quantity is unknown.
+    ///     KeyError, IndexError: The model has no element of that name or index.
     #[pyo3(signature = (name, of=None))]
     fn read<'py>(slf: &Bound<'py, Self>, name: &str, of: Option<Bound<'py, PyAny>>) -> PyResult<Bound<'py, PyAny>> {
         slf.py().import("stepper._quantities")?.call_method1("read", (slf, name, of))
     }
 
-    /// Forces on the joints that give the present states these accelerations: M qacc + bias - passive.
+    /// Joint forces that cause given accelerations at the current states: M qacc + bias - passive.
     ///
     /// This is MuJoCo's `mj_inverse` without constraints. Passive forces are those of springs, dampers, gravity compensation and the
-    /// medium. Forces of actuators and applied forces are not subtracted, nor are those of contacts and other constraints, which
-    /// `qfrc_constraint` has of the last step.
+    /// medium. Actuator forces, applied forces and constraint forces are not subtracted. `qfrc_constraint` has the constraint forces of the
+    /// last step.
     ///
     /// Args:
     ///     qacc: Accelerations, (num_envs, nv) or (nv,), m/s^2 or rad/s^2.
     ///
     /// Returns:
-    ///     (num_envs, nv) in the stepper's scalar type, N or N m.
+    ///     Joint forces, (num_envs, nv), in the precision of the stepper, N or N m.
     ///
     /// Raises:
-    ///     ValueError: Accelerations of another shape.
+    ///     ValueError: `qacc` has another shape.
     fn inverse_dynamics<'py>(slf: &Bound<'py, Self>, qacc: Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
         slf.py().import("stepper._quantities")?.call_method1("inverse_dynamics", (slf, qacc))
     }
 
-    /// Opens a live view of the environments in the browser, and says where it is.
+    /// Opens a live view of the environments in the browser, and prints its address.
     ///
     /// Args:
-    ///     **settings: Those of `stepper.viewer.View`.
+    ///     **settings: Arguments of `stepper.viewer.View`.
     ///
     /// Raises:
-    ///     ModuleNotFoundError: viser is not installed, with how to install it.
+    ///     ModuleNotFoundError: viser is not installed; the message has the command to install it.
     #[pyo3(signature = (**settings))]
     fn view<'py>(slf: &Bound<'py, Self>, settings: Option<&Bound<'py, PyDict>>) -> PyResult<Bound<'py, PyAny>> {
         slf.py().import("stepper.viewer")?.call_method("view", (slf,), settings)

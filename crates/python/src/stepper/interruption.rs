@@ -1,21 +1,21 @@
-//! Calls that a signal ends, such as Ctrl-C.
+//! Calls that a signal interrupts, such as Ctrl-C.
 
 use pyo3::PyTypeInfo;
 use pyo3::exceptions::PyKeyboardInterrupt;
 use pyo3::prelude::*;
 use stepper_core::Error;
 
-/// A call that a signal has ended.
+/// Call that a signal has interrupted.
 #[derive(Debug)]
 pub(super) struct Interrupted {
-    /// Steps that every environment has made.
+    /// Number of steps that each environment has made.
     pub(super) steps: usize,
-    /// What the handler of the signal raised.
+    /// Exception that the handler of the signal raised.
     error: PyErr,
 }
 
 impl Interrupted {
-    /// The exception, which says how far the call came: `steps` is its attribute, and in its message or a note.
+    /// Exception with the number of steps made, as attribute `steps` and in its message or a note.
     pub(super) fn raise(self, py: Python<'_>, call: &str, of: usize, also: &str) -> PyErr {
         let Self { steps, error } = self;
         let message = format!("{call} was interrupted after {steps} of {of} steps, in every environment{also}");
@@ -26,13 +26,13 @@ impl Interrupted {
         if !plain {
             let _ = value.call_method1("add_note", (&message,));
         }
-        // An exception of a class without attributes goes on without one.
+        // Some exception classes allow no attributes.
         let _ = value.setattr("steps", steps);
         error
     }
 }
 
-/// Makes a call of the core that looks for signals from time to time, on the thread that Python called.
+/// Makes a call of the core that checks for signals periodically, on the calling thread.
 pub(super) fn watched(call: impl FnOnce(&mut dyn FnMut() -> bool) -> Result<usize, Error>) -> Result<Option<Interrupted>, Error> {
     let mut error = None;
     let steps = call(&mut || match Python::attach(|py| py.check_signals()) {

@@ -10,7 +10,7 @@ use crate::stepper::{Reading, Stepper};
 
 #[pymethods]
 impl Stepper {
-    /// Kinks between copies of environments after a step, for `stepper.derivatives.kinks`, which says what the arguments are.
+    /// Kinks between copies of environments after a step. `stepper.derivatives.kinks` documents the arguments.
     ///
     /// Returns:
     ///     Flags of `Kink` by column, (environments, columns) uint32, and the distance to the nearest kink, (environments,).

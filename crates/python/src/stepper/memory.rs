@@ -1,6 +1,6 @@
-//! `Stepper.memory`: what a batch holds, in bytes.
+//! `Stepper.memory`: memory of a batch, in bytes.
 //!
-//! What a thread holds is counted by the allocator while its room is made, so that no sum of sizes can go stale.
+//! The allocator counts the memory of a thread's workspace while it is created, which is more reliable than a sum of sizes.
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
@@ -15,14 +15,14 @@ thread_local! {
     static HELD: Cell<isize> = const { Cell::new(0) };
 }
 
-/// The system's allocator, which counts the bytes that each thread takes less those that it gives back.
+/// System allocator with a count of each thread's allocated bytes.
 struct Counting;
 
 fn count(bytes: isize) {
     HELD.with(|held| held.set(held.get() + bytes));
 }
 
-// SAFETY: everything is the system allocator's; counting touches a thread-local number without a destructor.
+// SAFETY: all calls go to the system allocator; counting only changes a thread-local number without a destructor.
 unsafe impl GlobalAlloc for Counting {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
         count(layout.size() as isize);
@@ -49,7 +49,7 @@ unsafe impl GlobalAlloc for Counting {
 static ALLOCATOR: Counting = Counting;
 
 impl Stepper {
-    /// Bytes on the heap that the workspace of one more thread takes.
+    /// Heap memory of the workspace of one thread, bytes.
     fn bytes_per_thread(&self) -> usize {
         let before = HELD.get();
         let mut after = before;
@@ -57,7 +57,7 @@ impl Stepper {
         usize::try_from(after - before).unwrap_or(0)
     }
 
-    /// Bytes of the writable arrays that were made.
+    /// Memory of the existing writable arrays, bytes.
     fn applied_bytes(&self, py: Python<'_>) -> usize {
         self.applied.iter().flatten().map(|array| array.bind(py).len() * size_of::<f64>()).sum()
     }
@@ -65,13 +65,13 @@ impl Stepper {
 
 #[pymethods]
 impl Stepper {
-    /// Memory that the environments take, in bytes, without NumPy arrays that were handed out.
+    /// Memory of the stepper in bytes, without NumPy arrays that it has returned.
     ///
     /// Returns:
-    ///     "per_env": of each environment; "per_thread": working room of each thread that steps, none of which is per environment;
-    ///     "state", "parameters" and "inputs": what all environments hold, what they have of their own by `randomize` and as numbers
-    ///     of drives, and what waits for the next step (controls, applied forces, mocap poses); "threads": how many have room;
-    ///     "total": "state" + "parameters" + "inputs" + "threads" x "per_thread".
+    ///     Dictionary of bytes. "per_env": memory of each environment. "per_thread": workspace of each thread. "state": states of all
+    ///     environments. "parameters": parameters per environment, from `randomize` and drives. "inputs": controls, applied forces and
+    /// mocap
+    ///     poses. "threads": number of threads with a workspace. "total": "state" + "parameters" + "inputs" + "threads" x "per_thread".
     fn memory<'py>(slf: Reading<'_>, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let simulation = &slf.simulation;
         let (state, parameters) = (simulation.bytes(), simulation.parameter_bytes());

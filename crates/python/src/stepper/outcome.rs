@@ -1,4 +1,4 @@
-//! What became of the last call: flags, the solver's certificate, contacts.
+//! Results of the last call: status flags, residuals and iterations of the solver, contacts.
 
 use std::path::PathBuf;
 
@@ -15,56 +15,56 @@ use crate::stepper::{Reading, Stepper, Writing};
 
 #[pymethods]
 impl Stepper {
-    /// Flags of the last call of `step`, see `stepper.Status`: (num_envs,) uint32.
+    /// Status flags of the last call of `step`, (num_envs,) uint32; see `stepper.Status`.
     #[getter]
     fn status<'py>(slf: Reading<'_>, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         slf.per_env(py, "status", |env| slf.simulation.status(env).bits())
     }
 
-    /// Natural-map residual of the last step in m/s, 0 where it was NON_FINITE: (num_envs,).
+    /// Natural-map residual of the solver in the last step, (num_envs,), m/s; 0 for environments with NON_FINITE.
     #[getter]
     fn residual<'py>(slf: Reading<'_>, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         slf.per_env(py, "residual", |env| slf.simulation.certificate(env).residual)
     }
 
-    /// Iterations of the solver in the last step, Gauss-Seidel iterations and Newton steps together: (num_envs,) uint32.
+    /// Number of solver iterations in the last step, (num_envs,) uint32: Gauss-Seidel iterations and Newton steps.
     #[getter]
     fn iterations<'py>(slf: Reading<'_>, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         let both = |env| slf.simulation.certificate(env).sweeps + slf.simulation.certificate(env).newton_steps;
         slf.per_env(py, "iterations", both)
     }
 
-    /// Newton steps of the solver in the last step, over all islands of bodies: (num_envs,) uint32. The rest of `iterations` are
+    /// Number of Newton steps of the solver in the last step, over all islands of bodies, (num_envs,) uint32. The other `iterations` are
     /// Gauss-Seidel iterations.
     #[getter]
     fn newton_steps<'py>(slf: Reading<'_>, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         slf.per_env(py, "newton_steps", |env| slf.simulation.certificate(env).newton_steps)
     }
 
-    /// Largest penetration of a contact beyond its margin in any step of the last call of `step`, in m: (num_envs,) float64. A step
-    /// measures it where it detects contacts, "midpoint" and "rk4" in the middle of the step. Above 1 mm `status` has DEEP.
+    /// Largest penetration of a contact beyond its margin in the last call of `step`, (num_envs,) float64, m. A step measures it at contact
+    /// detection, which is in the middle of the step for "midpoint" and "rk4". Above 1 mm `status` has DEEP.
     #[getter]
     fn max_penetration<'py>(slf: Reading<'_>, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         slf.per_env(py, "max_penetration", |env| slf.simulation.depth(env))
     }
 
-    /// Largest violation of the range of a joint or tendon after any step of the last call of `step`, in rad or m: (num_envs,)
-    /// float64. Above 0.01 `status` has OVER_LIMIT.
+    /// Largest violation of the range of a joint or tendon after the steps of the last call of `step`, (num_envs,) float64, rad or m. Above
+    /// 0.01 `status` has OVER_LIMIT.
     #[getter]
     fn max_limit_violation<'py>(slf: Reading<'_>, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         slf.per_env(py, "max_limit_violation", |env| slf.simulation.limit_overshoot(env))
     }
 
-    /// Largest position error of an equality (connect, weld, joint, tendon) after any step of the last call of `step`, in m or rad:
-    /// (num_envs,) float64. Above 0.001 `status` has EQUALITY_VIOLATED. It is 0 without equalities. Equalities with a finite
-    /// stiffness are springs and are not included. With contact="mujoco" all equalities are soft, and all are included.
+    /// Largest position error of an equality (connect, weld, joint, tendon) after the steps of the last call of `step`, (num_envs,)
+    /// float64, m or rad. Above 0.001 `status` has EQUALITY_VIOLATED. It is 0 without equalities. Equalities with a finite stiffness are
+    /// springs and are not included. With contact="mujoco" all equalities are soft, and all are included.
     #[getter]
     fn max_equality_violation<'py>(slf: Reading<'_>, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         slf.per_env(py, "max_equality_violation", |env| slf.simulation.max_equality_violation(env))
     }
 
-    /// Steps of the last call of `step` in which the effort of each actuator was cut to its bounds: its `forcerange`, its joint's
-    /// `actuatorfrcrange`, or the limits and torque-speed curve of its drive: (num_envs, nu) uint32.
+    /// Number of steps in the last call of `step` in which each actuator force was clipped, (num_envs, nu) uint32. Bounds are the
+    /// `forcerange` of the actuator, the `actuatorfrcrange` of the joint, and the limits and torque-speed curve of the drive.
     #[getter]
     fn actuator_saturation<'py>(slf: Reading<'_>, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         let counts: Vec<u32> = (0..slf.n()).flat_map(|env| slf.simulation.actuator_saturation(env)).collect();
@@ -72,20 +72,20 @@ impl Stepper {
         read_only(PyArray1::from_vec(py, counts).reshape(shape)?.into_any(), "actuator_saturation")
     }
 
-    /// Contacts of the last step: those that were given a row.
+    /// Contacts of the last step: all that the solver considered.
     ///
-    /// That is every one that the motion can close within the step, also contacts that do not touch (distance > 0), mostly without
-    /// force. Distances are measured from the margin, at which contacts begin to push. A gap, which in MuJoCo 4 reports contacts
-    /// beyond the margin that do not push, has no effect here: what is farther than a step away is not listed.
+    /// They are the contacts that the motion can close within the step. Contacts that do not touch (distance > 0) mostly have no force.
+    /// Distances are relative to the margin, at which contacts begin to push. The `gap` of a geom, with which MuJoCo 4 also reports
+    /// contacts without force, has no effect: farther contacts are not listed.
     ///
     /// Args:
-    ///     envs: Which environments, as of `reset`, one after the other.
+    ///     envs: Environments, as in `reset`. Their contacts are concatenated.
     ///
     /// Returns:
-    ///     A structured array: env, geom (2,), body (2,), pos (3,) in m, normal (3,) from the first geom to the second, distance in m
-    ///     from the margin, force (3,) in N on the second geom along normal, t1, t2, torque (3,) in N m on it about the same
-    ///     directions, of torsional and rolling friction (condim 4 and 6), and frame (3, 3), whose rows are these directions. The
-    ///     second geom's torque acts at pos, and |(force_t / mu_slide, torque_n / mu_spin, torque_t / mu_roll)| <= force_n.
+    ///     Structured array with these fields: env; geom (2,); body (2,); pos (3,), m; normal (3,), from the first geom to the second;
+    ///     distance, m, relative to the margin; force (3,), N, on the second geom along the rows of frame; torque (3,), N m, of torsional
+    ///     and rolling friction (condim 4 and 6) on the second geom about these rows; frame (3, 3), with the rows normal, t1 and t2. The
+    ///     torque acts at pos, and |(force_t / mu_slide, torque_n / mu_spin, torque_t / mu_roll)| <= force_n.
     #[pyo3(signature = (envs=None, **others), text_signature = "($self, envs=None)")]
     fn contacts<'py>(
         slf: Reading<'_>,
@@ -98,16 +98,14 @@ impl Stepper {
         structured(py, &slf.simulation, selection.envs)
     }
 
-    /// The row that the last call of `step` could not solve.
-    ///
-    /// Where `status` says NOT_CONVERGED, it is the one with the largest residual in the last step that was not solved.
+    /// Constraint with the largest residual in the last unsolved step (`status` NOT_CONVERGED) of the last call of `step`.
     ///
     /// Args:
-    ///     env: The environment.
+    ///     env: Index of the environment.
     ///
     /// Returns:
-    ///     For example 'contact of geom "floor" and geom "foot"', 'limit of joint "knee"' or 'equality "loop"'; None where every step
-    ///     was solved, or no single row is to blame.
+    ///     Text such as 'contact of geom "floor" and geom "foot"', 'limit of joint "knee"' or 'equality "loop"'. None if all steps were
+    ///     solved, or if no single constraint is responsible.
     #[pyo3(signature = (env=Env(0), **others), text_signature = "($self, env=0)")]
     fn worst_row(slf: Reading<'_>, env: Env, others: Option<&Bound<'_, PyDict>>) -> PyResult<Option<String>> {
         no_others("Stepper.worst_row", others, &["env"])?;
@@ -115,18 +113,17 @@ impl Stepper {
         Ok(row.map(|row| row.describe(slf.simulation.model()).to_string()))
     }
 
-    /// Writes the constraint problem of the next step to a file.
+    /// Writes the constraint problem of the next step to a file, for example as a test of the solver.
     ///
-    /// It has the impulses that the solve starts from, so that a hard problem becomes a test of the solver: in Rust,
-    /// `stepper_solve::Problem::load(path)` reads it.
+    /// The file includes the initial impulses of the solver. In Rust, `stepper_solve::Problem::load(path)` reads it.
     ///
-    /// The problem is that of a step from the present state, which does not change. For a step that was not solved (NOT_CONVERGED), go
-    /// back to the state before it: `before = sim.get_state()` before the step, and then `sim.set_state(before)`.
+    /// The problem is that of a step from the current state, which does not change. For a step that was not solved (NOT_CONVERGED), first
+    /// restore the state before it: `before = sim.get_state()` before the step, then `sim.set_state(before)`.
     ///
     /// Args:
-    ///     path: The file; what is there is replaced.
-    ///     env: The environment.
-    ///     ctrl: Controls of the step, as `step` takes them; None is those in force.
+    ///     path: File to write. An existing file is overwritten.
+    ///     env: Index of the environment.
+    ///     ctrl: Controls of the step, as in `step`. None is the current ones.
     ///
     /// Raises:
     ///     OSError: The file cannot be written.

@@ -1,4 +1,4 @@
-//! Pickles of a stepper: how it was made, its state, and what it has of its own.
+//! Pickles of a stepper: constructor arguments, state, parameters and applied inputs.
 
 use numpy::PyUntypedArrayMethods;
 use pyo3::exceptions::PyValueError;
@@ -11,7 +11,7 @@ use crate::error::value_error;
 use crate::stepper::{Reading, Stepper, Writing, precision_name};
 
 impl Stepper {
-    /// State, parameters and applied inputs that a copy takes over after its construction.
+    /// State, parameters and applied inputs for a copy after its construction.
     fn contents<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let state = PyDict::new(py);
         state.set_item("state", PyBytes::new(py, &self.simulation.save_state().to_bytes()))?;
@@ -27,7 +27,7 @@ impl Stepper {
         slf.contents(py)
     }
 
-    /// Takes copies: `copy.copy` hands on what the original has.
+    /// Restores copies of the values, because `copy.copy` passes the objects of the original.
     fn __setstate__(mut slf: Writing<'_>, py: Python<'_>, state: &Bound<'_, PyDict>) -> PyResult<()> {
         let wrong = |name: &str, what: &str| PyValueError::new_err(format!("pickled Stepper: {name} {what}; pickle it again"));
         let item = |name: &str| state.get_item(name)?.ok_or_else(|| wrong(name, "is missing"));

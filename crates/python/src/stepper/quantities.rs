@@ -10,7 +10,7 @@ use crate::error::value_error;
 use crate::stepper::{Stepper, Writing};
 
 impl Stepper {
-    /// Values that `evaluate` computes of each environment with the controls in force, in one vector.
+    /// Values of `evaluate` for each environment with the current controls, concatenated.
     fn of_each(&mut self, py: Python<'_>, evaluate: impl Fn(&mut Snapshot<'_>) -> Vec<f64>) -> PyResult<Vec<f64>> {
         self.apply(py)?;
         let mut values = Vec::new();
@@ -20,7 +20,7 @@ impl Stepper {
         Ok(values)
     }
 
-    /// Two arrays (num_envs, width) of the two halves of each row; numbers instead of arrays without axes.
+    /// Two arrays (num_envs, width) with the two halves of each row; scalars instead of arrays without axes.
     fn halves<'py>(&self, py: Python<'py>, rows: &[f64], width: &[usize]) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyAny>)> {
         let size: usize = width.iter().product();
         let half = |k: usize| {
@@ -34,10 +34,10 @@ impl Stepper {
 
 #[pymethods]
 impl Stepper {
-    /// Mass matrices of the present configurations, armature included, without terms that depend on the time step.
+    /// Mass matrices at the current configurations, including armature, without terms that depend on the time step.
     ///
     /// Returns:
-    ///     (num_envs, nv, nv), in the stepper's scalar type.
+    ///     Mass matrices, (num_envs, nv, nv), in the precision of the stepper.
     #[pyo3(signature = (**others), text_signature = "($self)")]
     fn mass_matrix<'py>(mut slf: Writing<'_>, py: Python<'py>, others: Option<&Bound<'_, PyDict>>) -> PyResult<Bound<'py, PyAny>> {
         no_others("Stepper.mass_matrix", others, &[])?;
@@ -45,9 +45,9 @@ impl Stepper {
         Ok(slf.derive(py, &[DerivedQuantity::MassMatrix])?.remove(0))
     }
 
-    /// Mass matrix, bias force, smooth acceleration, energies and momenta of an environment in 64 bits, for the golden trajectories.
+    /// Mass matrix, bias force, smooth acceleration, energies and momenta of an environment, for the golden trajectories.
     ///
-    /// They are evaluated in 64 bits also where the stepper's scalar type has 32.
+    /// They are computed in 64 bits, also for a stepper with precision "f32".
     fn _in_64_bits<'py>(mut slf: Writing<'_>, py: Python<'py>, env: Env) -> PyResult<Vec<Bound<'py, PyAny>>> {
         let env = slf.env(env)?;
         slf.apply(py)?;
@@ -65,19 +65,19 @@ impl Stepper {
         arrays.into_iter().map(|(shape, values)| array(py, &shape, values, Precision::F64)).collect()
     }
 
-    /// Potential energy (gravity, joint springs) and kinetic energy (armature included) of the present states.
+    /// Potential energy (gravity, joint springs) and kinetic energy (including armature) at the current states.
     ///
     /// Returns:
-    ///     Two arrays (num_envs,) float64 in J.
+    ///     Two arrays (num_envs,) float64, J.
     fn energy<'py>(mut slf: Writing<'_>, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyAny>)> {
         let rows = slf.of_each(py, |snapshot| <[f64; 2]>::from(snapshot.energy()).to_vec())?;
         slf.halves(py, &rows, &[])
     }
 
-    /// Linear momentum, and angular momentum about the centre of mass, of the present states.
+    /// Linear momentum, and angular momentum about the centre of mass, at the current states.
     ///
     /// Returns:
-    ///     Two arrays (num_envs, 3) float64, in kg m/s and kg m^2/s.
+    ///     Two arrays (num_envs, 3) float64, kg m/s and kg m^2/s.
     fn momentum<'py>(mut slf: Writing<'_>, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyAny>)> {
         let rows = slf.of_each(py, |snapshot| {
             let (linear, angular) = snapshot.momentum();

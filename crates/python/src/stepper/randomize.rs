@@ -1,4 +1,4 @@
-//! `Stepper.randomize`: arrays in and out.
+//! `Stepper.randomize`: parameters per environment.
 
 use numpy::PyUntypedArrayMethods;
 use pyo3::exceptions::{PyTypeError, PyValueError};
@@ -13,12 +13,12 @@ use crate::selection::Selection;
 use crate::stepper::recording::{notify, recorder_of};
 use crate::stepper::{Reading, Stepper, borrow};
 
-/// The field that is no field of the model.
+/// Name of the field with drives, which is no field of the model.
 const ACTUATORS: &str = "actuators";
 
 impl Stepper {
-    /// Assigns fields, (num_envs, ...) each, and `actuators` to some environments; None is the model's own numbers, and what drives were
-    /// made with, and so is every field when none is named.
+    /// Assigns fields, (num_envs, ...) each, and `actuators` to some environments. None restores the values of the model and the drives of
+    /// the constructor; without fields, all are restored.
     pub(super) fn assign_parameters(&mut self, fields: Option<&Bound<'_, PyDict>>, selection: &Selection) -> PyResult<()> {
         let envs = &selection.ascending()[..];
         let mut given: Vec<(Parameter, Option<Vec<f64>>)> = Vec::new();
@@ -60,7 +60,7 @@ impl Stepper {
         self.simulation.randomize_all(&assigned, actuators, envs).map_err(value_error)
     }
 
-    /// The fields that environments have of their own, by name; drives as a `stepper.ActuatorModel`.
+    /// Fields with values per environment, by name; drives as a `stepper.ActuatorModel`.
     pub(super) fn parameters<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let all = PyDict::new(py);
         for (parameter, values) in self.simulation.own_parameters() {
@@ -80,50 +80,53 @@ impl Stepper {
 
 #[pymethods]
 impl Stepper {
-    /// Gives environments parameters of their own, as `Model.replace` would give them to a model; what derives from them follows.
+    /// Sets parameters of each environment, with the effect of `Model.replace`. Dependent quantities are recomputed.
     ///
-    /// Every environment then moves as one of a `Stepper` of its own model, bit for bit. Parameters are not part of the state:
-    /// `reset` and `set_state` leave them, pickles and recordings have them. Other fields stay as they are, whether the model's or
-    /// randomized before. What no environment has of its own costs neither time nor memory.
+    /// An environment then moves exactly, bit for bit, as in a `Stepper` of the replaced model. Parameters are not part of the state:
+    /// `reset` and `set_state` keep them, and pickles and recordings include them. Other fields keep their values. Fields that are never
+    /// randomized cost neither time nor memory.
     ///
-    /// Contacts of an explicit pair use pair_friction and pair_restitution and ignore those of the geoms. A new geom_friction for a geom
-    /// of a pair is therefore an error, unless pair_friction is given too, in this call or an earlier one: new values, or the model's to
-    /// keep these contacts as they are. An earlier call counts for all environments, also for those that it did not select, whose pairs
-    /// keep the model's values. Likewise geom_restitution and pair_restitution.
+    /// Contacts of an explicit pair use pair_friction and pair_restitution and ignore those of the geoms. So a new
+    /// geom_friction for a geom of a pair is an error without pair_friction. Give pair_friction in this call or an earlier one, with new
+    /// values or those of the model. An earlier call counts for all environments, also for those that it did not select. The same holds for
+    /// geom_restitution and pair_restitution.
     ///
     ///     sim.randomize(geom_friction=friction)  # (num_envs, ngeom, 3)
     ///     sim.randomize({"geom_friction[floor,box][0]": sliding}, envs=[3, 5])  # (2, 2)
     ///
     /// Args:
-    ///     values: Values by selector, `field[names][columns]` (docs/reference/what_can_vary.md); other numbers of these
-    ///         fields stay as they are.
-    ///         The shape is that of the selected numbers with num_envs in front: one name or index and one column have no axis of
-    ///         their own. (num_envs,) is one number for all selected, a single number is the same in all environments, and None
-    ///         gives the model's own numbers back. In place of values, `envs` may stand first.
-    ///     envs: The environments that change, as of `reset`.
-    ///     **fields: Arrays with num_envs in front of the shape that the field has in the model; None gives the model's own numbers
-    ///         back, and so do all fields when none is named: gravity (num_envs, 3) m/s^2; body_mass (num_envs, nbody) kg, body_ipos
-    ///         (num_envs, nbody, 3) m, the centre of mass, and body_inertia (num_envs, nbody, 3) kg m^2, principal moments, each by
-    ///         itself: a body of twice the mass keeps its inertia unless it is given too; geom_friction (num_envs, ngeom, 3) sliding,
-    ///         torsional (m), rolling (m); geom_restitution (num_envs, ngeom); pair_friction (num_envs, npair, 3) and pair_restitution
-    ///         (num_envs, npair), the same of explicit pairs, see below; geom_size, geom_pos (num_envs, ngeom, 3) m, which
-    ///         leave masses alone; jnt_stiffness (num_envs, njnt) N/m or N m/rad; jnt_range (num_envs, njnt, 2) m or rad;
-    ///         dof_damping, dof_armature, dof_frictionloss (num_envs, nv); actuator_gainprm, actuator_biasprm (num_envs, nu, 10) as
-    ///         MuJoCo has them: with their first three numbers the force is gain . (1, length, velocity) times the input plus
-    ///         bias . (1, length, velocity); numbers that the type of an actuator's gain or bias does not read are 0. actuators, a
-    ///         `stepper.ActuatorModel`: its drives take the place of those of the actuators it fits, with all their numbers (what a
-    ///         `Drive` does not say is its default); other actuators keep theirs, and None gives back what the stepper was made with.
-    ///         Stages are compiled: a servo, motor, lag, limits or friction must have been given to `Stepper(..., actuators=)`, to
-    ///         one environment at least, and delays may be as long as the longest there. Delay lines, lags and integrals are state:
-    ///         they stay as they are until `reset`.
+    ///     values: Values by selector, `field[names][columns]` (docs/reference/what_can_vary.md). Other entries of these fields keep their
+    ///         values. The shape is (num_envs, ...) with the shape of the selected entries; a single name or index and a single column have
+    ///         no axis. (num_envs,) sets all selected entries of an environment, a scalar those of all environments, and None restores the
+    ///         values of the model. The first argument may also be `envs`, without values.
+    ///     envs: Environments to change, as in `reset`.
+    ///     **fields: Values of whole fields, (num_envs, ...) with the shape of the field in the model. None restores the values of the
+    /// model;
+    ///         a call without fields restores all of them.
+    ///
+    ///         * gravity (num_envs, 3), m/s^2
+    ///         * body_mass (num_envs, nbody), kg; body_ipos (num_envs, nbody, 3), centre of mass, m; body_inertia (num_envs, nbody, 3),
+    ///           principal moments, kg m^2. They are independent: a new mass does not change the inertia.
+    ///         * geom_friction (num_envs, ngeom, 3), sliding, torsional (m), rolling (m); geom_restitution (num_envs, ngeom)
+    ///         * pair_friction (num_envs, npair, 3) and pair_restitution (num_envs, npair) of explicit pairs
+    ///         * geom_size and geom_pos (num_envs, ngeom, 3), m. Masses do not change.
+    ///         * jnt_stiffness (num_envs, njnt), N/m or N m/rad; jnt_range (num_envs, njnt, 2), m or rad
+    ///         * dof_damping, dof_armature, dof_frictionloss (num_envs, nv)
+    ///         * actuator_gainprm, actuator_biasprm (num_envs, nu, 10), as in MuJoCo: the force is gain . (1, length, velocity) times the
+    ///           input plus bias . (1, length, velocity), with the first three entries. Entries that the type of an actuator does not use
+    ///           are 0.
+    ///         * actuators, a `stepper.ActuatorModel`: its drives replace those of the matching actuators completely. Other actuators keep
+    ///           theirs, and None restores the drives of the constructor. A stage (servo, motor, lag, limits, friction) must exist in
+    ///           `Stepper(..., actuators=)` for at least one environment, and delays must not exceed the longest one there. Delay lines,
+    ///           lags and integrals are state: they are kept until `reset`.
     ///
     /// Raises:
-    ///     TypeError, IndexError: As of `reset`.
-    ///     ValueError: A wrong shape; both are named. A number that a drive may not have, or a stage or delay that it was not made
-    ///         for, with the actuator. Nothing is changed then.
-    ///     ModelError: A field that all environments share, numbers that no model may have, that ask for something that the model
-    ///         has none of, such as dry friction where it has 0, or that an explicit pair overrides; with field, element and
-    ///         environment. Nothing is changed then.
+    ///     TypeError, IndexError: An argument `envs` is invalid, as in `reset`.
+    ///     ValueError: A shape is wrong, or a drive has an invalid value, a new stage or a longer delay. No parameter changes.
+    ///     ModelError: All environments share the field, a value is invalid, or an explicit pair overrides it. Or the value needs an
+    /// element
+    ///         that the model does not simulate, such as dry friction with frictionloss 0. The message has field, element and environment.
+    ///         No parameter changes.
     #[pyo3(signature = (values=None, /, envs=None, **fields))]
     fn randomize(
         slf: &Bound<'_, Self>,
@@ -161,7 +164,7 @@ impl Stepper {
         notify(slf, recorder, "randomize", &[("envs", envs), ("fields", fields.map(Bound::into_any))])
     }
 
-    /// What environments have of their own, as `randomize` takes it: arrays by field, and under "actuators" an `ActuatorModel`.
+    /// Parameters per environment in the format of `randomize`: arrays by field, and an `ActuatorModel` as "actuators".
     #[getter]
     fn randomized<'py>(slf: Reading<'_>, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         slf.parameters(py)

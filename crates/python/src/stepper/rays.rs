@@ -13,29 +13,28 @@ use crate::stepper::{Stepper, borrow};
 
 #[pymethods]
 impl Stepper {
-    /// Distances and geoms that rays meet in the present states: MuJoCo's `mj_ray`, of many rays of all environments in one pass.
+    /// Distances and geoms that rays hit at the current states: MuJoCo's `mj_ray` for many rays of all environments in one pass.
     ///
-    /// A plane is met from its front, without end. Of a mesh its triangles are met, whether it collides as these or as its hull; of a
-    /// height field also its sides and its base. What begins inside of something meets it where it leaves. What is drawn and touches
-    /// nothing is met where it has a simple shape: a mesh that is only drawn is no part of the model.
+    /// Rays hit planes from the front, without bounds. They hit the triangles of meshes, also of those that collide as a hull, and the top,
+    /// sides and base of height fields. A ray that starts inside a geom hits its surface from inside. Visual geoms with primitive shapes
+    /// are hit; visual meshes are not part of the model.
     ///
     /// Args:
-    ///     points: Where the rays begin, (num_envs, n, 3) or (n, 3) for all environments, m: in the world, or from the origin of `body`.
-    ///     directions: Where they go, of any length above 0: (num_envs, n, 3) or (n, 3).
-    ///     body: Name or index of the body that the rays belong to, as those of its lidar do; its own geoms are not met. None is the
-    ///         world.
-    ///     axes: Axes of points and directions around a body: "body", its own; "heading", the world's turned by its heading; "world".
-    ///     geoms: Names or indices of the geoms that the rays can meet; None is all of them.
-    ///     exclude: Name or index of a body whose geoms are not met; None is `body`.
+    ///     points: Origins of the rays, (num_envs, n, 3), or (n, 3) for all environments, m. With `body`, they are relative to its frame.
+    ///     directions: Directions of the rays, of any positive length, (num_envs, n, 3) or (n, 3).
+    ///     body: Name or index of the body that carries the rays, such as a lidar. Its geoms are not hit. None is the world.
+    ///     axes: Axes of points and directions with `body`: "body", those of the body; "heading", those of the world rotated by the body's
+    ///         heading; "world".
+    ///     geoms: Names or indices of the geoms that rays can hit. None is all.
+    ///     exclude: Name or index of a body whose geoms are not hit. None is `body`.
     ///
     /// Returns:
-    ///     Distances in m, (num_envs, n) in the stepper's scalar type, and the indices of the geoms that are met, (num_envs, n) int32. Both
-    ///     are -1 where nothing is.
+    ///     Distances, (num_envs, n), m, in the precision of the stepper, and indices of the hit geoms, (num_envs, n) int32. Both are -1 for
+    ///     rays without a hit.
     ///
     /// Raises:
-    ///     ValueError: An array of another shape, unknown axes, a point that is not finite, a direction of length 0, a mesh that is no part
-    ///         of the model.
-    ///     KeyError, IndexError: No geom or body of that name or index.
+    ///     ValueError: A shape is wrong, `axes` is unknown, a point is not finite, a direction is zero, or a mesh is not part of the model.
+    ///     KeyError, IndexError: The model has no geom or body of that name or index.
     #[expect(clippy::too_many_arguments, reason = "Python's keywords")]
     #[pyo3(signature = (points, directions, *, body=None, axes="body", geoms=None, exclude=None))]
     fn rays<'py>(

@@ -1,4 +1,4 @@
-//! The recorder, who is told what is done.
+//! Notification of the recorder about calls.
 
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
@@ -8,12 +8,12 @@ use stepper_core::Precision;
 use crate::array::{array, described};
 use crate::stepper::{Reading, Stepper, Writing, borrow};
 
-/// Whom to tell what is done, taken while the stepper is borrowed: another thread may have it next.
+/// Recorder of a stepper. Consumes the borrow, so that other threads can use the stepper while the recorder runs.
 pub(super) fn recorder_of(py: Python<'_>, this: PyRefMut<'_, Stepper>) -> Option<Py<PyAny>> {
     this.recorder.as_ref().map(|r| r.clone_ref(py))
 }
 
-/// Tells the recorder, if there is one, what was done, with the arguments that were given.
+/// Calls the method `call` of the recorder, if there is one, with the arguments of the call.
 pub(super) fn notify(
     slf: &Bound<'_, Stepper>,
     recorder: Option<Py<PyAny>>,
@@ -31,7 +31,7 @@ pub(super) fn notify(
     Ok(())
 }
 
-/// Tells the recorder of a step: all that it was made with.
+/// Reports a step with its inputs to the recorder.
 #[cold]
 pub(super) fn tell_of_step(slf: &Bound<'_, Stepper>, this: PyRefMut<'_, Stepper>, nstep: usize) -> PyResult<()> {
     let py = slf.py();
@@ -43,11 +43,11 @@ pub(super) fn tell_of_step(slf: &Bound<'_, Stepper>, this: PyRefMut<'_, Stepper>
 
 #[pymethods]
 impl Stepper {
-    /// Writes everything that happens from now on into a new folder, until the `Recorder` is closed; `stepper.replay` repeats it.
+    /// Starts a recording of all further calls in a new folder, until the `Recorder` is closed. `stepper.replay` repeats it.
     ///
     /// Args:
-    ///     path: A folder that does not exist yet, or is empty.
-    ///     **settings: See `stepper.Recorder`.
+    ///     path: New or empty folder.
+    ///     **settings: Arguments of `stepper.Recorder`.
     #[pyo3(signature = (path, **settings))]
     fn record<'py>(slf: &Bound<'py, Self>, path: Bound<'py, PyAny>, settings: Option<&Bound<'py, PyDict>>) -> PyResult<Bound<'py, PyAny>> {
         let recorder = slf.py().import("stepper")?.getattr("Recorder")?.call((slf, path), settings)?;
@@ -55,7 +55,7 @@ impl Stepper {
         Ok(recorder)
     }
 
-    /// Whom `step`, `reset` and `set_state` tell what they did (see `stepper.Recorder`); None is nobody.
+    /// Recorder that is notified of `step`, `reset`, `set_state` and `randomize` (see `stepper.Recorder`), or None.
     #[getter]
     fn recorder(slf: Reading<'_>, py: Python<'_>) -> Option<Py<PyAny>> {
         slf.recorder.as_ref().map(|r| r.clone_ref(py))

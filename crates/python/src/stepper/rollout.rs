@@ -1,4 +1,4 @@
-//! `Stepper.rollout`: many controls in one call, without Python in between.
+//! `Stepper.rollout`: sequences of controls in one call.
 
 use numpy::{Element, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn, PyReadwriteArrayDyn, PyUntypedArrayMethods};
 use pyo3::exceptions::{PyRuntimeError, PyTypeError, PyValueError};
@@ -15,13 +15,12 @@ use crate::stepper::interruption::watched;
 use crate::stepper::taking_over::states_of;
 use crate::stepper::{Stepper, borrow};
 
-/// What is always written down, so that nothing that went wrong is silent.
+/// Fields that are always in the result, so that failures are visible.
 const CERTIFICATE: [&str; 2] = ["status", "residual"];
-/// What is written down when nobody chooses.
+/// Default fields of the result.
 const DEFAULT: [Quantity; 3] = [Quantity::Qpos, Quantity::Qvel, Quantity::Observation];
 
-/// An array of the result: a new one, which nobody else has while other threads of Python run, and the caller's, if there is one, which
-/// takes its contents in the end.
+/// Output array: a private one for the computation without the GIL, and the caller's array, if given, which gets the result at the end.
 struct Output<'py, T: Element> {
     name: &'static str,
     made: PyReadwriteArrayDyn<'py, T>,
@@ -32,7 +31,7 @@ impl<'py, T: Element + Copy> Output<'py, T> {
     fn new(py: Python<'py>, name: &'static str, shape: &[usize], out: Option<&Bound<'py, PyDict>>) -> PyResult<Self> {
         let given = out.map(|out| out.get_item(name)).transpose()?.flatten();
         let given = given.map(|given| destination(py, name, shape, given)).transpose()?;
-        // NumPy's own, so that one that is too large is a MemoryError.
+        // Allocated by NumPy, so that an oversized array raises MemoryError.
         let made = py.import("numpy")?.call_method1("zeros", (PyTuple::new(py, shape)?, T::get_dtype(py)))?;
         let made = made.cast_into::<PyArrayDyn<T>>().map_err(PyErr::from)?;
         Ok(Self { name, made: made.readwrite(), given })
@@ -42,7 +41,7 @@ impl<'py, T: Element + Copy> Output<'py, T> {
         Ok(self.made.as_slice_mut()?)
     }
 
-    /// Enters the array in the result, with what was written of so many controls.
+    /// Adds the array to the result, with the rows of the first `controls` controls.
     fn enter(mut self, controls: usize, result: &Bound<'py, PyDict>) -> PyResult<()> {
         let Some(mut given) = self.given.take() else { return result.set_item(self.name, &**self.made) };
         let (all, made) = (self.made.shape()[0], self.made.as_slice()?);
@@ -52,7 +51,7 @@ impl<'py, T: Element + Copy> Output<'py, T> {
     }
 }
 
-/// Numbers in the precision of the lanes.
+/// Output array in one of the two precisions.
 enum Lanes<'py> {
     F64(Output<'py, f64>),
     F32(Output<'py, f32>),
@@ -75,7 +74,7 @@ impl<'py> Lanes<'py> {
 }
 
 impl Stepper {
-    /// See `rollout`.
+    /// Implementation of `rollout`.
     fn roll_out<'py>(
         &mut self,
         py: Python<'py>,
@@ -118,7 +117,7 @@ impl Stepper {
         Err(interrupted.raise(py, "rollout", calls.saturating_mul(nstep), &also))
     }
 
-    /// Controls (T, num_envs, nu), or (T, nu) for all.
+    /// Array argument with controls (T, num_envs, nu), or (T, nu) for all environments.
     fn controls<'py>(&self, given: &Bound<'py, PyAny>) -> PyResult<PyReadonlyArrayDyn<'py, f64>> {
         let given = readonly(given, "ctrl")?;
         let nu = self.simulation.model().nu();
@@ -132,7 +131,7 @@ impl Stepper {
         Err(PyValueError::new_err(format!("ctrl has shape {}, must be {all}{shared} for T controls", shape_text(found))))
     }
 
-    /// (T, num_envs, ...tail)
+    /// Array shape (T, num_envs, ...tail).
     fn rollout_shape(&self, calls: usize, tail: &[usize]) -> Vec<usize> {
         std::iter::once(calls).chain(self.shape(tail)).collect()
     }
@@ -140,31 +139,31 @@ impl Stepper {
 
 #[pymethods]
 impl Stepper {
-    /// Makes `nstep` steps with each of T controls, without Python in between: the bits of T calls of `step`.
+    /// Makes `nstep` steps with each of T controls in one call. The results equal those of T calls of `step`, bit for bit.
     ///
-    /// A thread keeps its environments for all T controls. `qfrc_applied`, `xfrc_applied` and mocap poses stay as they are
-    /// throughout.
+    /// Each thread steps its environments through all T controls. `qfrc_applied`, `xfrc_applied` and mocap poses are constant.
     ///
     /// Args:
     ///     ctrl: Controls, (T, num_envs, nu), or (T, nu) for all environments.
-    ///     nstep: Steps that each control is held.
-    ///     initial: State that all environments begin with, as of `set_state`: of one environment, of all, or a list with one for each.
-    ///         None is the present one.
-    ///     fields: What to write down after every control: "qpos" (T, num_envs, nq), "qvel" (T, num_envs, nv), "act" (T, num_envs,
-    ///         na), "sensordata" (T, num_envs, nsensordata). None is what `out` names, and without `out` all but "act".
-    ///     out: Arrays to write into, by field: of those shapes, C-contiguous, float64, or float32 with `precision="f32"`.
+    ///     nstep: Number of steps per control.
+    ///     initial: Initial state, as in `set_state`: a state of one environment or of all, or a list with one for each. None is the
+    ///         current state.
+    ///     fields: Quantities to store after each control: "qpos" (T, num_envs, nq), "qvel" (T, num_envs, nv), "act" (T, num_envs, na),
+    ///         "sensordata" (T, num_envs, nsensordata). None is the keys of `out`, and without `out` all except "act".
+    ///     out: Arrays for the results, by field, with these shapes; C-contiguous, float64, or float32 with `precision="f32"`.
     ///
     /// Returns:
-    ///     The arrays by field; and always "status" (T, num_envs) uint32, the flags of all steps of a control, and "residual"
-    ///     (T, num_envs) float64, the largest residual among them in m/s. Both can be named in `out` too. Afterwards `status` has the
-    ///     flags of all steps of the call, `residual` and `iterations` are those of the last step.
+    ///     Arrays by field. They always include "status" (T, num_envs) uint32, the flags of all steps of a control, and "residual"
+    ///     (T, num_envs) float64, the largest residual of these steps, m/s. `out` may have both. Afterwards the attribute `status` has the
+    ///     flags of all steps of the call; `residual` and `iterations` are those of the last step.
     ///
     /// Raises:
-    ///     ValueError: A wrong shape, an unknown field, an array of `out` that cannot be written or is given twice.
-    ///     TypeError: An array of `out` of the wrong dtype.
-    ///     KeyboardInterrupt: As in `step`; `steps` counts those of all controls. Rows of `out` have what followed each control, of
-    ///         the last one what followed the steps that were made; the rows beyond are as they were.
-    #[pyo3(signature = (ctrl, nstep=Whole::Number(1), *, initial=None, fields=None, out=None, **others), text_signature = "($self, ctrl, nstep=1, *, initial=None, fields=None, out=None)")]
+    ///     ValueError: A shape is wrong, a field is unknown, or an array of `out` is read-only or given twice.
+    ///     TypeError: An array of `out` has the wrong dtype.
+    ///     KeyboardInterrupt: The call was interrupted, as in `step`; `steps` counts the steps of all controls. `out` has the rows of the
+    ///         controls so far, the last one after the steps made. Later rows are unchanged.
+    #[pyo3(signature = (ctrl, nstep=Whole::Number(1), *, initial=None, fields=None, out=None, **others), text_signature = "($self, ctrl,
+    nstep=1, *, initial=None, fields=None, out=None)")]
     #[expect(clippy::too_many_arguments, reason = "each has a name of its own")]
     fn rollout<'py>(
         slf: &Bound<'py, Self>,
@@ -195,7 +194,7 @@ impl Stepper {
     }
 }
 
-/// The quantities that `fields` and `out` name, in a fixed order.
+/// Quantities in `fields` and `out`, in a fixed order.
 fn chosen(fields: Option<Vec<String>>, out: Option<&Bound<'_, PyDict>>) -> PyResult<Vec<Quantity>> {
     let mut names = match (fields, out) {
         (Some(fields), _) => fields,
@@ -213,7 +212,7 @@ fn chosen(fields: Option<Vec<String>>, out: Option<&Bound<'_, PyDict>>) -> PyRes
     Ok(Quantity::ALL.into_iter().filter(|q| names.iter().any(|name| name == q.name())).collect())
 }
 
-/// The caller's array, borrowed for writing.
+/// Mutable borrow of the caller's array.
 fn destination<'py, T: Element>(
     py: Python<'py>,
     name: &str,

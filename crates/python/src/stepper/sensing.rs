@@ -27,25 +27,23 @@ impl Stepper {
 
 #[pymethods]
 impl Stepper {
-    /// Sensor readings of the last step, the same however often they are read: (num_envs, nsensordata). `observe()` gives an array to
-    /// write to.
+    /// Sensor readings of the last step, (num_envs, nsensordata). Repeated reads give the same values. `observe()` returns a writable copy.
     #[getter]
     fn sensordata<'py>(mut slf: Writing<'_>, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         read_only(slf.readings(py, false)?, "sensordata")
     }
 
-    /// Readings of ideal sensors: (num_envs, nsensordata).
+    /// Readings of ideal sensors, (num_envs, nsensordata).
     ///
-    /// Positions and velocities are those after the last step; accelerations are (v+ - v) / h of that step, impulses of contacts and
-    /// limits included, and forces are impulses over h. Where no step was made since the state was set, accelerations and forces are
-    /// those of the step that would be made from it.
+    /// Positions and velocities are those after the last step. Accelerations are (v+ - v) / h of that step, including impulses of contacts
+    /// and limits, and forces are impulses divided by h. Before the first step after a reset or `set_state`, accelerations and forces are
+    /// those of a step from the current state.
     #[getter]
     fn sensordata_ideal<'py>(mut slf: Writing<'_>, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         read_only(slf.readings(py, true)?, "sensordata_ideal")
     }
 
-    /// Of each sensor, readings that were clipped to its limits and samples that were lost in the last call of `step`:
-    /// (num_envs, nsensor, 2) uint32.
+    /// Numbers of clipped readings and of lost samples of each sensor in the last call of `step`, (num_envs, nsensor, 2) uint32.
     #[getter]
     fn sensor_faults<'py>(slf: Reading<'_>, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         let counts: Vec<u32> = (0..slf.n()).flat_map(|env| slf.simulation.sensor_faults(env)).flatten().collect();
@@ -53,13 +51,13 @@ impl Stepper {
         read_only(numpy::PyArray1::from_vec(py, counts).reshape(shape)?.into_any(), "sensor_faults")
     }
 
-    /// What sensors make of the truth.
+    /// Sensor model given at construction, or None.
     #[getter]
     pub(crate) fn sensors(slf: Reading<'_>, py: Python<'_>) -> Option<Py<PyAny>> {
         slf.sensors.as_ref().map(|s| s.clone_ref(py))
     }
 
-    /// Copy of `sensordata`, in `out` if it is given: (num_envs, nsensordata).
+    /// Copy of `sensordata`, (num_envs, nsensordata), in the array `out` if given.
     #[pyo3(signature = (out=None))]
     fn observe<'py>(mut slf: Writing<'_>, py: Python<'py>, out: Option<Bound<'py, PyAny>>) -> PyResult<Bound<'py, PyAny>> {
         let Some(out) = out else { return slf.readings(py, false) };

@@ -1,4 +1,4 @@
-//! The state of the environments: read, set, saved and restored.
+//! Methods that read, set, save and restore the state of the environments.
 
 use numpy::PyUntypedArrayMethods;
 use pyo3::exceptions::PyValueError;
@@ -15,7 +15,7 @@ use crate::stepper::recording::{notify, recorder_of};
 use crate::stepper::taking_over::states_of;
 use crate::stepper::{Reading, Stepper, borrow};
 
-/// An array that may have been given.
+/// Optional array argument.
 type Given<'py> = Option<Numbers<'py>>;
 
 fn numbers<'a>(given: &'a Given<'_>) -> PyResult<Option<&'a [f64]>> {
@@ -34,12 +34,12 @@ impl Stepper {
         read_only(array(py, &self.shape(&[width]), data, self.simulation.precision())?, field.name())
     }
 
-    /// Rows of a field of the state.
+    /// Optional array argument for a field of the state.
     fn field_rows<'py>(&self, field: Field, given: Option<&Bound<'py, PyAny>>, selection: &Selection) -> PyResult<Given<'py>> {
         given.map(|given| self.selected_rows(given, field.name(), field.width(self.simulation.model()), selection)).transpose()
     }
 
-    /// A time for every selected environment, or one for all, s.
+    /// Optional array argument with a time for each selected environment, or one for all, s.
     fn times<'py>(&self, given: Option<&Bound<'py, PyAny>>, selection: &Selection) -> PyResult<Given<'py>> {
         let Some(given) = given else { return Ok(None) };
         let times = readonly(given, "time")?;
@@ -53,26 +53,26 @@ impl Stepper {
 
 #[pymethods]
 impl Stepper {
-    /// Starts a new episode in all environments, or in those of `envs`. Nothing of the old one remains.
+    /// Starts a new episode in all environments, or in those of `envs`. The previous episode has no influence on it.
     ///
-    /// Forces that are applied end, mocap bodies go back to where the model has them, and controls in force are zero, or the
-    /// keyframe's, until `step` takes others. Parameters of `randomize` stay.
+    /// Applied forces become zero, and mocap bodies return to the poses of the model. Controls become zero, or those of the keyframe, until
+    /// the next `step` with controls. Parameters of `randomize` are kept.
     ///
     /// Args:
-    ///     envs: Which environments: a boolean mask (num_envs,), or integer indices (k,), each once; None is all, and none of them does
-    ///         nothing. With a mask, arrays have rows of all environments, and those of the others are not read. With indices, arrays
-    ///         have a row for each index, in their order.
-    ///     qpos: Where they start, (num_envs, nq) or (nq,); None is the model's reference. Quaternions are normalised.
-    ///     qvel: How fast, (num_envs, nv) or (nv,); None is at rest.
-    ///     seed: A new seed of the errors of sensors, or (num_envs,) one for each environment; None keeps the old ones.
-    ///     keyframe: Name or index of a keyframe to start from: its qpos, qvel, act, ctrl and time.
+    ///     envs: Environments: a boolean mask (num_envs,), or unique integer indices (k,). None is all. With a mask, arrays have rows for
+    ///         all environments, and only those of the selected ones are used. With indices, arrays have a row for each index, in order.
+    ///     qpos: Initial positions, (num_envs, nq) or (nq,). None is the reference configuration. Quaternions are normalised.
+    ///     qvel: Initial velocities, (num_envs, nv) or (nv,). None is at rest.
+    ///     seed: New seed of the sensor errors, or seeds (num_envs,). None keeps the old ones.
+    ///     keyframe: Name or index of a keyframe with the initial qpos, qvel, act, ctrl and time.
     ///
     /// Raises:
-    ///     TypeError: A seed or an index that is no whole number.
-    ///     IndexError: No environment of that index.
-    ///     ValueError: A wrong shape, a number that is not finite, a quaternion of zeros, a negative seed. Nothing is changed then.
-    ///     KeyError: No such keyframe.
-    #[pyo3(signature = (envs=None, *, qpos=None, qvel=None, seed=None, keyframe=None, **others), text_signature = "($self, envs=None, *, qpos=None, qvel=None, seed=None, keyframe=None)")]
+    ///     TypeError: A seed or an index is no integer.
+    ///     IndexError: An index is out of range.
+    ///     ValueError: A shape is wrong, a number is not finite, a quaternion is zero, or a seed is negative. No environment changes.
+    ///     KeyError: The model has no such keyframe.
+    #[pyo3(signature = (envs=None, *, qpos=None, qvel=None, seed=None, keyframe=None, **others), text_signature = "($self, envs=None, *,
+    qpos=None, qvel=None, seed=None, keyframe=None)")]
     fn reset(
         slf: &Bound<'_, Self>,
         envs: Option<Bound<'_, PyAny>>,
@@ -105,31 +105,35 @@ impl Stepper {
         notify(slf, recorder, "reset", &[("envs", envs), ("qpos", qpos), ("qvel", qvel), ("seed", seed), ("keyframe", keyframe)])
     }
 
-    /// Sets configuration, velocity, activations or time; or, given a `State`, everything that survives a step.
+    /// Sets positions, velocities, activations or time, or restores a complete `State`.
     ///
-    /// The next state is a function of `qpos`, `qvel`, `act` and the controls; what the solver starts from moves it by some 1e-7 of a
-    /// velocity (docs/development/decisions/visible_state.md). The other memory of an environment is that of its drives (delay lines, lags,
-    /// integrals) and sensors (bias, drift, delay lines, samples held).
+    /// The next state depends on `qpos`, `qvel`, `act` and the controls; the solver's warm start changes velocities by about 1e-7 only
+    /// (docs/development/decisions/visible_state.md). Drives (delay lines, lags, integrals) and sensors (bias, drift, delay lines, held
+    /// samples) have further memory.
     ///
     /// Args:
-    ///     qpos: (num_envs, nq) or (nq,). Or what `get_state` returned: of a batch of the same size each environment takes its own
-    ///         part, of a single environment all take the same. Or a list of states of single environments, one for each of `envs`.
-    ///         Continuing from a `State` repeats the same bits; where a state of one is given to a batch, each environment's sensors
-    ///         draw random numbers of their own from then on.
-    ///     qvel: (num_envs, nv) or (nv,).
-    ///     envs: Which environments, as of `reset`. `set_state(get_state(env=3), envs=[5, 6])` copies environment 3 to others.
-    ///     act: (num_envs, na) or (na,).
-    ///     time: s, (num_envs,) or one for all.
-    ///     keep_warmstart: Whether to keep all memory where qpos, qvel or act are set, to correct the state of an environment that
-    ///         goes on, as an observer does: the solver's warm start, contacts, flags, drives (delay lines, lags, integrals) and
-    ///         sensors (bias, drift, delay lines, held samples). False clears all of these, and the next control and reading fill
-    ///         the delay lines: what follows depends on the new state alone.
+    ///     qpos: Positions, (num_envs, nq) or (nq,). Or a state from `get_state`: a state of a batch of the same size restores each
+    ///         environment, and a state of a single environment is copied to all. Or a list of states of single environments, one for each
+    ///         of `envs`. A simulation from a `State` repeats the same bits. Copies of a single state have independent random sensor
+    ///         errors.
+    ///     qvel: Velocities, (num_envs, nv) or (nv,).
+    ///     envs: Environments, as in `reset`. `set_state(get_state(env=3), envs=[5, 6])` copies environment 3 to others.
+    ///     act: Activations, (num_envs, na) or (na,).
+    ///     time: Times, (num_envs,) or one for all, s.
+    ///     keep_warmstart: Whether to keep the solver's warm start, contacts, flags, and the memory of drives and sensors. Use it in state
+    ///         estimators that correct a running environment. False clears all of these, and the next control and reading fill the delay
+    ///         lines, so that the motion depends on the new state alone.
     ///
     /// Raises:
-    ///     ValueError: A wrong shape, a number that is not finite, a quaternion of zeros, a state of another model. Nothing is
-    ///         changed then.
-    #[pyo3(signature = (qpos=None, qvel=None, envs=None, *, act=None, time=None, keep_warmstart=false, **others), text_signature = "($self, qpos=None, qvel=None, envs=None, *, act=None, time=None, keep_warmstart=False)")]
-    #[expect(clippy::too_many_arguments, reason = "each has a name of its own")]
+    ///     ValueError: A shape is wrong, a number is not finite, a quaternion is zero, or a state belongs to another model. No environment
+    ///         changes.
+    #[pyo3(signature = (qpos=None, qvel=None, envs=None, *, act=None, time=None, keep_warmstart=false, **others), text_signature = "($self,
+    qpos=None, qvel=None, envs=None, *, act=None, time=None, keep_warmstart=False)")]
+    #[expect(
+        clippy::too_many_arguments,
+        reason = "each
+    has a name of its own"
+    )]
     fn set_state(
         slf: &Bound<'_, Self>,
         qpos: Option<Bound<'_, PyAny>>,
@@ -168,12 +172,12 @@ impl Stepper {
         notify(slf, recorder, "set_state", &given)
     }
 
-    /// Everything that survives a step, the controls in force included.
+    /// Complete state, including the current controls.
     ///
-    /// What is applied (`qfrc_applied` and the like) and parameters of `randomize` are not part of it.
+    /// It does not include applied inputs (`qfrc_applied`, `xfrc_applied`, mocap poses, `eq_active`) and parameters of `randomize`.
     ///
     /// Args:
-    ///     env: An environment; None is all of them.
+    ///     env: Index of an environment. None is all.
     #[pyo3(signature = (env=None, **others), text_signature = "($self, env=None)")]
     fn get_state(slf: Reading<'_>, env: Option<Env>, others: Option<&Bound<'_, PyDict>>) -> PyResult<State> {
         no_others("Stepper.get_state", others, &["env"])?;
@@ -184,33 +188,32 @@ impl Stepper {
         Ok(State { saved })
     }
 
-    /// Configuration: (num_envs, nq), m and quaternions and rad. `set_state(qpos=...)` sets it.
+    /// Positions, (num_envs, nq), m, rad and quaternions. `set_state(qpos=...)` sets them.
     #[getter]
     fn qpos<'py>(slf: Reading<'_>, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         slf.gather(py, Field::Qpos)
     }
 
-    /// Velocity: (num_envs, nv), m/s and rad/s. `set_state(qvel=...)` sets it.
+    /// Velocities, (num_envs, nv), m/s and rad/s. `set_state(qvel=...)` sets them.
     #[getter]
     fn qvel<'py>(slf: Reading<'_>, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         slf.gather(py, Field::Qvel)
     }
 
-    /// Activations of actuators: (num_envs, na). `set_state(act=...)` sets them.
+    /// Activations of actuators, (num_envs, na). `set_state(act=...)` sets them.
     #[getter]
     fn act<'py>(slf: Reading<'_>, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         slf.gather(py, Field::Act)
     }
 
-    /// Controls in force: (num_envs, nu). Those of the last step or the keyframe that an episode began with, zero after any other
-    /// reset.
+    /// Current controls, (num_envs, nu): those of the last step. After a reset they are those of the keyframe, or zero.
     #[getter]
     fn ctrl<'py>(slf: Reading<'_>, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         let held = array(py, &slf.shape(&[slf.simulation.model().nu()]), slf.simulation.ctrl().to_vec(), slf.simulation.precision())?;
         read_only(held, "ctrl")
     }
 
-    /// Simulated time in s: (num_envs,). `set_state(time=...)` sets it.
+    /// Simulated time, (num_envs,), s. `set_state(time=...)` sets it.
     #[getter]
     fn time<'py>(slf: Reading<'_>, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         slf.per_env(py, "time", |env| slf.simulation.time(env))

@@ -13,7 +13,7 @@ use crate::stepper::recording::tell_of_step;
 use crate::stepper::{Stepper, borrow};
 
 impl Stepper {
-    /// Hands controls for `nstep` steps to the core.
+    /// Passes controls for `nstep` steps to the core.
     fn take_ctrl(&mut self, given: Option<&Bound<'_, PyAny>>, nstep: usize) -> PyResult<()> {
         let Some(given) = given else { return Ok(()) };
         let (n, nu) = (self.n(), self.simulation.model().nu());
@@ -34,7 +34,7 @@ impl Stepper {
         self.simulation.set_ctrl(rows.as_slice()?, nstep).map_err(value_error)
     }
 
-    /// Makes `nstep` steps with these inputs and the stored ones. If a signal ends them early, the result has the number of steps made.
+    /// Makes `nstep` steps with these and the stored inputs. If a signal interrupts them, the result has the number of steps made.
     fn advance(&mut self, py: Python<'_>, inputs: StepInputs<'_>, nstep: usize) -> PyResult<Option<Interrupted>> {
         self.apply(py)?;
         let simulation = &mut self.simulation;
@@ -61,7 +61,7 @@ impl Stepper {
         self.advance(py, StepInputs { ctrl, mask: &selection.mask(self.n()), ..StepInputs::default() }, nstep)
     }
 
-    /// Controls of all environments, (num_envs, nu): those of `ctrl` for the selected ones, those in force for the others.
+    /// Controls of all environments, (num_envs, nu): those of `ctrl` for the selected ones, the current ones for the others.
     fn controls_with(&self, ctrl: Option<&Bound<'_, PyAny>>, selection: &Selection) -> PyResult<Vec<f64>> {
         let nu = self.simulation.model().nu();
         let mut controls = self.simulation.ctrl().to_vec();
@@ -76,7 +76,7 @@ impl Stepper {
     }
 }
 
-/// Makes recorded steps of the selected environments: all step, and the others get their states back, which the recording repeats.
+/// Makes recorded steps of the selected environments: all step, and the states of the others are restored. The replay repeats both.
 #[cold]
 fn step_some_recorded(
     slf: &Bound<'_, Stepper>,
@@ -101,7 +101,7 @@ fn step_some_recorded(
     stepped.map(|_| ())
 }
 
-/// What becomes of a step that a signal has ended: the recorder is told of the steps that were made.
+/// Error of an interrupted step. The recorder gets the steps that were made.
 #[cold]
 fn end_early(slf: &Bound<'_, Stepper>, this: PyRefMut<'_, Stepper>, interrupted: Interrupted, nstep: usize) -> PyErr {
     let (py, made) = (slf.py(), interrupted.steps);
@@ -123,21 +123,22 @@ impl Stepper {
     /// Makes `nstep` steps in every environment, or in those of `envs`.
     ///
     /// Args:
-    ///     ctrl: Controls, (num_envs, nu) or (nu,) for all, held until others are given; None holds those in force (`Stepper.ctrl`),
-    ///         as MuJoCo does.
+    ///     ctrl: Controls, (num_envs, nu), or (nu,) for all environments. They also apply to later steps without controls. None keeps the
+    ///         current ones (`Stepper.ctrl`), as in MuJoCo.
     ///     nstep: Number of steps.
-    ///     envs: Which environments, as of `reset`. The others stay as they are, to the bit, with their controls, sensors and flags.
-    ///         Environments that are worked on together and none of which step cost nothing, unless sensors or actuators have delays or
-    ///         the stepper is recorded: then all step, and the others are put back.
+    ///     envs: Environments, as in `reset`. The others do not change, including their controls, sensors and flags. A group of lanes
+    /// without
+    ///         selected environments takes no time. But if sensors or actuators have delays or the stepper is recorded, all environments
+    ///         step, and the states of the others are restored.
     ///
     /// Raises:
-    ///     ValueError: A wrong shape; the message has both. A control that is NaN is no error: its environment keeps its state and says
+    ///     ValueError: A shape is wrong; the message has both. A NaN control is no error: its environment keeps its state and has
     ///         NON_FINITE in `status`.
-    ///     TypeError, IndexError: As of `reset`.
-    ///     KeyboardInterrupt: Ctrl-C in a long call, which looks for signals some twenty times a second. Every environment has then
-    ///         made the same number of steps, the exception's `steps`, and all is as a call with that `nstep` leaves it; but mocap
-    ///         bodies are where their way has brought them, and a recording in which they were under way replays up to this call
-    ///         only. What another signal's handler raises ends the call alike.
+    ///     TypeError, IndexError: An argument `envs` is invalid, as in `reset`.
+    ///     KeyboardInterrupt: Ctrl-C interrupted a long call, which checks for signals about twenty times per second. All environments have
+    ///         made the same number of steps, `steps` of the exception, and have the results of a call with that `nstep`. But moving
+    ///         mocap bodies have not reached their targets, and a recording with them can be replayed up to this call only. Exceptions of
+    ///         other signal handlers interrupt the call in the same way.
     #[pyo3(signature = (ctrl=None, nstep=Whole::Number(1), envs=None), text_signature = "($self, ctrl=None, nstep=1, envs=None)")]
     fn step(slf: &Bound<'_, Self>, ctrl: Option<&Bound<'_, PyAny>>, nstep: Whole<'_>, envs: Option<&Bound<'_, PyAny>>) -> PyResult<()> {
         let mut this = borrow(slf)?;

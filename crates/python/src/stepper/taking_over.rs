@@ -1,4 +1,4 @@
-//! Environments that take over states: of other environments, or of a list.
+//! Copies of states to environments, from other environments or from a list.
 
 use std::collections::BTreeMap;
 
@@ -13,13 +13,13 @@ use crate::state::State;
 use crate::stepper::recording::{notify, recorder_of};
 use crate::stepper::{Stepper, borrow};
 
-/// States of an argument.
+/// States from an argument.
 pub(super) enum States<'py> {
     One(Bound<'py, State>),
     Each(Vec<Bound<'py, State>>),
 }
 
-/// A state, or a list of some; None for any other argument.
+/// States from an argument that is a state or a list of states; None for other arguments.
 pub(super) fn states_of<'py>(given: &Bound<'py, PyAny>) -> Option<States<'py>> {
     if let Ok(state) = given.cast::<State>() {
         return Some(States::One(state.clone()));
@@ -33,7 +33,7 @@ pub(super) fn states_of<'py>(given: &Bound<'py, PyAny>) -> Option<States<'py>> {
 }
 
 impl Stepper {
-    /// Restores states in the selected environments: one in all of them, or each its own. Nothing changes where one cannot be taken.
+    /// Restores a state in all selected environments, or one state in each. On an error, no environment changes.
     pub(super) fn take_states(&mut self, states: &States<'_>, selection: &Selection) -> PyResult<()> {
         let states = match states {
             States::One(state) => {
@@ -60,18 +60,18 @@ impl Stepper {
 
 #[pymethods]
 impl Stepper {
-    /// Copies states between environments: environment `envs[k]` takes over the state of environment `sources[k]`, see `get_state`.
+    /// Copies states between environments: environment `envs[k]` gets the state of environment `sources[k]`; see `get_state`.
     ///
-    /// All states are read before any is changed. Copies draw random numbers of their own for their sensors from then on.
+    /// All states are read before any is changed. The copies have independent random sensor errors.
     ///
     /// Args:
-    ///     sources: Indices of the environments whose states are taken, one for each of `envs`, or one for all; an index may repeat.
-    ///     envs: Which environments take them, as of `reset`.
+    ///     sources: Indices of the source environments, one for each of `envs`, or one for all. Indices may repeat.
+    ///     envs: Target environments, as in `reset`.
     ///
     /// Raises:
-    ///     TypeError: Indices that are no integers.
-    ///     ValueError: Another number of sources than of environments.
-    ///     IndexError: No environment of that index.
+    ///     TypeError: An index is no integer.
+    ///     ValueError: The number of sources differs from the number of environments.
+    ///     IndexError: An index is out of range.
     #[pyo3(signature = (sources, envs=None))]
     fn copy_state(slf: &Bound<'_, Self>, sources: Bound<'_, PyAny>, envs: Option<Bound<'_, PyAny>>) -> PyResult<()> {
         let mut this = borrow(slf)?;

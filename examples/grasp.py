@@ -109,7 +109,7 @@ def by_ppo(rollouts: int, seed: int = 1, **given: Any) -> Iterator[Score]:
 LEARNERS = {"derivatives": (by_derivatives, 320), "PPO": (by_ppo, 1600)}
 """Learners, each with its number of training episodes."""
 MARKS = (30.0, 35.0)
-"""Returns for which the table has the number of rollouts and the time until a learner first reaches them."""
+"""Returns of interest. The table has the numbers of rollouts and the times after which a learner first reaches each."""
 
 
 def row(name: str, seed: int, scores: list[Score]) -> str:

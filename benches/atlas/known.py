@@ -86,7 +86,7 @@ BAUMGARTE_SPEED = 1.0
 PYRAMID_ROWS = sum(boxes * (row * BAUMGARTE_SPEED) ** 2 / 2 for row, boxes in enumerate((4, 3, 2, 1), start=1))
 """Kinetic energy of the pyramid of scene 17 if each row of boxes leaves the row below at that speed, J."""
 BOUNCE = 49 * 10.0 * G * math.sqrt(2 * G * 5.0)
-"""Energy of the 49 spheres of scene S2 that a bounce gains or loses per second that it is late, W."""
+"""Energy error of the 49 spheres of scene S2 per second by which a bounce is late, W."""
 
 KNOWN: tuple[Known, ...] = (
     Known(

@@ -12,7 +12,7 @@ from atlas.world import World
 LONG = (1e-4, 5e-4, 2e-3, 5e-3, 2e-2)
 """Time steps of the long sweep, s."""
 SHORT = (2e-3, 2e-2)
-"""Time steps of the short sweep, for scenes that run for seconds, s."""
+"""Time steps of the short sweep, for scenes with long runs, s."""
 
 
 class Engine(Protocol):

@@ -88,7 +88,7 @@ def _faults(name: str, episode: Episode) -> list[Fault]:
     shares = {flag.upper(): getattr(episode, flag) for flag in ("non_finite", "contacts_full", "unresolved")}
     found = [Fault(flag, f"{share:.2%} of the steps, {name}") for flag, share in shares.items() if share]
     ratio = max(episode.ours.mean_energy, ENERGY_FLOOR) / max(episode.theirs.mean_energy, ENERGY_FLOOR)
-    # Energies are compared only without warnings: with one, MuJoCo has reset the state.
+    # Energies are compared only if MuJoCo gives no warning, because it resets the state after one.
     if not episode.warnings and not 1 / ENERGY <= ratio <= ENERGY:
         figures = f"{_energies(episode.ours)} J, MuJoCo's {_energies(episode.theirs)} J, {name}"
         found.append(Fault(LESS_ENERGY if ratio < 1 else "more energy", figures))

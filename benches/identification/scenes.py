@@ -25,9 +25,9 @@ def springy_finger(name: str, *, stiffness: float, damping: float, mass: str = "
     Args:
         name: Name of the model.
         stiffness: Stiffness of the finger's spring, N/m.
-        damping: Its damping, N s/m.
-        mass: Place of the box's mass in the text.
-        friction: Places of the friction of box and floor.
+        damping: Damping of this spring, N s/m.
+        mass: Placeholder for the mass of the box.
+        friction: Placeholder for the friction of box and floor.
     """
     return f"""<mujoco model="{name}"><option timestep="0.002"/><worldbody>
   <geom name="floor" type="plane" size="2 2 .1" friction="{friction}"/>

@@ -46,7 +46,7 @@ def main() -> None:
         "--targets", action="store_true", help="print the targets with the results in many_contacts.json, without measuring"
     )
     parser.add_argument(
-        "--save-episodes", type=Path, metavar="DIR", help="record the timed phases for anatomy and its floors, without measuring"
+        "--save-episodes", type=Path, metavar="DIR", help="record the timed phases as episodes for the program `anatomy`, without measuring"
     )
     parser.add_argument("--list", action="store_true", help="list the scenes with their descriptions")
     parser.add_argument("--out", type=Path, default=Path("out"), help="folder for many_contacts.json [out]")

@@ -1,4 +1,4 @@
-"""Time for which motion with MuJoCo's contact law agrees with MuJoCo's episodes, until chaos separates them, as a table."""
+"""Table of the time for which motion with MuJoCo's contact law in stepper agrees with motion in MuJoCo, before chaos separates both."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 """Study of Unitree's G1 from mjlab (`pip install --no-deps mjlab`), standing with position servos: docs/benchmarks/studies.md.
 
-The robot starts just above the floor with straight legs and small random velocities. Its wrists have no armature in this study, so that the
-damping of the servos is stiff: Euler's rule with explicit damping diverges at time steps of 0.125 ms and more.
+The robot starts just above the floor with straight legs and small random velocities. In this study its wrists have no armature, so that the
+damping of the servos is stiff. Euler's rule with explicit damping diverges at time steps of 0.125 ms and more.
 """
 
 from __future__ import annotations

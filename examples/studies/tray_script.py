@@ -9,7 +9,7 @@ CONTROL, MASS, GRAVITY = 0.008, 0.3, 9.81
 
 
 def force(now: Any, time: Any) -> Any:
-    """Force of the push at a time, N. The control period in which the gripper reacts has the mean force over the period."""
+    """Force of the push for a control that begins at a time, N: its mean over the control period. It is zero after the reaction."""
     return now.theta["push"] * np.clip((now.theta["reaction"] - time) / CONTROL, 0.0, 1.0)
 
 

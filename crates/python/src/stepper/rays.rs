@@ -15,9 +15,9 @@ use crate::stepper::{Stepper, borrow};
 impl Stepper {
     /// Distances and geoms that rays hit at the current states: MuJoCo's `mj_ray` for many rays of all environments in one pass.
     ///
-    /// Rays hit planes from the front, without bounds. They hit the triangles of meshes, also of those that collide as a hull, and the top,
-    /// sides and base of height fields. A ray that starts inside a geom hits its surface from inside. Visual geoms with primitive shapes
-    /// are hit; visual meshes are not part of the model.
+    /// Rays hit planes from the front only; planes are infinite. Rays hit the triangles of meshes, also of those that collide as a hull,
+    /// and the top, sides and base of height fields. A ray that starts inside a geom hits its surface from inside. Visual geoms with
+    /// primitive shapes are hit; visual meshes are not part of the model.
     ///
     /// Args:
     ///     points: Origins of the rays, (num_envs, n, 3), or (n, 3) for all environments, m. With `body`, they are relative to its frame.

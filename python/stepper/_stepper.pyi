@@ -47,34 +47,34 @@ def cpu_levels() -> list[str]:
     """CPU levels of this machine, slowest first."""
 
 def fields() -> list[tuple[str, str, str, str, bool]]:
-    """Fields that `Model.replace` takes: name, shape ("(ngeom, 3)"), quantity, unit, and whether `Stepper.randomize` takes it."""
+    """Fields of `Model.replace`: name, shape ("(ngeom, 3)"), quantity, unit, and whether `Stepper.randomize` accepts it."""
 
 def selected(envs: ArrayLike | None, num_envs: int) -> list[int]:
-    """Environments that an argument `envs` selects, in its order: see `Stepper.reset`.
+    """Indices of the environments that an argument `envs` selects, in its order; see `Stepper.reset`.
 
     Args:
-        envs: A boolean mask (num_envs,), or integer indices; None is all.
+        envs: Boolean mask (num_envs,), or integer indices (k,). None is all.
         num_envs: Number of environments.
 
     Raises:
-        TypeError: Numbers that are no integers, with the first of them.
-        ValueError: A mask of another length, an index twice.
-        IndexError: An index out of range.
+        TypeError: An index is no integer; the message has the first one.
+        ValueError: A mask has another length, or an index appears twice.
+        IndexError: An index is out of range.
     """
 
 class ModelError(ValueError):
-    """A model that cannot be simulated: what is wrong, where, and what to do."""
+    """Error of a model that cannot be simulated. The message says what is wrong, where, and what to do."""
 
 @final
 class Body:
-    """A body of a model."""
+    """Body of a model."""
 
     id: Final[int]
-    """Index; the world's is 0."""
+    """Index; that of the world is 0."""
     name: Final[str]
     """Name; may be empty."""
     parentid: Final[int]
-    """Index of the parent; the world's is 0."""
+    """Index of the parent body; 0 for the world."""
     mass: Final[float]
     """Mass, kg."""
     inertia: Final[_Array]
@@ -82,13 +82,13 @@ class Body:
     pos: Final[_Array]
     """Position in the parent's frame, m: (3,)."""
     quat: Final[_Array]
-    """Orientation in the parent's frame: (4,)."""
+    """Orientation in the parent's frame, quaternion (w, x, y, z): (4,)."""
     ipos: Final[_Array]
     """Centre of mass in the body's frame, m: (3,)."""
     iquat: Final[_Array]
-    """Orientation of the principal axes in the body's frame: (4,)."""
+    """Orientation of the principal axes in the body's frame, quaternion (w, x, y, z): (4,)."""
     mocapid: Final[int]
-    """Row of `mocap_pos` and `mocap_quat` of a body that the user poses, else -1."""
+    """Row in `mocap_pos` and `mocap_quat`; -1 for bodies that are not mocap bodies."""
     jntadr: Final[int]
     """Index of its first joint; -1 without one."""
     jntnum: Final[int]
@@ -104,16 +104,16 @@ class Body:
 
 @final
 class Joint:
-    """A joint of a model."""
+    """Joint of a model."""
 
     id: Final[int]
     """Index."""
     name: Final[str]
     """Name; may be empty."""
     type: Final[str]
-    """"free", "ball", "slide" or "hinge"."""
+    """Type: "free", "ball", "slide" or "hinge"."""
     bodyid: Final[int]
-    """Index of the body that it moves."""
+    """Index of its body."""
     qposadr: Final[int]
     """Address of its first coordinate in qpos."""
     dofadr: Final[int]
@@ -125,7 +125,7 @@ class Joint:
     limited: Final[bool]
     """Whether its position has bounds."""
     range: Final[_Array]
-    """Lowest and highest position, m or rad: (2,), infinite where there is no bound."""
+    """Lowest and highest position, m or rad: (2,), infinite without a bound."""
     pos: Final[_Array]
     """Anchor in the body's frame, m: (3,)."""
     axis: Final[_Array]
@@ -135,50 +135,50 @@ class Joint:
     damping: Final[float]
     """Viscous damping, N s/m or N m s/rad."""
     armature: Final[float]
-    """Added inertia, kg or kg m^2."""
+    """Armature (added inertia), kg or kg m^2."""
     frictionloss: Final[float]
-    """Dry friction, N or N m."""
+    """Dry friction (frictionloss), N or N m."""
     velocity_limit: Final[float]
-    """Highest speed that the source allows, rad/s or m/s, not enforced; infinite where there is none."""
+    """Speed limit in the source, rad/s or m/s, not enforced; infinite without one."""
 
 @final
 class Geom:
-    """A geom of a model."""
+    """Geom of a model."""
 
     id: Final[int]
     """Index."""
     name: Final[str]
     """Name; may be empty."""
     bodyid: Final[int]
-    """Index of the body that it is fixed to."""
+    """Index of its body."""
     type: Final[str]
-    """"plane", "sphere", "capsule", "cylinder", "ellipsoid", "box", "mesh" or "hfield"."""
+    """Type: "plane", "sphere", "capsule", "cylinder", "ellipsoid", "box", "mesh" or "hfield"."""
     size: Final[_Array]
-    """Radius, half length; or half sizes; or semi-axes; 0 where the shape has no number; m: (3,)."""
+    """Sizes, m: (3,). They are radius and half length, half sizes, or semi-axes; unused entries are 0."""
     pos: Final[_Array]
     """Position in the body's frame, m: (3,)."""
     quat: Final[_Array]
-    """Orientation in the body's frame: (4,)."""
+    """Orientation in the body's frame, quaternion (w, x, y, z): (4,)."""
     contype: Final[int]
-    """Bit mask: two geoms may collide if one's contype meets the other's conaffinity."""
+    """Bit mask: two geoms may collide if the contype of one has a common bit with the conaffinity of the other."""
     conaffinity: Final[int]
-    """Bit mask, see `contype`."""
+    """Bit mask of the contypes of other geoms with which this one may collide."""
     condim: Final[int]
-    """Rows of a contact: 1, 3, 4 or 6."""
+    """Dimension of a contact: 1, 3, 4 or 6, as in MuJoCo."""
     priority: Final[int]
-    """The pair takes the friction and condim of the geom with the higher priority."""
+    """Priority: a contact uses the friction and condim of its geom with the higher one."""
     friction: Final[_Array]
     """Sliding (1), torsional (m), rolling (m) friction: (3,)."""
     restitution: Final[float]
     """Newton's coefficient of restitution, 0 to 1."""
     margin: Final[float]
-    """Distance at which a contact pushes, m."""
+    """Distance at which a contact begins to push, m."""
     gap: Final[float]
-    """Distance beyond the margin that is reported, m."""
+    """Distance beyond the margin up to which MuJoCo reports contacts without force, m."""
 
 @final
 class Pair:
-    """An explicit pair of geoms of a model: they collide whatever filters say, with the pair's own numbers."""
+    """Explicit pair of geoms of a model. The geoms collide independent of filters, with the parameters of the pair."""
 
     id: Final[int]
     """Index."""
@@ -189,86 +189,86 @@ class Pair:
     geom2: Final[int]
     """Index of the second geom."""
     dim: Final[int]
-    """Rows of a contact: 1, 3, 4 or 6."""
+    """Dimension of a contact: 1, 3, 4 or 6, as in MuJoCo."""
     friction: Final[_Array]
     """Sliding (1), torsional (m), rolling (m) friction: (3,)."""
     restitution: Final[float]
     """Newton's coefficient of restitution, 0 to 1."""
     margin: Final[float]
-    """Distance at which a contact pushes, m."""
+    """Distance at which a contact begins to push, m."""
     gap: Final[float]
-    """Distance beyond the margin that is reported, m."""
+    """Distance beyond the margin up to which MuJoCo reports contacts without force, m."""
 
 @final
 class Site:
-    """A site of a model."""
+    """Site of a model."""
 
     id: Final[int]
     """Index."""
     name: Final[str]
     """Name; may be empty."""
     bodyid: Final[int]
-    """Index of the body that it is fixed to."""
+    """Index of its body."""
     type: Final[str]
-    """"sphere", "capsule", "cylinder", "ellipsoid" or "box"."""
+    """Type: "sphere", "capsule", "cylinder", "ellipsoid" or "box"."""
     pos: Final[_Array]
     """Position in the body's frame, m: (3,)."""
     quat: Final[_Array]
-    """Orientation in the body's frame: (4,)."""
+    """Orientation in the body's frame, quaternion (w, x, y, z): (4,)."""
 
 @final
 class Actuator:
-    """An actuator of a model."""
+    """Actuator of a model."""
 
     id: Final[int]
-    """Index: its place in ctrl."""
+    """Index, also of its control in ctrl."""
     name: Final[str]
     """Name; may be empty."""
     trntype: Final[str]
-    """What it pulls on: "joint", "tendon" or "site"."""
+    """Type of its transmission target: "joint", "tendon" or "site"."""
     trnid: Final[int]
-    """Index of that."""
+    """Index of the transmission target."""
     actadr: Final[int]
     """Address of its activation in act; -1 without one."""
     ctrlrange: Final[_Array]
-    """Bounds of the control: (2,), infinite where there is none."""
+    """Bounds of the control: (2,), infinite without a bound."""
     forcerange: Final[_Array]
-    """Bounds of the force, N or N m: (2,), infinite where there is none."""
+    """Bounds of the force, N or N m: (2,), infinite without a bound."""
     actrange: Final[_Array]
-    """Bounds of the activation: (2,), infinite where there is none."""
+    """Bounds of the activation: (2,), infinite without a bound."""
     gear: Final[_Array]
-    """Scale of length, velocity and force, in column 0; force and torque on a site: (6,)."""
+    """Gear: (6,). Entry 0 scales length, velocity and force. For a site, the entries are force and torque directions."""
     gaintype: Final[str]
     """Type of the gain: "fixed", "affine", "dcmotor" or "pid"."""
     gainprm: Final[_Array]
-    """Parameters of the gain: constant, per length, per velocity; others are 0: (10,)."""
+    """Parameters of the gain: constant, factor of length, factor of velocity; others are 0: (10,)."""
     biastype: Final[str]
     """Type of the bias: "none", "affine" or "dcmotor"."""
     biasprm: Final[_Array]
-    """Parameters of the bias: constant, per length, per velocity; others are 0: (10,)."""
+    """Parameters of the bias: constant, factor of length, factor of velocity; others are 0: (10,)."""
 
 @final
 class Sensor:
-    """A sensor of a model."""
+    """Sensor of a model."""
 
     id: Final[int]
     """Index."""
     name: Final[str]
     """Name; may be empty."""
     type: Final[str]
-    """Kind, as MJCF calls it: "gyro"."""
+    """Type as in MJCF, such as "gyro"."""
     adr: Final[int]
     """Address of its first reading."""
     dim: Final[int]
     """Number of its readings."""
     noise: Final[float]
-    """Noise that the source declares."""
+    """Noise in the source."""
     cutoff: Final[float]
-    """Cutoff that the source declares."""
+    """Cutoff in the source."""
 
 @final
 class Tendon:
-    """A fixed tendon of a model: its length is a linear combination of joint positions."""
+    """Fixed tendon of a model, whose length is a linear combination of joint positions."""
 
     id: Final[int]
     """Index."""
@@ -277,11 +277,11 @@ class Tendon:
     jntid: Final[_Array]
     """Indices of its joints: (n,) int64."""
     coef: Final[_Array]
-    """Their coefficients: (n,)."""
+    """Coefficients of the joints: (n,)."""
     limited: Final[bool]
     """Whether its length has bounds."""
     range: Final[_Array]
-    """Lowest and highest length: (2,), infinite where there is no bound."""
+    """Lowest and highest length: (2,), infinite without a bound."""
     stiffness: Final[float]
     """Spring stiffness."""
     damping: Final[float]
@@ -293,14 +293,14 @@ class Tendon:
 
 @final
 class Keyframe:
-    """A keyframe of a model: a named state, which `Stepper.reset(keyframe=)` starts from."""
+    """Keyframe of a model: a named state for `Stepper.reset(keyframe=)`."""
 
     id: Final[int]
     """Index."""
     name: Final[str]
     """Name; may be empty."""
     time: Final[float]
-    """s"""
+    """Time, s."""
     qpos: Final[_Array]
     """Configuration: (nq,)."""
     qvel: Final[_Array]
@@ -312,69 +312,68 @@ class Keyframe:
 
 @final
 class Model:
-    """A scene, immutable: bodies, joints, geoms, actuators, sensors.
+    """Immutable model of a scene: bodies, joints, geoms, actuators, sensors.
 
-    Every field that `replace` takes is an attribute, a read-only copy, e.g. `model.geom_friction` (ngeom, 3). Models compare by
-    value and pickle.
+    Each field of `replace` is also an attribute, a read-only copy: `model.geom_friction` has shape (ngeom, 3). Models compare by value and
+    can be pickled.
     """
 
     name: Final[str]
     """Name of the scene; may be empty."""
     nq: Final[int]
-    """Coordinates of a configuration."""
+    """Number of position coordinates, the length of qpos."""
     nv: Final[int]
-    """Degrees of freedom."""
+    """Number of degrees of freedom, the length of qvel."""
     nu: Final[int]
-    """Controls."""
+    """Number of controls."""
     na: Final[int]
-    """Activations of actuators."""
+    """Number of actuator activations."""
     nbody: Final[int]
-    """Bodies, the world included, which is body 0."""
+    """Number of bodies, including the world, which is body 0."""
     njnt: Final[int]
-    """Joints."""
+    """Number of joints."""
     nsite: Final[int]
-    """Sites."""
+    """Number of sites."""
     ngeom: Final[int]
-    """Geoms."""
+    """Number of geoms."""
     npair: Final[int]
-    """Explicit pairs of geoms."""
+    """Number of explicit pairs of geoms."""
     nsensordata: Final[int]
-    """Readings of all sensors together."""
+    """Number of readings of all sensors."""
     body_names: Final[list[str]]
-    """Names of the bodies in their order; empty where one has none."""
+    """Names of the bodies in order; empty for those without a name."""
     joint_names: Final[list[str]]
-    """Names of the joints in their order; empty where one has none."""
+    """Names of the joints in order; empty for those without a name."""
     geom_names: Final[list[str]]
-    """Names of the geoms in their order; empty where one has none."""
+    """Names of the geoms in order; empty for those without a name."""
     pair_names: Final[list[str]]
-    """Names of the explicit pairs of geoms in their order; empty where one has none."""
+    """Names of the explicit pairs of geoms in order; empty for those without a name."""
     actuator_names: Final[list[str]]
-    """Names of the actuators in their order; empty where one has none."""
+    """Names of the actuators in order; empty for those without a name."""
     sensor_names: Final[list[str]]
-    """Names of the sensors in their order; empty where one has none."""
+    """Names of the sensors in order; empty for those without a name."""
     site_names: Final[list[str]]
-    """Names of the sites in their order; empty where one has none."""
+    """Names of the sites in order; empty for those without a name."""
     keyframe_names: Final[list[str]]
-    """Names of the keyframes in their order; empty where one has none."""
+    """Names of the keyframes in order; empty for those without a name."""
     tendon_names: Final[list[str]]
-    """Names of the fixed tendons in their order; empty where one has none."""
+    """Names of the fixed tendons in order; empty for those without a name."""
     sensors: Final[list[dict[str, Any]]]
-    """name, type, adr (of the first reading), dim, datatype; and what the source declares: noise, cutoff, delay, interval."""
+    """Sensors as dictionaries: name, type, adr (index of the first reading), dim, datatype, and noise, cutoff, delay and interval if the
+    source has them."""
     omitted: Final[list[tuple[str, str, str]]]
-    """(kind, name, reason) of everything in the source that this model leaves out."""
+    """Elements of the source that this model omits, as tuples (kind, name, reason)."""
     requested: Final[dict[str, Any] | None]
-    """What the source asks of a simulator that stepper does in its own way: integrator, solver, iterations, cone, constrained
-    (whether it has constraints, which are soft there), soft (what has solref or solimp of its own). None where the model was made
-    in code."""
+    """Settings of the source that default options replace: integrator, solver, iterations, cone, constrained (whether the model has
+    constraints, which are soft in MuJoCo), and soft (elements with non-default solref or solimp). None for models made in code."""
     excluded_overlaps: Final[list[tuple[str, str, float]]]
-    """Pairs of geoms that overlap at the reference pose and whose bodies do not collide for that reason (`exclude_overlaps`), in the
-    format of `overlaps()`."""
+    """Pairs of geoms that overlap in the reference pose and whose contacts `exclude_overlaps` has disabled, in the format of `overlaps()`."""
     wide_hulls: Final[list[tuple[int, float]]]
-    """Geoms whose convex hull, as which they collide, has at least twice the volume of their mesh, or 1.25 times for fixed geoms: (index
-    of the geom, hull volume / mesh volume). The mesh volume is the space that other geoms cannot enter; the ratio is infinite if there
-    is none, as for an open valley."""
+    """Mesh geoms that collide as a much larger convex hull: tuples (index of the geom, hull volume / mesh volume). The list has ratios of
+    2 or more, and of 1.25 or more for fixed geoms. The mesh volume is the enclosed space. The ratio is infinite if there is none, as
+    for an open surface."""
     deviations: Final[list[str]]
-    """What the source asks for expressly and default options do otherwise, in words: an integrator other than Euler's, softness."""
+    """Explicit settings of the source from which default options deviate, as texts: an integrator other than Euler's, softness."""
     digest: Final[str]
     """SHA-256 of the model, in hexadecimal."""
     @property
@@ -592,197 +591,200 @@ class Model:
         """Bounds of the force, N or N m: (nu, 2)."""
     @staticmethod
     def from_description(description: dict[str, Any], strict: bool) -> Model:
-        """The model of a plain description (the fields of the Rust crate's `Description`), checked.
+        """Checked model from a plain description, a dictionary with the fields of the Rust crate's `Description`.
 
         Vertices and faces of meshes and elevations of height fields may be arrays.
 
         Raises:
-            ModelError: The description is not valid, or strict and it has elements that are not simulated.
+            ModelError: The description is not valid, or `strict` is set and it has unsupported elements.
         """
     @staticmethod
     def from_bytes(bytes: bytes) -> Model:
-        """The inverse of `to_bytes`."""
+        """Model from the bytes of `to_bytes`."""
     @staticmethod
     def from_file(path: str | PathLike[str]) -> Model:
-        """A model that `save` wrote."""
+        """Model from a file of `save`."""
     def to_bytes(self) -> bytes:
-        """The contents of a saved model."""
+        """Content of a file of `save`."""
     def save(self, path: str | PathLike[str]) -> None:
-        """Writes the model so that `stepper.load(path)` gives the same one, bit for bit, without the MJCF reader."""
+        """Writes the model to a file. `stepper.load(path)` reads the same model, bit for bit, without MuJoCo."""
     def explain(self) -> str:
-        """A report on the model as text.
+        """Report on the model as text.
 
-        Its sections: settings of the source that default options do not use; modelled elements; left-out elements, with reasons;
-        absent elements, which cost nothing; limits of rigid-body models; excluded overlaps; convex hulls that are much larger than their
-        mesh; overlaps and violated joint limits at the reference pose.
+        Sections of the report:
+
+        * settings of the source that default options ignore
+        * simulated elements; omitted elements with reasons; absent elements, which cost nothing
+        * limits of rigid-body models
+        * excluded overlaps; convex hulls much larger than their mesh
+        * overlaps and violated joint limits in the reference pose
         """
     def replace(self, values: Mapping[str, ArrayLike] | None = None, /, **fields: ArrayLike) -> Model:
-        """A new model with other values in some fields; what derives from a field follows.
+        """New model with other values in some fields. Quantities that depend on these fields are recomputed.
 
             model.replace(geom_restitution=[0.2, 0.8])  # (ngeom,)
             model.replace({"geom_friction[floor,box][0]": 0.5})
 
         Args:
-            values: Values by selector, `field[names][columns]` (docs/reference/what_can_vary.md); other numbers of these
-                fields stay as they are. The
-                shape is that of the selected numbers: one name or index and one column have no axis. A single number is for all of them.
-            **fields: Whole fields, in the shape that the model has them.
+            values: Values by selector, `field[names][columns]` (docs/reference/what_can_vary.md). Other entries of these fields keep their
+                values. The shape is that of the selected entries; a single name or index and a single column have no axis. A scalar sets
+                all selected entries.
+            **fields: Values of whole fields, in the shape of the model's attribute.
 
-        Contacts of an explicit pair use the fields of the pair (pair_friction, pair_restitution, ...) and ignore those of its geoms. A new
-        geom_friction, geom_restitution, geom_margin, geom_gap, geom_condim, geom_solref, geom_solimp, geom_solmix, geom_stiffness or
-        geom_damping for a geom of a pair therefore needs the field of the pair in the same call, with new values or the model's: pair_dim
-        for geom_condim, pair_solref for geom_solmix.
+        Contacts of an explicit pair use the fields of the pair (pair_friction, pair_restitution, ...) and ignore those of its geoms. So a
+        new value for a geom of a pair needs the field of the pair in the same call, with new values or those of the model. This holds for
+        geom_friction, geom_restitution, geom_margin, geom_gap, geom_condim, geom_solref, geom_solimp, geom_solmix, geom_stiffness and
+        geom_damping. The field for geom_condim is pair_dim, that for geom_solmix is pair_solref.
 
         Raises:
-            ValueError: A wrong shape.
-            ModelError: An unknown field, values that the model cannot have, or values of a geom that an explicit pair overrides, with the
-                pair.
+            ValueError: A shape is wrong.
+            ModelError: A field is unknown, a value is invalid, or an explicit pair overrides the value of a geom; the message has the pair.
         """
     def exclude_overlaps(self) -> Model:
-        """A new model without contact between bodies that overlap at the reference pose: `stepper.load(..., overlaps="exclude")`.
+        """New model without contacts between bodies that overlap in the reference pose, as by `stepper.load(..., overlaps="exclude")`.
 
-        `excluded_overlaps` lists the pairs, from a depth of 0.01 mm on. No geoms of the two bodies collide any more; world geoms are
-        excluded one by one. Overlaps with the ground stay, and `overlaps()` lists them: those of planes and height fields, and those of
-        fixed geoms with a body that has a free joint.
+        `excluded_overlaps` lists the pairs, which are deeper than 0.01 mm. All contacts between the two bodies are disabled; geoms of the
+        world are excluded one by one. Overlaps with the ground are kept, and `overlaps()` lists them. The ground is planes, height fields,
+        and for bodies with a free joint all fixed geoms.
         """
     def overlaps(self) -> list[tuple[str, str, float]]:
-        """Pairs of geoms that can collide and overlap by more than 0.01 mm at the reference pose, the deepest first.
+        """Pairs of geoms that can collide and overlap by more than 0.01 mm in the reference pose, the deepest first.
 
         Returns:
-            (name of one geom, name of the other, depth in m); "#3 of body arm" where a geom has no name.
+            Tuples (name of the first geom, name of the second, depth in m). Geoms without a name are listed as "#3 of body arm".
         """
     def with_sensors(self, sensors: Mapping[str, RayFan | Combination | SensorSpec]) -> Model:
-        """A new model with more sensors by name, behind its own.
+        """New model with further sensors by name, after the existing ones.
 
         Raises:
-            ValueError: A name that nothing has, or directions that are none.
-            ModelError: A sensor that the model cannot have.
+            ValueError: An element does not exist, or a direction has length 0.
+            ModelError: The model cannot have a sensor.
         """
     def equivalent_springs(self) -> dict[str, NDArray[Any]]:
-        """What solref and solimp of the scene's contacts amount to under MuJoCo's law, in newtons and metres, at the model's time step.
+        """Stiffness and damping of the contacts under MuJoCo's contact law, from solref and solimp at the time step of the model.
 
         Returns:
-            A dictionary of arrays with a row for every pair of geoms that can collide: `geoms` (npair, 2), `stiffness` (npair, 2), N/m at
-            rest, at the first touch and where the impedance is largest, and `damping` (npair, 2), N s/m, at the same depths. Pairs of a
-            crowd, which are too many to be listed, are left out.
+            Dictionary of arrays with a row for each pair of geoms that can collide: `geoms` (npair, 2), `stiffness` (npair, 2) in N/m, and
+            `damping` (npair, 2) in N s/m, for contacts without acceleration. Column 0 of both is at the first touch, column 1 at the depth
+            of the largest impedance. Pairs that large scenes find only during the simulation are not listed.
         """
     def body(self, key: str | int) -> Body:
-        """A body by its name or index (negative from the end).
+        """Body by name or index (negative from the end).
 
         Raises:
-            KeyError: No body of that name; the message has near ones.
-            IndexError: No body of that index.
+            KeyError: The model has no body of that name; the message has similar names.
+            IndexError: The model has no body of that index.
         """
     def joint(self, key: str | int) -> Joint:
-        """A joint by its name or index (negative from the end): `model.joint("hip").qposadr`.
+        """Joint by name or index (negative from the end): `model.joint("hip").qposadr`.
 
         Raises:
-            KeyError: No joint of that name; the message has near ones.
-            IndexError: No joint of that index.
+            KeyError: The model has no joint of that name; the message has similar names.
+            IndexError: The model has no joint of that index.
         """
     def geom(self, key: str | int) -> Geom:
-        """A geom by its name or index (negative from the end).
+        """Geom by name or index (negative from the end).
 
         Raises:
-            KeyError: No geom of that name; the message has near ones.
-            IndexError: No geom of that index.
+            KeyError: The model has no geom of that name; the message has similar names.
+            IndexError: The model has no geom of that index.
         """
     def _requested_options(self) -> dict[str, Any]:
-        """Settings that the source asks for, for `Options.from_model`: contact, integrator, iterations; empty where it asks for none."""
+        """Settings of the source for `Options.from_model`: contact, integrator, iterations; empty if it has none."""
     def pair(self, key: str | int) -> Pair:
-        """An explicit pair of geoms by its name or index (negative from the end).
+        """Explicit pair of geoms by name or index (negative from the end).
 
         Raises:
-            KeyError: No pair of that name; the message has near ones.
-            IndexError: No pair of that index.
+            KeyError: The model has no pair of that name; the message has similar names.
+            IndexError: The model has no pair of that index.
         """
     def site(self, key: str | int) -> Site:
-        """A site by its name or index (negative from the end).
+        """Site by name or index (negative from the end).
 
         Raises:
-            KeyError: No site of that name; the message has near ones.
-            IndexError: No site of that index.
+            KeyError: The model has no site of that name; the message has similar names.
+            IndexError: The model has no site of that index.
         """
     def actuator(self, key: str | int) -> Actuator:
-        """An actuator by its name or index (negative from the end).
+        """Actuator by name or index (negative from the end).
 
         Raises:
-            KeyError: No actuator of that name; the message has near ones.
-            IndexError: No actuator of that index.
+            KeyError: The model has no actuator of that name; the message has similar names.
+            IndexError: The model has no actuator of that index.
         """
     def sensor(self, key: str | int) -> Sensor:
-        """A sensor by its name or index (negative from the end).
+        """Sensor by name or index (negative from the end).
 
         Raises:
-            KeyError: No sensor of that name; the message has near ones.
-            IndexError: No sensor of that index.
+            KeyError: The model has no sensor of that name; the message has similar names.
+            IndexError: The model has no sensor of that index.
         """
     def tendon(self, key: str | int) -> Tendon:
-        """A fixed tendon by its name or index (negative from the end).
+        """Fixed tendon by name or index (negative from the end).
 
         Raises:
-            KeyError: No tendon of that name; the message has near ones.
-            IndexError: No tendon of that index.
+            KeyError: The model has no tendon of that name; the message has similar names.
+            IndexError: The model has no tendon of that index.
         """
     def keyframe(self, key: str | int) -> Keyframe:
-        """A keyframe by its name or index (negative from the end).
+        """Keyframe by name or index (negative from the end).
 
         Raises:
-            KeyError: No keyframe of that name; the message has near ones.
-            IndexError: No keyframe of that index.
+            KeyError: The model has no keyframe of that name; the message has similar names.
+            IndexError: The model has no keyframe of that index.
         """
     def integrate_pos(self, q: ArrayLike, dv: ArrayLike) -> NDArray[np.float64]:
-        """Configuration that a displacement leads to, with unit quaternions: MuJoCo's mj_integratePos over a time of 1.
+        """Configurations after displacements, with unit quaternions, as MuJoCo's mj_integratePos over a time of 1.
 
         Args:
             q: Configurations, (..., nq).
-            dv: Displacements in the coordinates of velocities, (..., nv): of a ball or free joint the rotation vector in the body's frame.
-                The axes before the last are those of `q`, or those of either are absent.
+            dv: Displacements on the tangent space, in the coordinates of qvel, (..., nv). Rotations of ball and free joints are rotation
+                vectors in the body's frame. The leading axes equal those of `q`, or one of the arguments has none.
 
         Returns:
-            (..., nq) float64.
+            Configurations, (..., nq) float64.
 
         Raises:
-            ValueError: Shapes that do not fit, a number that is not finite, a quaternion of zeros.
+            ValueError: Shapes do not match, a number is not finite, or a quaternion is zero.
         """
     def differentiate_pos(self, q1: ArrayLike, q2: ArrayLike) -> NDArray[np.float64]:
-        """Displacement from one configuration to another, the shortest: MuJoCo's mj_differentiatePos over a time of 1.
+        """Shortest displacements from one configuration to another, as MuJoCo's mj_differentiatePos over a time of 1.
 
-        It is the inverse of `integrate_pos`.
+        This is the inverse of `integrate_pos`.
 
         Args:
-            q1: Where it begins, (..., nq).
-            q2: Where it ends, (..., nq); the axes before the last are those of `q1`, or those of either are absent.
+            q1: Initial configurations, (..., nq).
+            q2: Final configurations, (..., nq). The leading axes equal those of `q1`, or one of the arguments has none.
 
         Returns:
-            (..., nv) float64.
+            Displacements, (..., nv) float64.
 
         Raises:
-            ValueError: Shapes that do not fit, a number that is not finite, a quaternion of zeros.
+            ValueError: Shapes do not match, a number is not finite, or a quaternion is zero.
         """
     def geoms_seen_from(self, site: int) -> list[int]:
-        """Indices of the geoms that rays from a site can meet: all that the model has the form of but those of the site's own body."""
+        """Indices of the geoms that rays from a site can hit: all geoms with a shape in the model, except those of the site's body."""
     def __eq__(self, other: object, /) -> bool: ...
     def __ne__(self, other: object, /) -> bool: ...
     def __hash__(self) -> int: ...
 
 @final
 class State:
-    """Everything that survives a step, of all environments of a `Stepper` or of one; see `Stepper.get_state`.
+    """Complete state of one or all environments of a `Stepper`; see `Stepper.get_state`.
 
-    Compares by bits and pickles.
+    States compare bit for bit and can be pickled.
 
     Args:
-        bytes: What `State.bytes` gave.
+        bytes: Bytes from `State.bytes`.
 
     Raises:
-        ValueError: The bytes are no state, cut off or damaged, or of another version.
+        ValueError: The bytes are not a state, are truncated or damaged, or have another version.
     """
 
     bytes: Final[builtins.bytes]
-    """What `State(bytes)` takes: the state with a checksum and the digest of its model."""
+    """Bytes for `State(bytes)`: the state with a checksum and the digest of its model."""
     digest: Final[builtins.bytes]
-    """SHA-256 of the model that it belongs to."""
+    """SHA-256 of the model of the state."""
     nbytes: Final[int]
     """Length of `bytes`."""
     def __new__(cls, bytes: builtins.bytes) -> State: ...
@@ -791,59 +793,57 @@ class State:
 
 @final
 class Stepper:
-    """Environments of one model, stepped together. The GIL is released while stepping. Pickles with its state.
+    """Batch of environments of one model. The GIL is released while stepping. A pickle includes the state.
 
     Args:
-        model: The scene.
-        num_envs: Number of environments; None is a single one, without the leading axis.
-        options: Settings of the step; None is `Options()`.
-        precision: "f64" or "f32".
-        threads: Threads that step; 0 is all that this process may use. The bits are the same for any number.
-        seed: For what is random: the errors of sensors.
-        sensors: What sensors make of the truth; None is ideal ones.
-        actuators: What becomes of controls before they are forces; None is ideal actuators.
+        model: Model of the scene.
+        num_envs: Number of environments. None is a single one, with arrays without the leading axis.
+        options: Settings of the step. None is `Options()`.
+        precision: Floating-point precision, "f64" or "f32".
+        threads: Number of threads; 0 is all processors of this process. Results do not depend on it.
+        seed: Seed of the random sensor errors.
+        sensors: Sensor model. None is ideal sensors.
+        actuators: Actuator model between controls and forces. None is ideal actuators.
 
     Raises:
-        ValueError: A setting out of its range.
-        TypeError: A setting of the wrong type.
-        MemoryError: More environments than there is memory for.
+        ValueError: A setting is out of range.
+        TypeError: A setting has the wrong type.
+        MemoryError: The memory is too small for the environments.
     """
 
     model: Final[Model]
-    """The scene."""
+    """Model of the scene."""
     options: Final[Options]
-    """Settings of the step, as they were given."""
+    """Settings of the step, as given at construction."""
     num_envs: Final[int | None]
-    """Number of environments; None is a single one, without the leading axis."""
+    """Number of environments. None is a single one, with arrays without the leading axis."""
     timestep: Final[float]
-    """Time step in force, s."""
+    """Current time step, s."""
     tolerance: Final[float]
-    """Residual at which the solver stops, in force, m/s."""
+    """Current tolerance of the solver: it stops at this residual, m/s."""
     precision: Final[Precision]
-    """Scalar type of the lanes: "f64" or "f32"."""
+    """Floating-point precision: "f64" or "f32"."""
     threads: Final[int]
-    """Threads that step; 0 is all that this process may use."""
+    """Number of threads; 0 is all processors of this process."""
     seed: Final[int]
-    """Seed of the errors of sensors."""
+    """Seed of the random sensor errors."""
     qpos: Final[_Array]
-    """Configuration: (num_envs, nq), m and quaternions and rad. `set_state(qpos=...)` sets it."""
+    """Positions, (num_envs, nq), m, rad and quaternions. `set_state(qpos=...)` sets them."""
     qvel: Final[_Array]
-    """Velocity: (num_envs, nv), m/s and rad/s. `set_state(qvel=...)` sets it."""
+    """Velocities, (num_envs, nv), m/s and rad/s. `set_state(qvel=...)` sets them."""
     act: Final[_Array]
-    """Activations of actuators: (num_envs, na). `set_state(act=...)` sets them."""
+    """Activations of actuators, (num_envs, na). `set_state(act=...)` sets them."""
     ctrl: Final[_Array]
-    """Controls in force: (num_envs, nu). Those of the last step or the keyframe that an episode began with, zero after any other
-    reset."""
+    """Current controls, (num_envs, nu): those of the last step. After a reset they are those of the keyframe, or zero."""
     xpos: Final[_Array]
-    """Positions of the bodies at the present `qpos`: (num_envs, nbody, 3) in m, of their frames' origins. Body 0 is the world.
-    MuJoCo's `mj_step` leaves those before the step, `mj_forward` these. Like all that is derived from the state, they are computed
-    when asked for, of all environments at once, and the array is the same one until something changes; what was asked for together
-    after the last change is computed in one pass."""
+    """Positions of the body frames at the current `qpos`, (num_envs, nbody, 3), m. Body 0 is the world. Unlike after MuJoCo's `mj_step`,
+    they belong to the state after the step, as after `mj_forward`. Derived quantities are computed at the first read for all
+    environments and cached until something changes. Quantities that are read together are computed in one pass."""
     xquat: Final[_Array]
     """Orientations of the bodies at the present `qpos`: (num_envs, nbody, 4)."""
     body_linvel: Final[_Array]
-    """Velocities of the bodies' frames at the present state in world axes: (num_envs, nbody, 3) in m/s. Bodies that the user poses
-    stand still, as in MuJoCo."""
+    """Linear velocities of the body frames at the current state in world axes, (num_envs, nbody, 3), m/s. Those of mocap bodies are zero,
+    as in MuJoCo."""
     body_angvel: Final[_Array]
     """Angular velocities of the bodies at the present state in world axes: (num_envs, nbody, 3) in rad/s."""
     site_xpos: Final[_Array]
@@ -855,101 +855,98 @@ class Stepper:
     geom_xquat: Final[_Array]
     """Orientations of the geoms at the present `qpos`: (num_envs, ngeom, 4)."""
     subtree_com: Final[_Array]
-    """Centres of mass of every body with all that hangs from it at the present `qpos`: (num_envs, nbody, 3) in m. Row 0 is that of the
-    whole scene."""
+    """Centre of mass of each body with its descendants at the current `qpos`, (num_envs, nbody, 3), m. Row 0 is that of the whole scene."""
     xipos: Final[_Array]
     """Centres of mass of the bodies at the present `qpos`: (num_envs, nbody, 3) in m."""
     cinert: Final[_Array]
-    """Inertias of the bodies about the centre of mass of their tree, world axes: (num_envs, nbody, 10), the inertia's xx, yy, zz, xy, xz,
-    yz in kg m^2, the mass times the place of the body's centre of mass in kg m, the mass in kg. The world's row is zero. A tree is a
-    child of the world with all that hangs from it."""
+    """Inertias of the bodies about the centre of mass of their tree in world axes, (num_envs, nbody, 10), as MuJoCo's `cinert`. The
+    columns are the inertia xx, yy, zz, xy, xz, yz (kg m^2), mass times position of the centre of mass (3, kg m), and mass (kg). The row
+    of the world is zero. A tree is a child of the world with its descendants."""
     cvel: Final[_Array]
-    """Velocities of the bodies at the present state, of the point of each that is at the centre of mass of its tree, world axes:
-    (num_envs, nbody, 6), angular velocity (3) in rad/s, linear velocity (3) in m/s."""
+    """Velocities of the bodies about the centre of mass of their tree in world axes, (num_envs, nbody, 6), as MuJoCo's `cvel`. The
+    columns are angular velocity (3, rad/s), and linear velocity (3, m/s) of the body-fixed point at that centre of mass."""
     cfrc_ext: Final[_Array]
-    """Torques (3) in N m and forces (3) in N on the bodies of the contacts that the last step left, about the centre of mass of their
-    tree, world axes: (num_envs, nbody, 6). The world's row is zero, and where no step was made since the state was set all are.
-    MuJoCo counts `xfrc_applied` and connect and weld equalities as well."""
+    """Torques (3, N m) and forces (3, N) of the contacts of the last step on the bodies, about the centre of mass of their tree in world
+    axes, (num_envs, nbody, 6). The row of the world is zero, and all rows are zero before the first step after a reset or `set_state`.
+    MuJoCo's `cfrc_ext` also includes `xfrc_applied` and connect and weld equalities."""
     qacc: Final[_Array]
-    """Acceleration (v+ - v) / h of the last step, impulses of contacts and limits included: (num_envs, nv).
+    """Acceleration (v+ - v) / h of the last step, including impulses of contacts and limits, (num_envs, nv), m/s^2 or rad/s^2.
 
-    Where no step was made since the state was set, it is that of the step that would be made from it; so are `qfrc_constraint` and
-    `body_contact_force`."""
+    Before the first step after a reset or `set_state`, it is the acceleration of a step from the current state. This also holds for
+    `qfrc_constraint` and `body_contact_force`."""
     qfrc_bias: Final[_Array]
-    """Coriolis, centrifugal and gravitational forces of the present state: (num_envs, nv) in N or N m. As `mj_forward` leaves them."""
+    """Coriolis, centrifugal and gravitational forces at the current state, (num_envs, nv), N or N m, as after `mj_forward`."""
     qacc_smooth: Final[_Array]
-    """Acceleration without constraints at the present state with the controls in force: (num_envs, nv) in m/s^2 or rad/s^2. As
-    `mj_forward` leaves it. With `actuators=`, drives contribute what they handed on in the last step."""
+    """Acceleration without constraints at the current state and controls, (num_envs, nv), m/s^2 or rad/s^2, as after `mj_forward`. With
+    `actuators=`, it uses the outputs of the drives in the last step."""
     actuator_force: Final[_Array]
-    """Forces of the actuators at the present state with the controls in force, before their gears: (num_envs, nu) in N or N m. As
-    `mj_forward` leaves them."""
+    """Actuator forces before the gear at the current state and controls, (num_envs, nu), N or N m, as after `mj_forward`."""
     qfrc_actuator: Final[_Array]
-    """Forces of the actuators on the joints, within the joints' `actuatorfrcrange`: (num_envs, nv) in N or N m."""
+    """Joint forces of the actuators, clipped to `actuatorfrcrange`, (num_envs, nv), N or N m."""
     qfrc_constraint: Final[_Array]
-    """Force of all constraints of the last step on the joints, its impulse over h: contacts, limits, dry friction, equalities and
-    tendons: (num_envs, nv) in N or N m."""
+    """Joint forces of all constraints in the last step, (num_envs, nv), N or N m: impulses of contacts, limits, dry friction, equalities
+    and tendons, divided by h."""
     body_contact_force: Final[_Array]
-    """Force (3) in N and torque (3) in N m of all contacts of the last step on every body, world axes: (num_envs, nbody, 6). The torque
-    is about the body's present centre of mass."""
+    """Force (3, N) and torque (3, N m) of all contacts of the last step on each body in world axes, (num_envs, nbody, 6). The torque is
+    about the body's current centre of mass."""
     time: Final[Any]
-    """Simulated time in s: (num_envs,). `set_state(time=...)` sets it."""
+    """Simulated time, (num_envs,), s. `set_state(time=...)` sets it."""
     status: Final[Any]
-    """Flags of the last call of `step`, see `stepper.Status`: (num_envs,) uint32."""
+    """Status flags of the last call of `step`, (num_envs,) uint32; see `stepper.Status`."""
     residual: Final[Any]
-    """Natural-map residual of the last step in m/s, 0 where it was NON_FINITE: (num_envs,)."""
+    """Natural-map residual of the solver in the last step, (num_envs,), m/s; 0 for environments with NON_FINITE."""
     iterations: Final[Any]
-    """Iterations of the solver in the last step, Gauss-Seidel iterations and Newton steps together: (num_envs,) uint32."""
+    """Number of solver iterations in the last step, (num_envs,) uint32: Gauss-Seidel iterations and Newton steps."""
     newton_steps: Final[Any]
-    """Newton steps of the solver in the last step, over all islands of bodies: (num_envs,) uint32. The rest of `iterations` are
+    """Number of Newton steps of the solver in the last step, over all islands of bodies, (num_envs,) uint32. The other `iterations` are
     Gauss-Seidel iterations."""
     max_penetration: Final[Any]
-    """Largest penetration of a contact beyond its margin in any step of the last call of `step`, in m: (num_envs,) float64. A step
-    measures it where it detects contacts, "midpoint" and "rk4" in the middle of the step. Above 1 mm `status` has DEEP."""
+    """Largest penetration of a contact beyond its margin in the last call of `step`, (num_envs,) float64, m. A step measures it at contact
+    detection, which is in the middle of the step for "midpoint" and "rk4". Above 1 mm `status` has DEEP."""
     max_limit_violation: Final[Any]
-    """Largest violation of the range of a joint or tendon after any step of the last call of `step`, in rad or m: (num_envs,)
-    float64. Above 0.01 `status` has OVER_LIMIT."""
+    """Largest violation of the range of a joint or tendon after the steps of the last call of `step`, (num_envs,) float64, rad or m. Above
+    0.01 `status` has OVER_LIMIT."""
     max_equality_violation: Final[Any]
-    """Largest position error of an equality (connect, weld, joint, tendon) after any step of the last call of `step`, in m or rad:
-    (num_envs,) float64. Above 0.001 `status` has EQUALITY_VIOLATED. It is 0 without equalities. Equalities with a finite
-    stiffness are springs and are not included. With contact="mujoco" all equalities are soft, and all are included."""
+    """Largest position error of an equality (connect, weld, joint, tendon) after the steps of the last call of `step`, (num_envs,)
+    float64, m or rad. Above 0.001 `status` has EQUALITY_VIOLATED. It is 0 without equalities. Equalities with a finite stiffness are
+    springs and are not included. With contact="mujoco" all equalities are soft, and all are included."""
     recorder: Any
-    """Whom `step`, `reset` and `set_state` tell what they did (see `stepper.Recorder`); None is nobody."""
+    """Recorder that is notified of `step`, `reset`, `set_state` and `randomize` (see `stepper.Recorder`), or None."""
     sensors: Final[SensorModel | None]
-    """What sensors make of the truth."""
+    """Sensor model given at construction, or None."""
     actuators: Final[ActuatorModel | None]
-    """What becomes of controls before they are forces, as the stepper was made; what `randomize` drew since is in `randomized`."""
+    """Actuator model given at construction. `randomized` has later changes by `randomize`."""
     sensordata: Final[_Array]
-    """Sensor readings of the last step, the same however often they are read: (num_envs, nsensordata). `observe()` gives an array to
-    write to."""
+    """Sensor readings of the last step, (num_envs, nsensordata). Repeated reads give the same values. `observe()` returns a writable copy."""
     sensordata_ideal: Final[_Array]
-    """Readings of ideal sensors: (num_envs, nsensordata).
+    """Readings of ideal sensors, (num_envs, nsensordata).
 
-    Positions and velocities are those after the last step; accelerations are (v+ - v) / h of that step, impulses of contacts and
-    limits included, and forces are impulses over h. Where no step was made since the state was set, accelerations and forces are
-    those of the step that would be made from it."""
+    Positions and velocities are those after the last step. Accelerations are (v+ - v) / h of that step, including impulses of contacts
+    and limits, and forces are impulses divided by h. Before the first step after a reset or `set_state`, accelerations and forces are
+    those of a step from the current state."""
     sensor_faults: Final[_Array]
-    """Of each sensor, readings that were clipped to its limits and samples that were lost in the last call of `step`:
-    (num_envs, nsensor, 2) uint32."""
+    """Numbers of clipped readings and of lost samples of each sensor in the last call of `step`, (num_envs, nsensor, 2) uint32."""
     actuator_saturation: Final[_Array]
-    """Steps of the last call of `step` in which the effort of each actuator was cut to its bounds: its `forcerange`, its joint's
-    `actuatorfrcrange`, or the limits and torque-speed curve of its drive: (num_envs, nu) uint32."""
+    """Number of steps in the last call of `step` in which each actuator force was clipped, (num_envs, nu) uint32. Bounds are the
+    `forcerange` of the actuator, the `actuatorfrcrange` of the joint, and the limits and torque-speed curve of the drive."""
     qfrc_applied: _Array
-    """Writable, read by every step until changed or reset: forces on the joints in N or N m, (num_envs, nv)."""
+    """Applied joint forces, (num_envs, nv), N or N m. Writable; each step applies them until they are changed or reset."""
     xfrc_applied: _Array
-    """Writable, read by every step until changed or reset: force (N) and torque (N m) at every body's centre of mass, world axes,
-    (num_envs, nbody, 6)."""
+    """Applied force (N) and torque (N m) at the centre of mass of each body in world axes, (num_envs, nbody, 6). Writable; each step
+    applies them until they are changed or reset."""
     mocap_pos: _Array
-    """Writable, read by every step until changed or reset: positions of the mocap bodies in m, (num_envs, nmocap, 3)."""
+    """Positions of the mocap bodies, (num_envs, nmocap, 3), m. Writable; each step uses them until they are changed or reset."""
     mocap_quat: _Array
-    """Writable, read by every step until changed or reset: orientations of the mocap bodies, (num_envs, nmocap, 4)."""
+    """Orientations of the mocap bodies as quaternions, (num_envs, nmocap, 4). Writable; each step uses them until they are changed or
+    reset."""
     eq_active: NDArray[np.bool_]
-    """Whether each equality is active, (num_envs, neq) bool, as MuJoCo's `eq_active`: writable, and valid for every step until changed.
+    """Whether each equality is active, (num_envs, neq) bool, as MuJoCo's `eq_active`. Writable; each step uses it until it is changed.
     `reset` restores the model's `eq_active0`; `get_state` and `set_state` do not include it.
 
     The step ignores inactive equalities. If one is activated with a large position error, position correction closes it at up to
-    `Options.max_correction_speed`. A weld pulls the bodies to the relative pose in `eq_data`, not to the present one."""
+    `Options.max_correction_speed`. A weld pulls the bodies to the relative pose in `eq_data`, not to the current one."""
     randomized: Final[dict[str, Any]]
-    """What environments have of their own, as `randomize` takes it: arrays by field, and under "actuators" an `ActuatorModel`."""
+    """Parameters per environment in the format of `randomize`: arrays by field, and an `ActuatorModel` as "actuators"."""
 
     def __new__(
         cls,
@@ -972,45 +969,45 @@ class Stepper:
         seed: int | ArrayLike | None = None,
         keyframe: str | int | None = None,
     ) -> None:
-        """Starts a new episode in all environments, or in those of `envs`. Nothing of the old one remains.
+        """Starts a new episode in all environments, or in those of `envs`. The previous episode has no influence on it.
 
-        Forces that are applied end, mocap bodies go back to where the model has them, and controls in force are zero, or the
-        keyframe's, until `step` takes others. Parameters of `randomize` stay.
+        Applied forces become zero, and mocap bodies return to the poses of the model. Controls become zero, or those of the keyframe, until
+        the next `step` with controls. Parameters of `randomize` are kept.
 
         Args:
-            envs: Which environments: a boolean mask (num_envs,), or integer indices (k,), each once; None is all, and none of them does
-                nothing. With a mask, arrays have rows of all environments, and those of the others are not read. With indices, arrays
-                have a row for each index, in their order.
-            qpos: Where they start, (num_envs, nq) or (nq,); None is the model's reference. Quaternions are normalised.
-            qvel: How fast, (num_envs, nv) or (nv,); None is at rest.
-            seed: A new seed of the errors of sensors, or (num_envs,) one for each environment; None keeps the old ones.
-            keyframe: Name or index of a keyframe to start from: its qpos, qvel, act, ctrl and time.
+            envs: Environments: a boolean mask (num_envs,), or unique integer indices (k,). None is all. With a mask, arrays have rows for
+                all environments, and only those of the selected ones are used. With indices, arrays have a row for each index, in order.
+            qpos: Initial positions, (num_envs, nq) or (nq,). None is the reference configuration. Quaternions are normalised.
+            qvel: Initial velocities, (num_envs, nv) or (nv,). None is at rest.
+            seed: New seed of the sensor errors, or seeds (num_envs,). None keeps the old ones.
+            keyframe: Name or index of a keyframe with the initial qpos, qvel, act, ctrl and time.
 
         Raises:
-            TypeError: A seed or an index that is no whole number.
-            IndexError: No environment of that index.
-            ValueError: A wrong shape, a number that is not finite, a quaternion of zeros, a negative seed. Nothing is changed then.
-            KeyError: No such keyframe.
+            TypeError: A seed or an index is no integer.
+            IndexError: An index is out of range.
+            ValueError: A shape is wrong, a number is not finite, a quaternion is zero, or a seed is negative. No environment changes.
+            KeyError: The model has no such keyframe.
         """
     def step(self, ctrl: ArrayLike | None = None, nstep: int = 1, envs: ArrayLike | None = None) -> None:
         """Makes `nstep` steps in every environment, or in those of `envs`.
 
         Args:
-            ctrl: Controls, (num_envs, nu) or (nu,) for all, held until others are given; None holds those in force (`Stepper.ctrl`),
-                as MuJoCo does.
+            ctrl: Controls, (num_envs, nu), or (nu,) for all environments. They also apply to later steps without controls. None keeps the
+                current ones (`Stepper.ctrl`), as in MuJoCo.
             nstep: Number of steps.
-            envs: Which environments, as of `reset`. The others stay as they are, to the bit, with their controls, sensors and flags.
-                Environments that are worked on together and none of which step cost nothing, unless sensors or actuators have delays or
-                the stepper is recorded: then all step, and the others are put back.
+            envs: Environments, as in `reset`. The others do not change, including their controls, sensors and flags. A group of lanes
+        without
+                selected environments takes no time. But if sensors or actuators have delays or the stepper is recorded, all environments
+                step, and the states of the others are restored.
 
         Raises:
-            ValueError: A wrong shape; the message has both. A control that is NaN is no error: its environment keeps its state and says
+            ValueError: A shape is wrong; the message has both. A NaN control is no error: its environment keeps its state and has
                 NON_FINITE in `status`.
-            TypeError, IndexError: As of `reset`.
-            KeyboardInterrupt: Ctrl-C in a long call, which looks for signals some twenty times a second. Every environment has then
-                made the same number of steps, the exception's `steps`, and all is as a call with that `nstep` leaves it; but mocap
-                bodies are where their way has brought them, and a recording in which they were under way replays up to this call
-                only. What another signal's handler raises ends the call alike.
+            TypeError, IndexError: An argument `envs` is invalid, as in `reset`.
+            KeyboardInterrupt: Ctrl-C interrupted a long call, which checks for signals about twenty times per second. All environments have
+                made the same number of steps, `steps` of the exception, and have the results of a call with that `nstep`. But moving
+                mocap bodies have not reached their targets, and a recording with them can be replayed up to this call only. Exceptions of
+                other signal handlers interrupt the call in the same way.
         """
     def rollout(
         self,
@@ -1021,39 +1018,38 @@ class Stepper:
         fields: Sequence[str] | None = None,
         out: dict[str, _Array] | None = None,
     ) -> dict[str, _Array]:
-        """Makes `nstep` steps with each of T controls, without Python in between: the bits of T calls of `step`.
+        """Makes `nstep` steps with each of T controls in one call. The results equal those of T calls of `step`, bit for bit.
 
-        A thread keeps its environments for all T controls. `qfrc_applied`, `xfrc_applied` and mocap poses stay as they are
-        throughout.
+        Each thread steps its environments through all T controls. `qfrc_applied`, `xfrc_applied` and mocap poses are constant.
 
         Args:
             ctrl: Controls, (T, num_envs, nu), or (T, nu) for all environments.
-            nstep: Steps that each control is held.
-            initial: State that all environments begin with, as of `set_state`: of one environment, of all, or a list with one for each.
-                None is the present one.
-            fields: What to write down after every control: "qpos" (T, num_envs, nq), "qvel" (T, num_envs, nv), "act" (T, num_envs,
-                na), "sensordata" (T, num_envs, nsensordata). None is what `out` names, and without `out` all but "act".
-            out: Arrays to write into, by field: of those shapes, C-contiguous, float64, or float32 with `precision="f32"`.
+            nstep: Number of steps per control.
+            initial: Initial state, as in `set_state`: a state of one environment or of all, or a list with one for each. None is the
+                current state.
+            fields: Quantities to store after each control: "qpos" (T, num_envs, nq), "qvel" (T, num_envs, nv), "act" (T, num_envs, na),
+                "sensordata" (T, num_envs, nsensordata). None is the keys of `out`, and without `out` all except "act".
+            out: Arrays for the results, by field, with these shapes; C-contiguous, float64, or float32 with `precision="f32"`.
 
         Returns:
-            The arrays by field; and always "status" (T, num_envs) uint32, the flags of all steps of a control, and "residual"
-            (T, num_envs) float64, the largest residual among them in m/s. Both can be named in `out` too. Afterwards `status` has the
-            flags of all steps of the call, `residual` and `iterations` are those of the last step.
+            Arrays by field. They always include "status" (T, num_envs) uint32, the flags of all steps of a control, and "residual"
+            (T, num_envs) float64, the largest residual of these steps, m/s. `out` may have both. Afterwards the attribute `status` has the
+            flags of all steps of the call; `residual` and `iterations` are those of the last step.
 
         Raises:
-            ValueError: A wrong shape, an unknown field, an array of `out` that cannot be written or is given twice.
-            TypeError: An array of `out` of the wrong dtype.
-            KeyboardInterrupt: As in `step`; `steps` counts those of all controls. Rows of `out` have what followed each control, of
-                the last one what followed the steps that were made; the rows beyond are as they were.
+            ValueError: A shape is wrong, a field is unknown, or an array of `out` is read-only or given twice.
+            TypeError: An array of `out` has the wrong dtype.
+            KeyboardInterrupt: The call was interrupted, as in `step`; `steps` counts the steps of all controls. `out` has the rows of the
+                controls so far, the last one after the steps made. Later rows are unchanged.
         """
     def memory(self) -> dict[str, int]:
-        """Memory that the environments take, in bytes, without NumPy arrays that were handed out.
+        """Memory of the stepper in bytes, without NumPy arrays that it has returned.
 
         Returns:
-            "per_env": of each environment; "per_thread": working room of each thread that steps, none of which is per environment;
-            "state", "parameters" and "inputs": what all environments hold, what they have of their own by `randomize` and as numbers
-            of drives, and what waits for the next step (controls, applied forces, mocap poses); "threads": how many have room;
-            "total": "state" + "parameters" + "inputs" + "threads" x "per_thread".
+            Dictionary of bytes. "per_env": memory of each environment. "per_thread": workspace of each thread. "state": states of all
+            environments. "parameters": parameters per environment, from `randomize` and drives. "inputs": controls, applied forces and
+        mocap
+            poses. "threads": number of threads with a workspace. "total": "state" + "parameters" + "inputs" + "threads" x "per_thread".
         """
     def set_state(
         self,
@@ -1065,29 +1061,28 @@ class Stepper:
         time: ArrayLike | None = None,
         keep_warmstart: bool = False,
     ) -> None:
-        """Sets configuration, velocity, activations or time; or, given a `State`, everything that survives a step.
+        """Sets positions, velocities, activations or time, or restores a complete `State`.
 
-        The next state is a function of `qpos`, `qvel`, `act` and the controls; what the solver starts from moves it by some 1e-7 of a
-        velocity (docs/development/decisions/visible_state.md). The other memory of an environment is that of its drives (delay lines, lags,
-        integrals) and sensors (bias, drift, delay lines, samples held).
+        The next state depends on `qpos`, `qvel`, `act` and the controls; the solver's warm start changes velocities by about 1e-7 only
+        (docs/development/decisions/visible_state.md). Drives (delay lines, lags, integrals) and sensors (bias, drift, delay lines, held
+        samples) have further memory.
 
         Args:
-            qpos: (num_envs, nq) or (nq,). Or what `get_state` returned: of a batch of the same size each environment takes its own
-                part, of a single environment all take the same. Or a list of states of single environments, one for each of `envs`.
-                Continuing from a `State` repeats the same bits; where a state of one is given to a batch, each environment's sensors
-                draw random numbers of their own from then on.
-            qvel: (num_envs, nv) or (nv,).
-            envs: Which environments, as of `reset`. `set_state(get_state(env=3), envs=[5, 6])` copies environment 3 to others.
-            act: (num_envs, na) or (na,).
-            time: s, (num_envs,) or one for all.
-            keep_warmstart: Whether to keep all memory where qpos, qvel or act are set, to correct the state of an environment that
-                goes on, as an observer does: the solver's warm start, contacts, flags, drives (delay lines, lags, integrals) and
-                sensors (bias, drift, delay lines, held samples). False clears all of these, and the next control and reading fill
-                the delay lines: what follows depends on the new state alone.
+            qpos: Positions, (num_envs, nq) or (nq,). Or a state from `get_state`: a state of a batch of the same size restores each
+                environment, and a state of a single environment is copied to all. Or a list of states of single environments, one for each
+                of `envs`. A simulation from a `State` repeats the same bits. Copies of a single state have independent random sensor
+                errors.
+            qvel: Velocities, (num_envs, nv) or (nv,).
+            envs: Environments, as in `reset`. `set_state(get_state(env=3), envs=[5, 6])` copies environment 3 to others.
+            act: Activations, (num_envs, na) or (na,).
+            time: Times, (num_envs,) or one for all, s.
+            keep_warmstart: Whether to keep the solver's warm start, contacts, flags, and the memory of drives and sensors. Use it in state
+                estimators that correct a running environment. False clears all of these, and the next control and reading fill the delay
+                lines, so that the motion depends on the new state alone.
 
         Raises:
-            ValueError: A wrong shape, a number that is not finite, a quaternion of zeros, a state of another model. Nothing is
-                changed then.
+            ValueError: A shape is wrong, a number is not finite, a quaternion is zero, or a state belongs to another model. No environment
+                changes.
         """
     def randomize(
         self,
@@ -1096,127 +1091,127 @@ class Stepper:
         envs: ArrayLike | None = None,
         **fields: ArrayLike | ActuatorModel | None,
     ) -> None:
-        """Gives environments parameters of their own, as `Model.replace` would give them to a model; what derives from them follows.
+        """Sets parameters of each environment, with the effect of `Model.replace`. Dependent quantities are recomputed.
 
-        Every environment then moves as one of a `Stepper` of its own model, bit for bit. Parameters are not part of the state:
-        `reset` and `set_state` leave them, pickles and recordings have them. Other fields stay as they are, whether the model's or
-        randomized before. What no environment has of its own costs neither time nor memory.
+        An environment then moves exactly, bit for bit, as in a `Stepper` of the replaced model. Parameters are not part of the state:
+        `reset` and `set_state` keep them, and pickles and recordings include them. Other fields keep their values. Fields that are never
+        randomized cost neither time nor memory.
 
-        Contacts of an explicit pair use pair_friction and pair_restitution and ignore those of the geoms. A new geom_friction for a geom
-        of a pair is therefore an error, unless pair_friction is given too, in this call or an earlier one: new values, or the model's to
-        keep these contacts as they are. An earlier call counts for all environments, also for those that it did not select, whose pairs
-        keep the model's values. Likewise geom_restitution and pair_restitution.
+        Contacts of an explicit pair use pair_friction and pair_restitution and ignore those of the geoms. So a new
+        geom_friction for a geom of a pair is an error without pair_friction. Give pair_friction in this call or an earlier one, with new
+        values or those of the model. An earlier call counts for all environments, also for those that it did not select. The same holds for
+        geom_restitution and pair_restitution.
 
             sim.randomize(geom_friction=friction)  # (num_envs, ngeom, 3)
             sim.randomize({"geom_friction[floor,box][0]": sliding}, envs=[3, 5])  # (2, 2)
 
         Args:
-            values: Values by selector, `field[names][columns]` (docs/reference/what_can_vary.md); other numbers of these
-                fields stay as they are.
-                The shape is that of the selected numbers with num_envs in front: one name or index and one column have no axis of
-                their own. (num_envs,) is one number for all selected, a single number is the same in all environments, and None
-                gives the model's own numbers back. In place of values, `envs` may stand first.
-            envs: The environments that change, as of `reset`.
-            **fields: Arrays with num_envs in front of the shape that the field has in the model; None gives the model's own numbers
-                back, and so do all fields when none is named: gravity (num_envs, 3) m/s^2; body_mass (num_envs, nbody) kg, body_ipos
-                (num_envs, nbody, 3) m, the centre of mass, and body_inertia (num_envs, nbody, 3) kg m^2, principal moments, each by
-                itself: a body of twice the mass keeps its inertia unless it is given too; geom_friction (num_envs, ngeom, 3) sliding,
-                torsional (m), rolling (m); geom_restitution (num_envs, ngeom); pair_friction (num_envs, npair, 3) and pair_restitution
-                (num_envs, npair), the same of explicit pairs, see below; geom_size, geom_pos (num_envs, ngeom, 3) m, which
-                leave masses alone; jnt_stiffness (num_envs, njnt) N/m or N m/rad; jnt_range (num_envs, njnt, 2) m or rad;
-                dof_damping, dof_armature, dof_frictionloss (num_envs, nv); actuator_gainprm, actuator_biasprm (num_envs, nu, 10) as
-                MuJoCo has them: with their first three numbers the force is gain . (1, length, velocity) times the input plus
-                bias . (1, length, velocity); numbers that the type of an actuator's gain or bias does not read are 0. actuators, a
-                `stepper.ActuatorModel`: its drives take the place of those of the actuators it fits, with all their numbers (what a
-                `Drive` does not say is its default); other actuators keep theirs, and None gives back what the stepper was made with.
-                Stages are compiled: a servo, motor, lag, limits or friction must have been given to `Stepper(..., actuators=)`, to
-                one environment at least, and delays may be as long as the longest there. Delay lines, lags and integrals are state:
-                they stay as they are until `reset`.
+            values: Values by selector, `field[names][columns]` (docs/reference/what_can_vary.md). Other entries of these fields keep their
+                values. The shape is (num_envs, ...) with the shape of the selected entries; a single name or index and a single column have
+                no axis. (num_envs,) sets all selected entries of an environment, a scalar those of all environments, and None restores the
+                values of the model. The first argument may also be `envs`, without values.
+            envs: Environments to change, as in `reset`.
+            **fields: Values of whole fields, (num_envs, ...) with the shape of the field in the model. None restores the values of the
+        model;
+                a call without fields restores all of them.
+
+                * gravity (num_envs, 3), m/s^2
+                * body_mass (num_envs, nbody), kg; body_ipos (num_envs, nbody, 3), centre of mass, m; body_inertia (num_envs, nbody, 3),
+                  principal moments, kg m^2. They are independent: a new mass does not change the inertia.
+                * geom_friction (num_envs, ngeom, 3), sliding, torsional (m), rolling (m); geom_restitution (num_envs, ngeom)
+                * pair_friction (num_envs, npair, 3) and pair_restitution (num_envs, npair) of explicit pairs
+                * geom_size and geom_pos (num_envs, ngeom, 3), m. Masses do not change.
+                * jnt_stiffness (num_envs, njnt), N/m or N m/rad; jnt_range (num_envs, njnt, 2), m or rad
+                * dof_damping, dof_armature, dof_frictionloss (num_envs, nv)
+                * actuator_gainprm, actuator_biasprm (num_envs, nu, 10), as in MuJoCo: the force is gain . (1, length, velocity) times the
+                  input plus bias . (1, length, velocity), with the first three entries. Entries that the type of an actuator does not use
+                  are 0.
+                * actuators, a `stepper.ActuatorModel`: its drives replace those of the matching actuators completely. Other actuators keep
+                  theirs, and None restores the drives of the constructor. A stage (servo, motor, lag, limits, friction) must exist in
+                  `Stepper(..., actuators=)` for at least one environment, and delays must not exceed the longest one there. Delay lines,
+                  lags and integrals are state: they are kept until `reset`.
 
         Raises:
-            TypeError, IndexError: As of `reset`.
-            ValueError: A wrong shape; both are named. A number that a drive may not have, or a stage or delay that it was not made
-                for, with the actuator. Nothing is changed then.
-            ModelError: A field that all environments share, numbers that no model may have, that ask for something that the model
-                has none of, such as dry friction where it has 0, or that an explicit pair overrides; with field, element and
-                environment. Nothing is changed then.
+            TypeError, IndexError: An argument `envs` is invalid, as in `reset`.
+            ValueError: A shape is wrong, or a drive has an invalid value, a new stage or a longer delay. No parameter changes.
+            ModelError: All environments share the field, a value is invalid, or an explicit pair overrides it. Or the value needs an
+        element
+                that the model does not simulate, such as dry friction with frictionloss 0. The message has field, element and environment.
+                No parameter changes.
         """
     def record(self, path: str | PathLike[str], **settings: Any) -> Recorder:
-        """Writes everything that happens from now on into a new folder, until the `Recorder` is closed; `stepper.replay` repeats it.
+        """Starts a recording of all further calls in a new folder, until the `Recorder` is closed. `stepper.replay` repeats it.
 
         Args:
-            path: A folder that does not exist yet, or is empty.
-            **settings: See `stepper.Recorder`.
+            path: New or empty folder.
+            **settings: Arguments of `stepper.Recorder`.
         """
     def observe(self, out: _Array | None = None) -> _Array:
-        """Copy of `sensordata`, in `out` if it is given: (num_envs, nsensordata)."""
+        """Copy of `sensordata`, (num_envs, nsensordata), in the array `out` if given."""
     def get_state(self, env: int | None = None) -> State:
-        """Everything that survives a step, the controls in force included.
+        """Complete state, including the current controls.
 
-        What is applied (`qfrc_applied` and the like) and parameters of `randomize` are not part of it.
+        It does not include applied inputs (`qfrc_applied`, `xfrc_applied`, mocap poses, `eq_active`) and parameters of `randomize`.
 
         Args:
-            env: An environment; None is all of them.
+            env: Index of an environment. None is all.
         """
     def contacts(self, envs: ArrayLike | None = None) -> NDArray[np.void]:
-        """Contacts of the last step: those that were given a row.
+        """Contacts of the last step: all that the solver considered.
 
-        That is every one that the motion can close within the step, also contacts that do not touch (distance > 0), mostly without
-        force. Distances are measured from the margin, at which contacts begin to push. A gap, which in MuJoCo 4 reports contacts
-        beyond the margin that do not push, has no effect here: what is farther than a step away is not listed.
+        They are the contacts that the motion can close within the step. Contacts that do not touch (distance > 0) mostly have no force.
+        Distances are relative to the margin, at which contacts begin to push. The `gap` of a geom, with which MuJoCo 4 also reports
+        contacts without force, has no effect: farther contacts are not listed.
 
         Args:
-            envs: Which environments, as of `reset`, one after the other.
+            envs: Environments, as in `reset`. Their contacts are concatenated.
 
         Returns:
-            A structured array: env, geom (2,), body (2,), pos (3,) in m, normal (3,) from the first geom to the second, distance in m
-            from the margin, force (3,) in N on the second geom along normal, t1, t2, torque (3,) in N m on it about the same
-            directions, of torsional and rolling friction (condim 4 and 6), and frame (3, 3), whose rows are these directions. The
-            second geom's torque acts at pos, and |(force_t / mu_slide, torque_n / mu_spin, torque_t / mu_roll)| <= force_n.
+            Structured array with these fields: env; geom (2,); body (2,); pos (3,), m; normal (3,), from the first geom to the second;
+            distance, m, relative to the margin; force (3,), N, on the second geom along the rows of frame; torque (3,), N m, of torsional
+            and rolling friction (condim 4 and 6) on the second geom about these rows; frame (3, 3), with the rows normal, t1 and t2. The
+            torque acts at pos, and |(force_t / mu_slide, torque_n / mu_spin, torque_t / mu_roll)| <= force_n.
         """
     def worst_row(self, env: int = 0) -> str | None:
-        """The row that the last call of `step` could not solve.
-
-        Where `status` says NOT_CONVERGED, it is the one with the largest residual in the last step that was not solved.
+        """Constraint with the largest residual in the last unsolved step (`status` NOT_CONVERGED) of the last call of `step`.
 
         Args:
-            env: The environment.
+            env: Index of the environment.
 
         Returns:
-            For example 'contact of geom "floor" and geom "foot"', 'limit of joint "knee"' or 'equality "loop"'; None where every step
-            was solved, or no single row is to blame.
+            Text such as 'contact of geom "floor" and geom "foot"', 'limit of joint "knee"' or 'equality "loop"'. None if all steps were
+            solved, or if no single constraint is responsible.
         """
     def save_problem(self, path: str | PathLike[str], env: int = 0, *, ctrl: ArrayLike | None = None) -> None:
-        """Writes the constraint problem of the next step to a file.
+        """Writes the constraint problem of the next step to a file, for example as a test of the solver.
 
-        It has the impulses that the solve starts from, so that a hard problem becomes a test of the solver: in Rust,
-        `stepper_solve::Problem::load(path)` reads it.
+        The file includes the initial impulses of the solver. In Rust, `stepper_solve::Problem::load(path)` reads it.
 
-        The problem is that of a step from the present state, which does not change. For a step that was not solved (NOT_CONVERGED), go
-        back to the state before it: `before = sim.get_state()` before the step, and then `sim.set_state(before)`.
+        The problem is that of a step from the current state, which does not change. For a step that was not solved (NOT_CONVERGED), first
+        restore the state before it: `before = sim.get_state()` before the step, then `sim.set_state(before)`.
 
         Args:
-            path: The file; what is there is replaced.
-            env: The environment.
-            ctrl: Controls of the step, as `step` takes them; None is those in force.
+            path: File to write. An existing file is overwritten.
+            env: Index of the environment.
+            ctrl: Controls of the step, as in `step`. None is the current ones.
 
         Raises:
             OSError: The file cannot be written.
         """
     def jacobian(self, body: str | int | None = None, site: str | int | None = None) -> _Array:
-        """Jacobian of the origin of a body's frame, or of a site, at the present `qpos`: its velocity is `jacobian @ qvel`.
+        """Jacobian of a body frame or a site at the current `qpos`, with velocity = `jacobian @ qvel`.
 
         Args:
             body: Name or index of a body.
-            site: Name or index of a site, instead.
+            site: Name or index of a site, instead of a body.
 
         Returns:
-            (num_envs, 6, nv), world axes: three rows of the linear velocity, then three of the angular one.
+            Jacobian in world axes, (num_envs, 6, nv): three rows for the linear velocity, then three for the angular velocity.
 
         Raises:
-            ValueError: Both were given, or neither.
-            KeyError: No body or site of that name.
-            IndexError: No body or site of that index.
+            ValueError: Both or none of body and site are given.
+            KeyError: The model has no body or site of that name.
+            IndexError: The model has no body or site of that index.
         """
     def linearize(
         self,
@@ -1231,44 +1226,43 @@ class Stepper:
         extrapolate: bool = False,
         sensors: bool = False,
     ) -> Linearization:
-        """Derivatives of the state after `nstep` steps by the state, controls and parameters now, in all environments; advances nothing.
+        """Derivatives of the state after `nstep` steps with respect to the current state, controls and parameters, in all environments.
 
-        Every column is a central difference between two perturbed copies of an environment, or a difference to one side. Copies of all
-        environments and columns are stepped together, in lanes and on the stepper's threads, with its options and all that environments
-        have of their own, but to a tighter tolerance; the stepper is only read, and keeps room for copies for the next call. With contact
-        the step is smooth only between kinks: see `Linearization.near_kink`
-        and docs/how-to/derivatives.md.
+        The method does not change the stepper. Each column is a finite difference between perturbed copies of an environment. Copies of all
+        environments and columns are stepped as one batch, with the options, parameters and threads of the stepper, but a tighter tolerance.
+        The stepper keeps their memory for the next call. With contact, the step is smooth only between kinks: see
+        `Linearization.near_kink` and docs/how-to/derivatives.md.
 
         Args:
-            wrt: "qpos", "qvel", "act", "ctrl", and fields of `Stepper.randomize`, whole ("body_mass") or in part, by selector
-                ("geom_friction[floor,box][0]", docs/reference/what_can_vary.md). Columns are zero where a mass, size, stiffness or
-                frictionloss of 0 says that the model has none. None is ("qpos", "qvel", "act", "ctrl").
-            ctrl: Controls held during the steps, (num_envs, nu) or (nu,); None is those in force.
+            wrt: Names of the inputs: "qpos", "qvel", "act", "ctrl", and fields of `Stepper.randomize`, whole ("body_mass") or by selector
+                ("geom_friction[floor,box][0]", docs/reference/what_can_vary.md). Columns are zero for a mass, size, stiffness or
+                frictionloss of 0, which the model does not simulate. None is ("qpos", "qvel", "act", "ctrl").
+            ctrl: Constant controls during the steps, (num_envs, nu) or (nu,). None is the current ones.
             nstep: Number of steps.
-            method: "fd", finite differences of whole steps, or "implicit": the step is solved once, and its derivative is that at the
-                modes of the solution, which contacts push, stick and slip, by the implicit function theorem. That is for the midpoint rule,
-                Euler's and the implicit one, and for `contact="mujoco"` with "euler", "implicitfast" or "implicit"; by the state and
-                the controls. Environments that it says nothing of are taken by differences (`Linearization.implicit`).
-            step: Half width of the differences, for coordinates in SI units and for parameters relative to their size; None is the one
-                that the tolerance asks for (`stepper.derivatives.perturbations.step_of`), or `stepper.derivatives.implicit.STEP`.
-            tolerance: Residual to which copies are solved, m/s; None is 1e-13, or the stepper's own if that is less.
-            centered: Whether differences are central. Differences to one side cost half the copies; their error is of first order in the
-                step instead of second, and slopes on both sides are not compared.
-            extrapolate: Whether differences of twice the width are taken too, and Richardson's extrapolation of both, which costs twice
-                the copies and estimates errors.
-            sensors: Whether to give derivatives of the ideal sensors' readings too.
+            method: "fd" is finite differences of whole steps. "implicit" solves the step once and applies the implicit function theorem
+                with fixed contact modes (which contacts push, stick and slip). It supports derivatives by state and controls with the
+                integrators "midpoint", "euler" and "implicit", and with `contact="mujoco"` and "euler", "implicitfast" or "implicit".
+                Environments where it does not apply use differences (`Linearization.implicit`).
+            step: Half width of the differences, in SI units for coordinates and relative for parameters. None chooses it by the tolerance
+                (`stepper.derivatives.perturbations.step_of`), or is `stepper.derivatives.implicit.STEP` for "implicit".
+            tolerance: Solver tolerance of the copies, m/s. None is 1e-13, or that of the stepper if it is smaller.
+            centered: Whether differences are central. One-sided differences need half the copies. Their error is of first order in `step`
+                instead of second, and they cannot compare the slopes of both sides.
+            extrapolate: Whether to apply Richardson extrapolation with differences of twice the width. It needs twice the copies and gives
+                error estimates.
+            sensors: Whether to compute derivatives of the ideal sensor readings too.
 
         Raises:
-            ValueError: An unknown name, a wrong shape, a step or number of steps that is none; of `method="implicit"`, options or
-                derivatives that only `method="fd"` takes.
-            ModelError: A parameter that cannot be perturbed, with its element.
+            ValueError: A name is unknown, a shape is wrong, or `step` or `nstep` is not positive. Or `method="implicit"` does not support
+                the options or derivatives.
+            ModelError: A parameter cannot be perturbed; the message has its element.
         """
     def _differentiate(self, ctrl: _Array, parts: list[str], offsets: _Array, tolerance: float) -> dict[str, NDArray[Any]]:
-        """Derivatives of a step by the implicit function theorem, for `stepper.derivatives.implicit`, which says what the arguments are.
+        """Derivatives of a step by the implicit function theorem. `stepper.derivatives.implicit` documents the arguments.
 
         Returns:
-            Arrays by name, rows first an environment each: "slopes" (num_envs, 2 nv + na, columns), "causes" (num_envs, columns) uint32,
-            "distance", "sound" (uint8), "residual" and "status" (num_envs,), and "qpos", "qvel" and "act" after the step.
+            Arrays by name: "slopes" (num_envs, 2 nv + na, columns), "causes" (num_envs, columns) uint32, "distance", "sound" (uint8),
+            "residual" and "status" (num_envs,), and "qpos", "qvel" and "act" after the step.
         """
     def _find_kinks(
         self,
@@ -1283,7 +1277,7 @@ class Stepper:
         smooth_at_rest: bool,
         tolerance: float,
     ) -> tuple[NDArray[np.uint32], NDArray[np.float64]]:
-        """Kinks between copies of environments after a step, for `stepper.derivatives.kinks`, which says what the arguments are.
+        """Kinks between copies of environments after a step. `stepper.derivatives.kinks` documents the arguments.
 
         Returns:
             Flags of `Kink` by column, (environments, columns) uint32, and the distance to the nearest kink, (environments,).
@@ -1295,61 +1289,61 @@ class Stepper:
             sim.read("qvel", ["left_knee", "right_knee"])  # (num_envs, 2)
 
         Args:
-            name: An attribute of `Stepper`: "xpos", "qvel", "sensordata".
-            of: A body, site, geom, joint, actuator or sensor, whichever the quantity is of, or several; None is all. One body, site or
-                geom is without its axis: (num_envs, 3). Columns of joints and sensors stand one after the other: (num_envs, n).
+            name: Name of an attribute of `Stepper`, such as "xpos", "qvel" or "sensordata".
+            of: Name or index of a body, site, geom, joint, actuator or sensor, by the kind of quantity, or a list of several. None is all.
+                A single body, site or geom has no axis: (num_envs, 3). The columns of joints and sensors are concatenated: (num_envs, n).
 
         Returns:
-            (num_envs, ...) in the stepper's scalar type, the caller's own.
+            New array (num_envs, ...) in the precision of the stepper.
 
         Raises:
-            ValueError: An unknown quantity.
-            KeyError, IndexError: No element of that name or index.
+            ValueError: The quantity is unknown.
+            KeyError, IndexError: The model has no element of that name or index.
         """
     def inverse_dynamics(self, qacc: ArrayLike) -> _Array:
-        """Forces on the joints that give the present states these accelerations: M qacc + bias - passive.
+        """Joint forces that cause given accelerations at the current states: M qacc + bias - passive.
 
         This is MuJoCo's `mj_inverse` without constraints. Passive forces are those of springs, dampers, gravity compensation and the
-        medium. Forces of actuators and applied forces are not subtracted, nor are those of contacts and other constraints, which
-        `qfrc_constraint` has of the last step.
+        medium. Actuator forces, applied forces and constraint forces are not subtracted. `qfrc_constraint` has the constraint forces of the
+        last step.
 
         Args:
             qacc: Accelerations, (num_envs, nv) or (nv,), m/s^2 or rad/s^2.
 
         Returns:
-            (num_envs, nv) in the stepper's scalar type, N or N m.
+            Joint forces, (num_envs, nv), in the precision of the stepper, N or N m.
 
         Raises:
-            ValueError: Accelerations of another shape.
+            ValueError: `qacc` has another shape.
         """
     def copy_state(self, sources: ArrayLike, envs: ArrayLike | None = None) -> None:
-        """Copies states between environments: environment `envs[k]` takes over the state of environment `sources[k]`, see `get_state`.
+        """Copies states between environments: environment `envs[k]` gets the state of environment `sources[k]`; see `get_state`.
 
-        All states are read before any is changed. Copies draw random numbers of their own for their sensors from then on.
+        All states are read before any is changed. The copies have independent random sensor errors.
 
         Args:
-            sources: Indices of the environments whose states are taken, one for each of `envs`, or one for all; an index may repeat.
-            envs: Which environments take them, as of `reset`.
+            sources: Indices of the source environments, one for each of `envs`, or one for all. Indices may repeat.
+            envs: Target environments, as in `reset`.
 
         Raises:
-            TypeError: Indices that are no integers.
-            ValueError: Another number of sources than of environments.
-            IndexError: No environment of that index.
+            TypeError: An index is no integer.
+            ValueError: The number of sources differs from the number of environments.
+            IndexError: An index is out of range.
         """
     def view(self, **settings: Any) -> View:
-        """Opens a live view of the environments in the browser, and says where it is.
+        """Opens a live view of the environments in the browser, and prints its address.
 
         Args:
-            **settings: Those of `stepper.viewer.View`.
+            **settings: Arguments of `stepper.viewer.View`.
 
         Raises:
-            ModuleNotFoundError: viser is not installed, with how to install it.
+            ModuleNotFoundError: viser is not installed; the message has the command to install it.
         """
     def mass_matrix(self) -> _Array:
-        """Mass matrices of the present configurations, armature included, without terms that depend on the time step.
+        """Mass matrices at the current configurations, including armature, without terms that depend on the time step.
 
         Returns:
-            (num_envs, nv, nv), in the stepper's scalar type.
+            Mass matrices, (num_envs, nv, nv), in the precision of the stepper.
         """
     def rays(
         self,
@@ -1361,46 +1355,45 @@ class Stepper:
         geoms: Sequence[str | int] | None = None,
         exclude: str | int | None = None,
     ) -> tuple[_Array, NDArray[np.int32]]:
-        """Distances and geoms that rays meet in the present states: MuJoCo's `mj_ray`, of many rays of all environments in one pass.
+        """Distances and geoms that rays hit at the current states: MuJoCo's `mj_ray` for many rays of all environments in one pass.
 
-        A plane is met from its front, without end. Of a mesh its triangles are met, whether it collides as these or as its hull; of a
-        height field also its sides and its base. What begins inside of something meets it where it leaves. What is drawn and touches
-        nothing is met where it has a simple shape: a mesh that is only drawn is no part of the model.
+        Rays hit planes from the front only; planes are infinite. Rays hit the triangles of meshes, also of those that collide as a hull,
+        and the top, sides and base of height fields. A ray that starts inside a geom hits its surface from inside. Visual geoms with
+        primitive shapes are hit; visual meshes are not part of the model.
 
         Args:
-            points: Where the rays begin, (num_envs, n, 3) or (n, 3) for all environments, m: in the world, or from the origin of `body`.
-            directions: Where they go, of any length above 0: (num_envs, n, 3) or (n, 3).
-            body: Name or index of the body that the rays belong to, as those of its lidar do; its own geoms are not met. None is the
-                world.
-            axes: Axes of points and directions around a body: "body", its own; "heading", the world's turned by its heading; "world".
-            geoms: Names or indices of the geoms that the rays can meet; None is all of them.
-            exclude: Name or index of a body whose geoms are not met; None is `body`.
+            points: Origins of the rays, (num_envs, n, 3), or (n, 3) for all environments, m. With `body`, they are relative to its frame.
+            directions: Directions of the rays, of any positive length, (num_envs, n, 3) or (n, 3).
+            body: Name or index of the body that carries the rays, such as a lidar. Its geoms are not hit. None is the world.
+            axes: Axes of points and directions with `body`: "body", those of the body; "heading", those of the world rotated by the body's
+                heading; "world".
+            geoms: Names or indices of the geoms that rays can hit. None is all.
+            exclude: Name or index of a body whose geoms are not hit. None is `body`.
 
         Returns:
-            Distances in m, (num_envs, n) in the stepper's scalar type, and the indices of the geoms that are met, (num_envs, n) int32. Both
-            are -1 where nothing is.
+            Distances, (num_envs, n), m, in the precision of the stepper, and indices of the hit geoms, (num_envs, n) int32. Both are -1 for
+            rays without a hit.
 
         Raises:
-            ValueError: An array of another shape, unknown axes, a point that is not finite, a direction of length 0, a mesh that is no part
-                of the model.
-            KeyError, IndexError: No geom or body of that name or index.
+            ValueError: A shape is wrong, `axes` is unknown, a point is not finite, a direction is zero, or a mesh is not part of the model.
+            KeyError, IndexError: The model has no geom or body of that name or index.
         """
     def _in_64_bits(self, env: int) -> list[_Array]:
-        """Mass matrix, bias force, smooth acceleration, energies and momenta of an environment in 64 bits, for the golden trajectories.
+        """Mass matrix, bias force, smooth acceleration, energies and momenta of an environment, for the golden trajectories.
 
-        They are evaluated in 64 bits also where the stepper's scalar type has 32.
+        They are computed in 64 bits, also for a stepper with precision "f32".
         """
     def energy(self) -> tuple[Any, Any]:
-        """Potential energy (gravity, joint springs) and kinetic energy (armature included) of the present states.
+        """Potential energy (gravity, joint springs) and kinetic energy (including armature) at the current states.
 
         Returns:
-            Two arrays (num_envs,) float64 in J.
+            Two arrays (num_envs,) float64, J.
         """
     def momentum(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Linear momentum, and angular momentum about the centre of mass, of the present states.
+        """Linear momentum, and angular momentum about the centre of mass, at the current states.
 
         Returns:
-            Two arrays (num_envs, 3) float64, in kg m/s and kg m^2/s.
+            Two arrays (num_envs, 3) float64, kg m/s and kg m^2/s.
         """
     def __getstate__(self) -> dict[str, Any]: ...
     def __setstate__(self, state: dict[str, Any]) -> None: ...

@@ -128,7 +128,7 @@ def test_targets_say_what_is_reached_at_the_floor_and_in_the_way(tmp_path):
     found = {line[0]: line[1:] for line in lines(rows, MACHINE, floors(tmp_path / "floors.json"), None)}
     assert found["g1"] == ["6 / 10", "**4** / -", "20 / -", "solve (75%) / -", "**0.1** / -"]
     assert found["geometric mean over scenes"][1] == "6 / -"
-    assert found["the least of them (g1)"][1] == "4 / -"
+    assert found["smallest over scenes (g1)"][1] == "4 / -"
     raised = {line[0]: line[1:] for line in lines(rows, {"cpu_level": "avx512"}, {}, None)}
     assert raised["g1"] == ["8 / 13", "**4** / -", "- / -", "- / -", "**0.1** / -"]
 
@@ -145,4 +145,4 @@ def test_robots_have_targets_in_a_batch_and_alone():
     table = lines([], MACHINE, {}, {"plan": {"num_envs": 256}, "models": [row], "provenance": MACHINE})
     found = {line[0]: line[1:] for line in table}
     assert found["1 robots, random control, mean"] == ["9 / 15", "**8** / 16", "- / -", "- / -", "0 / 0"]
-    assert found["the same, one environment alone"] == ["3.5", "**2**", "-", "-", "0"]
+    assert found["the robots, a single environment"] == ["3.5", "**2**", "-", "-", "0"]

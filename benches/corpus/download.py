@@ -29,7 +29,7 @@ def unpacked(package: Package, cache: Path) -> Path:
         with zipfile.ZipFile(archive) as file:
             file.extractall(unfinished)
     except zipfile.BadZipFile as error:
-        raise DownloadError(f"{archive}: is not a valid wheel ({error}): delete it and run again") from error
+        raise DownloadError(f"{archive} is not a wheel that can be unpacked ({error}): delete it and run again") from error
     unfinished.rename(folder)
     return folder
 

@@ -82,7 +82,7 @@ def many_contacts() -> dict[str, str]:
     """Ratios of the scenes with many contacts, from the table of targets in many_contacts.md."""
     text = (BENCHMARKS / "many_contacts.md").read_text()
     found = {}
-    for name, row in (("mean", "geometric mean over scenes"), ("least", "the least of them")):
+    for name, row in (("mean", "geometric mean over scenes"), ("least", "smallest over scenes")):
         line = next(line for line in text.splitlines() if line.startswith(f"| {row}"))
         f64, f32 = re.findall(r"[\d.]+", line.split("|")[3])
         found |= {f"many.{name}.f64": f64, f"many.{name}.f32": f32}

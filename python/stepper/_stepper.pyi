@@ -367,11 +367,13 @@ class Model:
     """Settings of the source that default options replace: integrator, solver, iterations, cone, constrained (whether the model has
     constraints, which are soft in MuJoCo), and soft (elements with non-default solref or solimp). None for models made in code."""
     excluded_overlaps: Final[list[tuple[str, str, float]]]
-    """Pairs of geoms that overlap in the reference pose and whose contacts `exclude_overlaps` has disabled, in the format of `overlaps()`."""
+    """Pairs of geoms that overlap in the reference pose and whose contacts `exclude_overlaps` has disabled. The format is that of
+    `overlaps()`."""
     wide_hulls: Final[list[tuple[int, float]]]
-    """Mesh geoms that collide as a much larger convex hull: tuples (index of the geom, hull volume / mesh volume). The list has ratios of
-    2 or more, and of 1.25 or more for fixed geoms. The mesh volume is the enclosed space. The ratio is infinite if there is none, as
-    for an open surface."""
+    """Mesh geoms that collide as a much larger convex hull, as tuples (index of the geom, hull volume / mesh volume).
+
+    The list has ratios of 2 or more, and of 1.25 or more for fixed geoms. The mesh volume is the enclosed space. The ratio is infinite
+    if there is none, as for an open surface."""
     deviations: Final[list[str]]
     """Explicit settings of the source from which default options deviate, as texts: an integrator other than Euler's, softness."""
     digest: Final[str]
@@ -917,7 +919,8 @@ class Stepper:
     actuators: Final[ActuatorModel | None]
     """Actuator model given at construction. `randomized` has later changes by `randomize`."""
     sensordata: Final[_Array]
-    """Sensor readings of the last step, (num_envs, nsensordata). Repeated reads give the same values. `observe()` returns a writable copy."""
+    """Sensor readings of the last step, (num_envs, nsensordata). Repeated reads give the same values. `observe()` returns a
+    writable copy."""
     sensordata_ideal: Final[_Array]
     """Readings of ideal sensors, (num_envs, nsensordata).
 

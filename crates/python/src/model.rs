@@ -442,15 +442,17 @@ impl Model {
         self.core.deviations(false).into_iter().map(in_python).collect()
     }
 
-    /// Pairs of geoms that overlap in the reference pose and whose contacts `exclude_overlaps` has disabled, in the format of `overlaps()`.
+    /// Pairs of geoms that overlap in the reference pose and whose contacts `exclude_overlaps` has disabled. The format is that of
+    /// `overlaps()`.
     #[getter]
     fn excluded_overlaps(&self) -> Vec<(String, String, f64)> {
         self.core.excluded_overlaps.iter().map(|overlap| self.named(overlap)).collect()
     }
 
-    /// Mesh geoms that collide as a much larger convex hull: tuples (index of the geom, hull volume / mesh volume). The list has ratios of
-    /// 2 or more, and of 1.25 or more for fixed geoms. The mesh volume is the enclosed space. The ratio is infinite if there is none, as
-    /// for an open surface.
+    /// Mesh geoms that collide as a much larger convex hull, as tuples (index of the geom, hull volume / mesh volume).
+    ///
+    /// The list has ratios of 2 or more, and of 1.25 or more for fixed geoms. The mesh volume is the enclosed space. The ratio is infinite
+    /// if there is none, as for an open surface.
     #[getter]
     fn wide_hulls(&self) -> Vec<(usize, f64)> {
         self.core.wide_hulls().iter().map(|hull| (hull.geom, hull.ratio)).collect()

@@ -27,7 +27,8 @@ impl Stepper {
 
 #[pymethods]
 impl Stepper {
-    /// Sensor readings of the last step, (num_envs, nsensordata). Repeated reads give the same values. `observe()` returns a writable copy.
+    /// Sensor readings of the last step, (num_envs, nsensordata). Repeated reads give the same values. `observe()` returns a
+    /// writable copy.
     #[getter]
     fn sensordata<'py>(mut slf: Writing<'_>, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         read_only(slf.readings(py, false)?, "sensordata")

@@ -162,8 +162,7 @@ impl Stepper {
     ///     TypeError: An array of `out` has the wrong dtype.
     ///     KeyboardInterrupt: The call was interrupted, as in `step`; `steps` counts the steps of all controls. `out` has the rows of the
     ///         controls so far, the last one after the steps made. Later rows are unchanged.
-    #[pyo3(signature = (ctrl, nstep=Whole::Number(1), *, initial=None, fields=None, out=None, **others), text_signature = "($self, ctrl,
-    nstep=1, *, initial=None, fields=None, out=None)")]
+    #[pyo3(signature = (ctrl, nstep=Whole::Number(1), *, initial=None, fields=None, out=None, **others), text_signature = "($self, ctrl, nstep=1, *, initial=None, fields=None, out=None)")]
     #[expect(clippy::too_many_arguments, reason = "each has a name of its own")]
     fn rollout<'py>(
         slf: &Bound<'py, Self>,

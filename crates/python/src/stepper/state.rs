@@ -71,8 +71,7 @@ impl Stepper {
     ///     IndexError: An index is out of range.
     ///     ValueError: A shape is wrong, a number is not finite, a quaternion is zero, or a seed is negative. No environment changes.
     ///     KeyError: The model has no such keyframe.
-    #[pyo3(signature = (envs=None, *, qpos=None, qvel=None, seed=None, keyframe=None, **others), text_signature = "($self, envs=None, *,
-    qpos=None, qvel=None, seed=None, keyframe=None)")]
+    #[pyo3(signature = (envs=None, *, qpos=None, qvel=None, seed=None, keyframe=None, **others), text_signature = "($self, envs=None, *, qpos=None, qvel=None, seed=None, keyframe=None)")]
     fn reset(
         slf: &Bound<'_, Self>,
         envs: Option<Bound<'_, PyAny>>,
@@ -127,13 +126,8 @@ impl Stepper {
     /// Raises:
     ///     ValueError: A shape is wrong, a number is not finite, a quaternion is zero, or a state belongs to another model. No environment
     ///         changes.
-    #[pyo3(signature = (qpos=None, qvel=None, envs=None, *, act=None, time=None, keep_warmstart=false, **others), text_signature = "($self,
-    qpos=None, qvel=None, envs=None, *, act=None, time=None, keep_warmstart=False)")]
-    #[expect(
-        clippy::too_many_arguments,
-        reason = "each
-    has a name of its own"
-    )]
+    #[pyo3(signature = (qpos=None, qvel=None, envs=None, *, act=None, time=None, keep_warmstart=false, **others), text_signature = "($self, qpos=None, qvel=None, envs=None, *, act=None, time=None, keep_warmstart=False)")]
+    #[expect(clippy::too_many_arguments, reason = "each has a name of its own")]
     fn set_state(
         slf: &Bound<'_, Self>,
         qpos: Option<Bound<'_, PyAny>>,

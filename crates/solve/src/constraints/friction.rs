@@ -826,8 +826,8 @@ impl<R: Real, const N: usize, L> IndexMut<usize> for FrictionContacts<R, N, L> {
 /// less mobility take more sweeps. For a cylinder that brakes in line with both of its axes, a floor of 2e-11 gave impulses of 1e8 N s of
 /// rounding error.
 ///
-/// Measured in 32 bits on 64 quadrupeds that step on flat ground: a floor of 1.2e-2 takes 8.7 sweeps,
-/// because a foot moves a hundred times more easily across its leg than along it; 1.2e-4 takes 2.6, as 64 bits with 1e-8 do.
+/// Measured in 32 bits on 64 quadrupeds that step on flat ground: a floor of 1.2e-2 takes 8.7 sweeps per step. A foot moves a hundred times
+/// more easily across its leg than along it. A floor of 1.2e-4 takes 2.6 sweeps, and 64 bits with 1e-8 take 3.1.
 #[inline(always)]
 pub(super) fn least_tangent<R: Real>(trace: R) -> R {
     trace * R::of(f64::max(1e-8, <R::Scalar as Scalar>::EPSILON.to_f64() * 1e3))

@@ -21,7 +21,6 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from numpy.typing import NDArray
 from stepper import Model
 from stepper.envs import StepperVectorEnv, Task
-from stepper.lab.engines import MujocoCrowd
 from stepper.loading import compile_source, origin_of
 
 Array = NDArray[Any]
@@ -72,7 +71,7 @@ def with_an_acceleration(spec: Any) -> Any:
     return spec.compile()
 
 
-class MujocoSim(MujocoCrowd):
+class MujocoSim:
     """A batch of MuJoCo's with what tasks read of a `stepper.Stepper`, and what they call.
 
     Args:
@@ -87,8 +86,9 @@ class MujocoSim(MujocoCrowd):
         if engine not in ("mujoco.batch", "mjbatch"):
             raise ValueError(f"engine is {engine!r}, must be 'mujoco.batch' or 'mjbatch'")
         m = mujoco_model(model, with_contact_forces=False) if m is None else m
-        super().__init__(m, num_envs, threads=threads, library=engine)
-        self.model = model
+        self._batch: Any = importlib.import_module(engine).Batch(m, num_envs, threads)
+        self._bound: dict[str, Array] = {}
+        self.model, self.num_envs = model, num_envs
         self.timestep = float(m.opt.timestep)
         self.status = np.zeros(num_envs, dtype=np.uint32)
         self.randomized: dict[str, Array] = {}
@@ -104,10 +104,20 @@ class MujocoSim(MujocoCrowd):
             self._batch.forward()
         return np.array(values)
 
-    # The reset of a `Stepper`, as tasks call it.
-    def reset(  # type: ignore[override]
-        self, envs: Array | None = None, *, qpos: Array | None = None, qvel: Array | None = None, seed: Any = None
-    ) -> None:
+    def bind(self, name: str) -> Array:
+        """Live view of a field of `MjData`, (num_envs, ...), in MuJoCo's unit. Fields of the state are writable."""
+        if name not in self._bound:
+            self._bound[name] = self._batch.bind(name)
+        return self._bound[name]
+
+    def step(self, ctrl: Array | None = None, nstep: int = 1) -> None:
+        """Makes steps with controls (num_envs, nu), or with the present ones."""
+        if ctrl is not None:
+            self.bind("ctrl")[:] = ctrl
+        self._batch.step(nstep=nstep)
+
+    # Signature of `Stepper.reset` as tasks call it.
+    def reset(self, envs: Array | None = None, *, qpos: Array | None = None, qvel: Array | None = None, seed: Any = None) -> None:
         """Begins episodes in the environments of a mask; there is nothing that a seed is for."""
         ids = np.arange(self.num_envs) if envs is None else np.flatnonzero(envs)
         self._batch.reset(ids)
